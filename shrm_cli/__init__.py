@@ -1,0 +1,3 @@
+"""shrm: prefiltering of light probes for real materials in the frequency domain."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,1 @@
+"""The sphere and nothing else: no files, no light, no material."""

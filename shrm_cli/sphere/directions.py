@@ -1,0 +1,73 @@
+"""Directions, angles and frames. World axes: right-handed, +Y up; SH polar axis +Z."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.floating]
+
+
+def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:
+    """Unit vectors ``(sin t cos p, sin t sin p, cos t)``.
+
+    Parameters
+    ----------
+    theta, phi : array_like, broadcastable
+        Polar angle from +Z and azimuth from +X towards +Y, radians.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+    """
+    theta, phi = np.broadcast_arrays(theta, phi)
+    sine = np.sin(theta)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)], axis=-1)
+
+
+def to_angles(directions: ArrayLike) -> tuple[Array, Array]:
+    """Polar angle and azimuth (radians) of directions, shape (..., 3), of any length."""
+    x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
+    # atan2 keeps full precision near the poles, where acos loses half the digits.
+    return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
+
+
+def from_azimuth_elevation(azimuth: float, elevation: float) -> Array:
+    """Unit vector of a viewing direction given in degrees, as users give it.
+
+    Azimuth 0 is +Z and turns about the up axis +Y towards +X; elevation is the height above
+    the horizontal plane.
+    """
+    a, e = np.radians(azimuth), np.radians(elevation)
+    return np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+
+
+def normalize(vectors: ArrayLike) -> Array:
+    """Vectors, shape (..., 3), divided by their lengths."""
+    vectors = np.asarray(vectors)
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def reflect(views: ArrayLike, normals: ArrayLike) -> Array:
+    """Mirror direction ``R = 2 (N.V) N - V``; all unit, pointing away from the surface."""
+    views, normals = np.asarray(views), np.asarray(normals)
+    return 2 * np.sum(normals * views, axis=-1, keepdims=True) * normals - views
+
+
+def bisector(reflections: ArrayLike, views: ArrayLike) -> Array:
+    """Normal ``N = (R + V) / |R + V|`` that mirrors each view into each reflection."""
+    return normalize(np.asarray(reflections) + np.asarray(views))
+
+
+def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:
+    """Columns ``x' = dC/dtheta``, ``y' = dC/dphi / sin(theta)``, ``z' = C`` of a direction C.
+
+    These are the columns of ``Rz(phi) Ry(theta)``: ``frame @ local = world``.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+    """
+    theta, phi = np.broadcast_arrays(theta, phi)
+    ct, st, cp, sp = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
+    zero = np.zeros_like(ct)
+    rows = [[ct * cp, -sp, st * cp], [ct * sp, cp, st * sp], [-st, zero, ct]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

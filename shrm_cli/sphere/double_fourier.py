@@ -1,0 +1,126 @@
+"""Between spherical harmonics and double Fourier series: the sphere unrolled to a torus.
+
+On a meridian ``f_lm(theta)`` is a trigonometric polynomial of degree l in theta, of cosines for
+even m and of sines for odd m. So a series of order L is, exactly,
+
+    f = sum_mk (A_mk cos(m phi) + B_mk sin(m phi)) trig_m(k theta),   m, k <= L,
+
+``trig_m`` being cos for even m and sin for odd m. `fourier_from_harmonics` is the matrix from
+coefficients c_lm to (A, B); `harmonics_from_moments` is its transpose, which turns the moments
+of an image with those waves into its coefficients c_lm.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.sphere.harmonics import legendre_table
+
+Array = NDArray[np.floating]
+
+_CACHED_ORDER = 96
+
+
+def fourier_from_harmonics(coefficients: Array) -> Array:
+    """Double Fourier coefficients of real series.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape ((order+1)^2, maps)
+        Index l(l+1)+m.
+
+    Returns
+    -------
+    ndarray, shape (2, order+1, order+1, maps)
+        ``[A or B, m, k]``.
+    """
+    count = int(np.sqrt(len(coefficients)))
+    maps = coefficients.shape[1]
+    columns = np.zeros((count, count, 2, maps))
+    for m, at, sine in _by_m(count):
+        columns[m, : count - m, 0] = coefficients[at]
+        if m:
+            columns[m, : count - m, 1] = coefficients[sine]
+    columns[1:] *= np.sqrt(2)
+    flat = columns.reshape(count, count, 2 * maps)
+    result = np.empty_like(flat)
+    for m_parity, matrix, tables in _tables(count - 1):
+        chosen = flat[m_parity::2]
+        even = tables[0].transpose(0, 2, 1) @ chosen[:, 0::2]
+        odd = tables[1].transpose(0, 2, 1) @ chosen[:, 1::2]
+        circle = np.concatenate([even + odd, (even - odd)[:, -2::-1]], axis=1)
+        result[m_parity::2] = matrix @ circle
+    return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
+
+
+def harmonics_from_moments(moments: Array) -> Array:
+    """Coefficients from the integrals of an image with every double Fourier wave.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (2, order+1, order+1, maps)
+        ``[cos or sin of m phi, m, k]``: the image's integral over the sphere with
+        ``cos(m phi) trig_m(k theta)``, and with ``sin(m phi) trig_m(k theta)``.
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, maps)
+        ``c_lm``, index l(l+1)+m.
+    """
+    _, count, _, maps = moments.shape
+    flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
+    series = np.zeros_like(flat)
+    for m_parity, matrix, tables in _tables(count - 1):
+        circle = matrix.T @ flat[m_parity::2]
+        rings = tables[0].shape[-1]
+        north = circle[:, :rings]
+        south = np.zeros_like(north)
+        south[:, :-1] = circle[:, :-rings:-1]
+        series[m_parity::2, 0::2] = tables[0] @ (north + south)
+        series[m_parity::2, 1::2] = tables[1] @ (north - south)
+    columns = series.reshape(count, count, 2, maps)
+    columns[1:] *= np.sqrt(2)
+    result = np.empty((count**2, maps))
+    for m, at, sine in _by_m(count):
+        result[at] = columns[m, : count - m, 0]
+        if m:
+            result[sine] = columns[m, : count - m, 1]
+    return result
+
+
+def _by_m(count: int) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
+    """For each m the linear indices of (l, m) and (l, -m), l = m .. order."""
+    degree = np.arange(count)
+    centre = degree * (degree + 1)
+    return [(m, centre[m:] + m, centre[m:] - m) for m in range(count)]
+
+
+def _tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
+    return _cached_tables(order) if order <= _CACHED_ORDER else _make_tables(order)
+
+
+def _make_tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
+    """For even and odd m: the transform from samples on half a circle, and f_lm there.
+
+    The samples lie at theta = j pi / n, n > order, enough for degree `order`. Functions of even
+    and odd l - m are symmetric and antisymmetric about the equator, so they are tabulated on
+    one hemisphere, ``[m, l - m, ring]``.
+    """
+    rings = (order + 2) // 2 + 1
+    intervals = 2 * (rings - 1)
+    table = legendre_table(order, np.cos(np.linspace(0, np.pi / 2, rings)))
+    angle = np.outer(np.arange(order + 1), np.arange(intervals + 1)) * (np.pi / intervals)
+    weights = np.full(intervals + 1, 2.0 / intervals)
+    weights[[0, -1]] /= 2
+    cosine, sine = np.cos(angle) * weights, np.sin(angle) * weights
+    cosine[0] /= 2
+    return [
+        (parity, matrix, (table[parity::2, 0::2], table[parity::2, 1::2]))
+        for parity, matrix in ((0, cosine), (1, sine))
+    ]
+
+
+@lru_cache(maxsize=2)
+def _cached_tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
+    return _make_tables(order)

@@ -1,0 +1,140 @@
+"""Associated Legendre functions and the real spherical harmonics of eq. 4.5.
+
+Orthonormal over the sphere, no Condon-Shortley phase, polynomials of world (x, y, z), polar
+axis +Z: ``Y_1,-1 = 0.488603 y``, ``Y_10 = 0.488603 z``, ``Y_11 = 0.488603 x``.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.floating]
+
+
+def index(degree: int, m: int) -> int:
+    """Linear index ``l (l+1) + m`` of a coefficient."""
+    return degree * (degree + 1) + m
+
+
+def degrees(order: int) -> NDArray[np.intp]:
+    """Degree l of every linear index up to `order`, shape ((order+1)^2,)."""
+    return np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
+
+
+def legendre_degrees(
+    order: int, z: ArrayLike, max_m: int | None = None
+) -> Iterator[tuple[int, Array]]:
+    """Yield ``(l, P_l)`` for l = 0 .. order: ``P_l[m] = f_lm(acos z)``.
+
+    ``f_lm`` is the normalised associated Legendre function without Condon-Shortley phase,
+    ``Y_lm = f_lm(theta) exp(i m phi)``, so that ``2 pi`` times the integral of ``f_lm^2`` over
+    z is 1. The three-term recurrence in l is stable upwards for every m.
+
+    Parameters
+    ----------
+    order : int
+    z : array_like
+        Cosines of the polar angle, in [-1, 1].
+    max_m : int, optional
+        Largest m; every m by default.
+
+    Yields
+    ------
+    l : int
+    values : ndarray, shape (min(l, max_m) + 1, *z.shape)
+    """
+    z = np.asarray(z, dtype=float)
+    last = order if max_m is None else max_m
+    sine = np.sqrt((1 - z) * (1 + z))
+    tail = [1] * z.ndim
+    before = np.empty((0, *z.shape))
+    previous = np.full((1, *z.shape), np.sqrt(1 / (4 * np.pi)))
+    yield 0, previous
+    for degree in range(1, order + 1):
+        current = np.empty((min(degree, last) + 1, *z.shape))
+        m = np.arange(min(degree - 1, last) + 1).reshape(-1, *tail)
+        scale = np.sqrt((4 * degree**2 - 1) / (degree**2 - m**2))
+        np.multiply(scale * z, previous, out=current[: len(m)])
+        m, scale = m[: len(before)], scale[: len(before)]
+        back = np.sqrt(((degree - 1) ** 2 - m**2) / (4 * (degree - 1) ** 2 - 1))
+        current[: len(m)] -= scale * back * before
+        if degree <= last:
+            current[degree] = np.sqrt((2 * degree + 1) / (2 * degree)) * sine * previous[-1]
+        yield degree, current
+        before, previous = previous, current
+
+
+def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
+    """`legendre_degrees` as one array ``[m, l - m, ...]``, zero where l > order.
+
+    Returns
+    -------
+    ndarray, shape (max_m+1, order+1, *z.shape)
+        Grouped by ``l - m``, whose parity is the parity of the function in z.
+    """
+    z = np.asarray(z, dtype=float)
+    table = np.zeros(((order if max_m is None else max_m) + 1, order + 1, *z.shape))
+    for degree, values in legendre_degrees(order, z, max_m):
+        m = np.arange(len(values))
+        table[m, degree - m] = values
+    return table
+
+
+def real_harmonics(order: int, directions: ArrayLike) -> Array:
+    """Values of the real spherical harmonics (eq. 4.5).
+
+    Parameters
+    ----------
+    order : int
+        Largest degree.
+    directions : array_like, shape (..., 3)
+        Unit vectors in world axes.
+
+    Returns
+    -------
+    ndarray, shape (..., (order+1)^2)
+        Index l(l+1)+m.
+    """
+    directions = np.asarray(directions, dtype=float)
+    x, y, z = np.moveaxis(directions, -1, 0)
+    sine = np.hypot(x, y)
+    safe = np.where(sine > 0, sine, 1.0)
+    phase = np.where(sine > 0, x / safe, 1.0) + 1j * (y / safe)
+    powers = phase[None] ** np.arange(order + 1).reshape(-1, *[1] * z.ndim)
+    values = np.empty((*z.shape, (order + 1) ** 2))
+    for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0)):
+        centre = index(degree, 0)
+        values[..., centre] = legendre[0]
+        positive = np.sqrt(2) * legendre[1:] * powers[1 : degree + 1]
+        values[..., centre + 1 : centre + degree + 1] = np.moveaxis(positive.real, 0, -1)
+        values[..., centre - degree : centre] = np.moveaxis(positive.imag[::-1], 0, -1)
+    return values
+
+
+def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloating]:
+    """Complex coefficients with Condon-Shortley phase, of a real function.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (>= (order+1)^2, ...)
+        Real coefficients, index l(l+1)+m.
+
+    Returns
+    -------
+    ndarray, shape (order+1, 2*order+1, ...)
+        ``[l, m + order]``, zero where |m| > l.
+    """
+    tail = coefficients.shape[1:]
+    result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)
+    for degree in range(order + 1):
+        centre = index(degree, 0)
+        cosine = coefficients[centre + 1 : centre + degree + 1]
+        sine = coefficients[centre - degree : centre][::-1]
+        signs = ((-1.0) ** np.arange(1, degree + 1)).reshape(-1, *[1] * len(tail))
+        # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
+        positive = (cosine - 1j * sine) / np.sqrt(2)
+        result[degree, order] = coefficients[centre]
+        result[degree, order + 1 : order + degree + 1] = signs * positive
+        result[degree, order - degree : order] = np.conj(positive)[::-1]
+    return result

@@ -1,0 +1,238 @@
+"""Synthesis of spherical harmonic series on the texels of a cube.
+
+The method rests on two facts. Every texel row of a face that does not contain the polar axis
+lies on one meridian, if the axis is parallel to the rows (a constant x/y is a plane through the
+z axis); and on a meridian a series of order L is a trigonometric polynomial of degree L:
+
+    f(theta, phi) = sum_k a_k(phi) cos(k theta) + b_k(phi) sin(k theta),   k <= L,
+
+where even m make the a_k and odd m the b_k. So the sum over (L+1)^2 coefficients at each of
+6 N^2 texels becomes two short ones, over m for each of the 6 N rows and over k for each texel:
+O(L) operations a texel instead of O(L^2), all of them matrix products. The rows of +-X run
+along z, those of +-Y and +-Z along x, so the series is used as it is and with x as its polar
+axis. Values are exact at each texel: no intermediate image is interpolated, and there is no pole.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.sphere.cube import FACES
+from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
+from shrm_cli.sphere.grids import Sampling, nodes
+from shrm_cli.sphere.rotation import transform_coefficients
+
+Array = NDArray[np.floating]
+
+_X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""
+
+# Quadrant q holds the points (1, s, t), s and t in [-1, 1], turned by q * 90 degrees about the
+# polar axis: a face, whether its rows go down with falling s, and right with falling t.
+_ALONG_Z = ((0, "+X", True, False), (2, "-X", False, True))
+_ALONG_X = (
+    (0, "+Y", True, False),
+    (1, "+Z", False, True),
+    (2, "-Y", True, False),
+    (3, "-Z", True, False),
+)
+
+_BLOCK_BYTES = 2**27
+_CACHED_BYTES = 2**21
+
+
+def synthesize_cube(
+    coefficients: Array, size: int, sampling: Sampling = "center", dtype: type = np.float64
+) -> Array:
+    """Values of real spherical harmonic series at the texels of a cube.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape ((order+1)^2, maps)
+        One series a column, index l(l+1)+m.
+    size : int
+        Texels along a face's edge.
+    sampling : {"center", "border"}
+    dtype : float32 or float64
+        Precision of the products and of the result.
+
+    Returns
+    -------
+    ndarray, shape (maps, 6 size, size)
+        Planes in OpenEXR's face order and orientation.
+    """
+    maps = coefficients.shape[1]
+    result: Array = np.empty((maps, 6, size, size), dtype=dtype)
+    turned = transform_coefficients(coefficients, _X_POLAR)
+    order = int(np.sqrt(len(coefficients))) - 1
+    step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 8 * size * (order + 1)))
+    for start in range(0, maps, step):
+        part = slice(start, start + step)
+        for series, faces in ((coefficients, _ALONG_Z), (turned, _ALONG_X)):
+            fourier: Array = fourier_from_harmonics(series[:, part]).astype(dtype)
+            _fill_faces(fourier, faces, nodes(size, sampling), result[part])
+    return result.reshape(maps, 6 * size, size)
+
+
+def _fill_faces(
+    fourier: Array, faces: tuple[tuple[int, str, bool, bool], ...], s: Array, result: Array
+) -> None:
+    """Evaluate the faces whose rows are meridians of `fourier` into `result`, (maps, 6, N, N)."""
+    maps, size = len(result), len(s)
+    half = s[size // 2 :]  # s >= 0; the rest is its mirror image
+    symmetric, antisymmetric = _meridians(fourier, [face[0] for face in faces], half)
+    block = len(faces) * 2 * maps * len(half) * result.itemsize
+    step = max(1, _CACHED_BYTES // block)
+    for start in range(0, len(half), step):
+        rows = slice(start, start + step)
+        same, opposite = _waves(fourier.shape[1], half[rows], half)
+        shape = (len(same), len(faces), 2, maps, len(half))
+        even = (symmetric[rows] @ same.astype(result.dtype)).reshape(shape)
+        odd = (antisymmetric[rows] @ opposite.astype(result.dtype)).reshape(shape)
+        at = np.arange(start, start + len(same))
+        for k, (_, name, s_falls, t_falls) in enumerate(faces):
+            for side, column in ((0, size // 2 + at), (1, len(half) - 1 - at)):
+                row = size - 1 - column if s_falls else column
+                target = result[:, FACES.index(name), _span(row)].transpose(1, 0, 2)
+                if t_falls:
+                    target = target[..., ::-1]
+                np.add(even[:, k, side], odd[:, k, side], out=target[..., size // 2 :])
+                mirrored = target[..., len(half) - 1 :: -1]
+                np.subtract(even[:, k, side], odd[:, k, side], out=mirrored)
+
+
+def _span(indices: NDArray[np.intp]) -> slice:
+    """The slice that consecutive indices, rising or falling, stand for."""
+    first, last = int(indices[0]), int(indices[-1])
+    if first <= last:
+        return slice(first, last + 1)
+    return slice(first, None if last == 0 else last - 1, -1)
+
+
+def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array, Array]:
+    """Fourier coefficients in theta along the meridians through s = +-half of each quadrant.
+
+    Returns
+    -------
+    symmetric, antisymmetric : ndarray, shape (len(half), quadrants * 2 * maps, about order+1)
+        Of the waves that keep and change their sign under theta -> pi - theta, as `_waves`
+        orders them.
+    """
+    count, maps = fourier.shape[1], fourier.shape[-1]
+    phi = _meridian_angles(quadrants, half)
+    parts = []
+    for parity in (0, 1):
+        m = np.arange(parity, count, 2)
+        waves = np.concatenate([np.cos(np.outer(phi, m)), np.sin(np.outer(phi, m))], axis=1)
+        series = fourier[:, parity::2].transpose(0, 1, 3, 2).reshape(2 * len(m), maps * count)
+        parts.append((waves.astype(fourier.dtype) @ series).reshape(len(half), -1, count))
+    a, b = parts
+    return (
+        np.concatenate([a[..., 0::2], b[..., 1::2]], axis=-1),
+        np.concatenate([a[..., 1::2], b[..., 0::2]], axis=-1),
+    )
+
+
+def _meridian_angles(quadrants: list[int], half: Array) -> Array:
+    """Longitudes of the rows s = +-half of each quadrant, in the order (half, quadrant, sign)."""
+    offset = np.arctan(half)
+    phi = np.array([[q * np.pi / 2 + offset, q * np.pi / 2 - offset] for q in quadrants])
+    return np.moveaxis(phi, -1, 0).reshape(-1)
+
+
+def _waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
+    """Waves cos(k theta), sin(k theta) at the points (1, s, t) / |.|, by symmetry.
+
+    ``cos(k (pi - theta)) = (-1)^k cos(k theta)``, ``sin(k (pi - theta)) = -(-1)^k sin(k theta)``.
+
+    Returns
+    -------
+    same, opposite : ndarray, shape (len(s), count or so, len(t))
+    """
+    theta = np.arctan2(np.hypot(1.0, s)[:, None], t)
+    step = np.exp(1j * theta)
+    powers = np.empty((len(s), count, len(t)), dtype=complex)
+    powers[:, 0] = 1
+    for k in range(1, count):
+        np.multiply(powers[:, k - 1], step, out=powers[:, k])
+    cosine, sine = powers.real, powers.imag
+    return (
+        np.concatenate([cosine[:, 0::2], sine[:, 1::2]], axis=1),
+        np.concatenate([cosine[:, 1::2], sine[:, 0::2]], axis=1),
+    )
+
+
+def integrate_cube(planes: Array, order: int, sampling: Sampling = "center") -> Array:
+    """Integrals of cube images with every real harmonic: the transpose of `synthesize_cube`.
+
+    Parameters
+    ----------
+    planes : ndarray, shape (maps, 6 N, N)
+        Values at the texels, each already multiplied by its solid angle.
+    order : int
+    sampling : {"center", "border"}
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, maps)
+    """
+    maps, _, size = planes.shape
+    s = nodes(size, sampling)
+    faces = planes.reshape(maps, 6, size, size)
+    along_z, along_x = (
+        harmonics_from_moments(_gather_faces(faces, part, s, order))
+        for part in (_ALONG_Z, _ALONG_X)
+    )
+    return along_z + transform_coefficients(along_x, _X_POLAR.T)
+
+
+def _gather_faces(
+    values: Array, faces: tuple[tuple[int, str, bool, bool], ...], s: Array, order: int
+) -> Array:
+    """The transpose of `_fill_faces`: moments, shape (2, order+1, order+1, maps)."""
+    maps, size, count = len(values), len(s), order + 1
+    half = s[size // 2 :]
+    # Where s = 0 is a sample, it stands on both sides of its mirror image.
+    share = np.where((np.arange(len(half)) == 0) & (size % 2 == 1), 0.5, 1.0)
+    quadrants = [face[0] for face in faces]
+    symmetric = np.empty((len(half), len(faces), 2, maps, (count + 1) // 2 + count // 2))
+    antisymmetric = np.empty_like(symmetric)
+    step = max(1, _CACHED_BYTES // (len(faces) * 2 * maps * len(half) * 8))
+    for start in range(0, len(half), step):
+        rows = slice(start, start + step)
+        same, opposite = _waves(count, half[rows], half)
+        at = np.arange(start, start + len(same))
+        even = np.empty((len(same), len(faces), 2, maps, len(half)))
+        odd = np.empty_like(even)
+        for k, (_, name, s_falls, t_falls) in enumerate(faces):
+            for side, column in ((0, size // 2 + at), (1, len(half) - 1 - at)):
+                row = size - 1 - column if s_falls else column
+                source = values[:, FACES.index(name), _span(row)].transpose(1, 0, 2)
+                if t_falls:
+                    source = source[..., ::-1]
+                north, south = source[..., size // 2 :], source[..., len(half) - 1 :: -1]
+                np.add(north, south, out=even[:, k, side])
+                np.subtract(north, south, out=odd[:, k, side])
+        weight = share[rows, None, None, None, None] * share
+        for target, part, waves in ((symmetric, even, same), (antisymmetric, odd, opposite)):
+            flat = (part * weight).reshape(len(same), -1, len(half))
+            target[rows] = (flat @ waves.transpose(0, 2, 1)).reshape(target[rows].shape)
+    return _moments(symmetric, antisymmetric, quadrants, half)
+
+
+def _moments(symmetric: Array, antisymmetric: Array, quadrants: list[int], half: Array) -> Array:
+    """The transpose of `_meridians`."""
+    maps, count = symmetric.shape[3], symmetric.shape[4]
+    result = np.zeros((2, count, count, maps))
+    phi = _meridian_angles(quadrants, half)
+    evens, odds = (count + 1) // 2, count // 2
+    a, b = (np.empty((len(phi), maps, count)) for _ in range(2))
+    symmetric = symmetric.reshape(len(phi), maps, count)
+    antisymmetric = antisymmetric.reshape(len(phi), maps, count)
+    a[..., 0::2], b[..., 1::2] = symmetric[..., :evens], symmetric[..., evens:]
+    a[..., 1::2], b[..., 0::2] = antisymmetric[..., :odds], antisymmetric[..., odds:]
+    for parity, part in ((0, a), (1, b)):
+        m = np.arange(parity, count, 2)
+        waves = np.concatenate([np.cos(np.outer(phi, m)), np.sin(np.outer(phi, m))], axis=1)
+        sums = (waves.T @ part.reshape(len(phi), -1)).reshape(2, len(m), maps, count)
+        result[:, parity::2] = sums.transpose(0, 1, 3, 2)
+    return result

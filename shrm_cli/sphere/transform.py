@@ -1,0 +1,118 @@
+"""Spherical harmonic analysis: from samples on a grid to real coefficients."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.sphere.double_fourier import harmonics_from_moments
+from shrm_cli.sphere.grids import LATLONG_AXES, Sampling, colatitude_weights, longitude_weights
+from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.rotation import transform_coefficients
+
+Array = NDArray[np.floating]
+
+_TABLE_BYTES = 2**26
+
+
+class LatLongAnalysis:
+    """Analysis of a lat-long whose rows arrive in blocks (eq. 5.20, 5.21).
+
+    The integrals with cos(m phi), sin(m phi) over longitude are a matrix product for each block,
+    those with the waves in theta another; only (order+1)^2 moments stay in memory. The rules are
+    exact for images band-limited below half the height.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of the whole image; the width is even.
+    order : int
+        Largest degree.
+    sampling : {"center", "border"}
+    dtype : float32 or float64
+        Precision of the longitude integral; everything after it is float64.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        order: int,
+        sampling: Sampling = "center",
+        dtype: type = np.float32,
+    ) -> None:
+        self.order = order
+        border = sampling == "border"
+        # theta is a multiple of pi / rows, longitude one of pi / columns.
+        rows = height - 1 if border else 2 * height
+        columns = width - 1 if border else width
+        weights = colatitude_weights(height, sampling)[:, None]
+        multiples = np.arange(height) if border else 2 * np.arange(height) + 1
+        self._row_waves = [wave * weights for wave in _waves(multiples, rows, order)]
+        # Column j and its mirror image width - 1 - j have opposite longitudes: half is enough.
+        half = np.arange(width // 2)
+        measure = longitude_weights(width, sampling)[: len(half), None]
+        column_waves = _waves(width - 1 - 2 * half, columns, order)
+        self._column_waves: list[Array] = [(wave * measure).astype(dtype) for wave in column_waves]
+        self._moments: Array | None = None
+
+    def add(self, start: int, rows: Array) -> None:
+        """Take in rows `start` .. of the image, shape (rows, width, channels)."""
+        count, width, channels = rows.shape
+        planes = np.moveaxis(rows, -1, 0)
+        left, right = planes[..., : width // 2], planes[..., : width // 2 - 1 : -1]
+        folded = np.empty(left.shape, self._column_waves[0].dtype)
+        rings = np.empty((channels, count, 2, self.order + 1))
+        for k, (fold, wave) in enumerate(
+            zip((np.add, np.subtract), self._column_waves, strict=True)
+        ):
+            fold(left, right, out=folded, dtype=folded.dtype)  # half would overflow
+            product = folded.reshape(-1, width // 2) @ wave
+            rings[:, :, k] = product.reshape(channels, count, -1)
+        if self._moments is None:
+            self._moments = np.zeros((2, self.order + 1, self.order + 1, channels))
+        for parity, waves in enumerate(self._row_waves):
+            part = waves[start : start + count].T @ np.moveaxis(
+                rings[..., parity::2], 1, 0
+            ).reshape(count, -1)
+            part = part.reshape(self.order + 1, channels, 2, -1)
+            self._moments[:, parity::2] += part.transpose(2, 3, 0, 1)
+
+    def coefficients(self) -> Array:
+        """Real coefficients in world axes, shape ((order+1)^2, channels)."""
+        return transform_coefficients(self.polar_coefficients(), LATLONG_AXES.T)
+
+    def polar_coefficients(self) -> Array:
+        """The same in the image's own axes, polar axis +Y: for what does not depend on axes."""
+        if self._moments is None:
+            raise ValueError("no rows were added")
+        return harmonics_from_moments(self._moments)
+
+
+def _waves(multiples: NDArray[np.integer], divisor: int, order: int) -> tuple[Array, Array]:
+    """Cosine and sine of ``m * multiples * pi / divisor``, m = 0 .. order, by table look-up."""
+    turns = np.arange(2 * divisor) * (np.pi / divisor)
+    at = np.outer(multiples, np.arange(order + 1)) % (2 * divisor)
+    return np.cos(turns)[at], np.sin(turns)[at]
+
+
+def analyze_samples(directions: Array, weights: Array, values: Array, order: int) -> Array:
+    """Coefficients of scattered samples: ``sum_k w_k f(d_k) Y_lm(d_k)`` (eq. 5.20).
+
+    Parameters
+    ----------
+    directions : ndarray, shape (n, 3)
+    weights : ndarray, shape (n,)
+        Solid angle of each sample.
+    values : ndarray, shape (n, channels)
+    order : int
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, channels)
+    """
+    result = np.zeros(((order + 1) ** 2, values.shape[1]))
+    step = max(1, _TABLE_BYTES // (8 * (order + 1) ** 2))
+    for start in range(0, len(values), step):
+        part = slice(start, start + step)
+        basis = real_harmonics(order, directions[part])
+        result += basis.T @ (values[part] * weights[part, None])
+    return result

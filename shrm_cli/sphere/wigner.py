@@ -1,0 +1,97 @@
+"""Wigner's small-d matrices, by one recurrence in the degree that is stable to order 512.
+
+Convention: ``d^1_10(b) = -sin(b) / sqrt(2)``, so that ``D^l_mn(a, b, c) =
+exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortley phase.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.floating]
+
+
+def small_d_degrees(
+    order: int, theta: ArrayLike, max_spin: int | None = None
+) -> Iterator[tuple[int, Array]]:
+    """Yield ``(l, d^l)`` for l = 0 .. order.
+
+    Parameters
+    ----------
+    order : int
+        Largest degree.
+    theta : array_like
+        Angles in radians, any shape.
+    max_spin : int, optional
+        Keep only the columns ``|n| <= max_spin``; all of them by default.
+
+    Yields
+    ------
+    l : int
+    d : ndarray, shape (2l+1, 2 min(l, max_spin) + 1, *theta.shape)
+        ``d[m + l, n + min(l, max_spin)] = d^l_mn(theta)``.
+
+    References
+    ----------
+    Varshalovich, Moskalev & Khersonskii 1988, 4.8.2 (14) for the recurrence, 4.17 for the edges.
+    """
+    theta = np.asarray(theta, dtype=float)
+    spins = order if max_spin is None else min(max_spin, order)
+    half_cos, half_sin = np.cos(theta / 2), np.sin(theta / 2)
+    cosine = np.cos(theta)
+    edge = np.ones((1, *theta.shape))  # d^l_{l,n} for n = -min(l, spins) .. min(l, spins)
+    previous = before = np.ones((1, 1, *theta.shape))
+    yield 0, previous
+    for degree in range(1, order + 1):
+        edge = _next_edge(edge, degree, min(degree, spins), half_cos, half_sin)
+        current = np.empty((2 * degree + 1, 2 * min(degree, spins) + 1, *theta.shape))
+        _recur(current, previous, before, degree, cosine)
+        _set_edges(current, edge, degree)
+        yield degree, current
+        before, previous = previous, current
+
+
+def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: Array) -> Array:
+    """The row m = l of d^l from the row m = l - 1 of d^{l-1}."""
+    old = (len(edge) - 1) // 2
+    n = np.arange(-old, old + 1).reshape(-1, *[1] * half_cos.ndim)
+    # max() only guards n = +-degree, which cannot be among the old columns.
+    ratio = np.sqrt(2 * degree * (2 * degree - 1) / ((degree + n) * (degree - n)))
+    grown = -ratio * (half_cos * half_sin) * edge
+    if width == old:
+        return grown
+    first, last = half_sin ** (2 * degree), half_cos ** (2 * degree)
+    return np.concatenate([first[None], grown, last[None]])
+
+
+def _recur(current: Array, previous: Array, before: Array, degree: int, cosine: Array) -> None:
+    """Fill |m|, |n| < l from the two degrees below."""
+    k = degree - 1
+    width, inner = (current.shape[1] - 1) // 2, (previous.shape[1] - 1) // 2
+    tail = [1] * cosine.ndim
+    m = np.arange(-k, k + 1).reshape(-1, 1, *tail)
+    n = np.arange(-inner, inner + 1).reshape(1, -1, *tail)
+    scale = 1 / np.sqrt(float(degree**2) - m**2) / np.sqrt(float(degree**2) - n**2)
+    target = current[1:-1, width - inner : width + inner + 1]
+    if k == 0:
+        target[...] = cosine
+        return
+    np.multiply(degree * cosine - m * n / k, previous, out=target)
+    target *= scale * (2 * k + 1)
+    lower = (before.shape[1] - 1) // 2
+    weight = (degree / k) * np.sqrt((k**2 - m**2) * np.maximum(k**2 - n**2, 0.0)) * scale
+    keep = slice(inner - lower, inner + lower + 1)
+    target[1:-1, keep] -= weight[1:-1, keep] * before
+
+
+def _set_edges(current: Array, edge: Array, degree: int) -> None:
+    """Fill m = +-l, and n = +-l where it is kept, by d_mn = (-1)^(m-n) d_nm = d_-n,-m."""
+    width = (len(edge) - 1) // 2
+    signs = (-1.0) ** (degree - np.arange(-width, width + 1))
+    signs = signs.reshape(-1, *[1] * (edge.ndim - 1))
+    current[-1] = edge
+    current[0] = (signs * edge)[::-1]
+    if width == degree:
+        current[:, -1] = signs * edge
+        current[:, 0] = edge[::-1]
