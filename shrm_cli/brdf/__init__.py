@@ -1,0 +1,1 @@
+"""BRDF models, the syntax that names them, and their coefficients. One file a model."""

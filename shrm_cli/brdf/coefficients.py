@@ -1,0 +1,253 @@
+"""Brdf -> rho_hat_lpq: frequency-space coefficients about the central direction.
+
+``rho_hat(w_i', w_o') = sum_lpq rho_hat_lpq conj(Y_lq(w_i')) Y_pq(w_o')`` with real coefficients,
+even in q (isotropic BRDFs), both directions in the local frame of C (eq. 13 of appendix A).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.errors import BrdfError
+from shrm_cli.sphere.directions import from_angles
+from shrm_cli.sphere.grids import colatitude_weights, nodes
+from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
+
+Array = NDArray[np.floating]
+
+_MOST_SAMPLES = 2**23
+_WORST_ACCURACY = 50
+_ZONAL_NODES = 2**7, 2**15
+
+
+@dataclass(frozen=True)
+class BrdfCoefficients:
+    """Coefficients of a transfer function up to orders F, P, and the energy of all of it.
+
+    Attributes
+    ----------
+    values : ndarray, shape (F+1, P+1, P+1, 3)
+        rho_hat_lpq for q >= 0; zero where q > min(l, p).
+    total_energy : ndarray, shape (3,)
+        ``2 pi int int int rho_hat^2 sin sin dtheta_i dtheta_o dphi`` (right side of eq. 5.18).
+    degree_energy : ndarray, shape (F+1, 3)
+        The part of it in each l with every p, known without expanding the dependence on
+        theta_o; of azimuthal orders up to P.
+    samples : tuple of int
+        Nodes in theta_i, theta_o and phi at which the sampling had converged.
+    """
+
+    values: Array
+    total_energy: Array
+    degree_energy: Array
+    samples: tuple[int, int, int]
+
+    def __post_init__(self) -> None:
+        order_f, order_p = self.order_f, self.order_p
+        if self.values.shape != (order_f + 1, order_p + 1, order_p + 1, 3):
+            raise ValueError(f"coefficients of shape {self.values.shape}")
+        if self.degree_energy.shape != (order_f + 1, 3) or self.total_energy.shape != (3,):
+            raise ValueError("energies and coefficients have different shapes")
+
+    @property
+    def order_f(self) -> int:
+        return self.values.shape[0] - 1
+
+    @property
+    def order_p(self) -> int:
+        return self.values.shape[1] - 1
+
+    def energies(self) -> Array:
+        """``sum_q |rho_hat_lpq|^2`` over both signs of q, shape (F+1, P+1, 3)."""
+        return np.sum(self.values**2 * _both_signs(self.order_p)[:, None], axis=2)
+
+    def captured(self) -> Array:
+        """Fraction of the energy, over the channels together, for every (F, P) (eq. 5.18)."""
+        total = self.total_energy.sum()
+        if total == 0:
+            return np.ones(self.values.shape[:2])
+        return np.cumsum(np.cumsum(self.energies().sum(axis=-1), axis=0), axis=1) / total
+
+    def truncated(self, order_f: int, order_p: int) -> Array:
+        """Coefficients up to smaller orders, shape (order_f+1, order_p+1, order_p+1, 3)."""
+        return self.values[: order_f + 1, : order_p + 1, : order_p + 1]
+
+
+def compute_coefficients(
+    brdf: Brdf, order_f: int, order_p: int, accuracy: float = 1e-5
+) -> BrdfCoefficients:
+    """Coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
+
+    The nodes are Fejer's in theta_i and theta_o and equidistant in phi, at least two an order.
+    Each axis in turn is doubled; where that changes the coefficients by more than `accuracy`,
+    as energy of the difference over the whole energy, or the whole energy by more, relatively,
+    the axis stays doubled. The sampling has converged when no axis asks for more. BRDFs with a
+    discontinuity (the horizon) converge algebraically, smooth ones exponentially.
+
+    Zonal BRDFs need one integral over the cosine of the angle, on which the rule is exact for
+    polynomials; it is doubled until nothing changes at all.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    order_f, order_p : int
+        Largest l and p. Zonal BRDFs have p = 0 only.
+    accuracy : float
+        Fraction of the energy that the sampling may miss; up to 50 times as much is accepted
+        at the largest number of samples.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is not finite, or has not converged at 8 million samples.
+    """
+    if brdf.zonal:
+        return _zonal_coefficients(brdf, order_f)
+    shape = max(64, 2 * order_f), max(16, 2 * order_p), max(16, 2 * order_p)
+    current = _sampled_coefficients(brdf, order_f, order_p, shape)
+    axis = settled = 0
+    change = 0.0
+    while settled < 3:
+        finer_shape = tuple(n * (2 if k == axis else 1) for k, n in enumerate(current.samples))
+        if np.prod(finer_shape) > _MOST_SAMPLES:
+            if change <= _WORST_ACCURACY * accuracy:
+                return current
+            raise BrdfError(
+                f"{brdf!r}: its coefficients have not converged at {current.samples} samples; "
+                "make it smoother or the tolerance larger"
+            )
+        finer = _sampled_coefficients(brdf, order_f, order_p, finer_shape)
+        change = _change(current, finer)
+        if change > accuracy:
+            current, settled = finer, 0
+        else:
+            axis, settled = (axis + 1) % 3, settled + 1
+    return current
+
+
+def _change(one: BrdfCoefficients, other: BrdfCoefficients) -> float:
+    total = other.total_energy.sum()
+    if total == 0:
+        return 0.0
+    signs = _both_signs(one.order_p)[:, None]
+    difference = np.sum((one.values - other.values) ** 2 * signs)
+    energy = abs(one.total_energy.sum() - total)
+    return float(max(difference, energy) / total)
+
+
+def _both_signs(order_p: int) -> Array:
+    """1 for q = 0 and 2 for the others, which stand for q and -q: U_q of eq. 13."""
+    return np.where(np.arange(order_p + 1) == 0, 1.0, 2.0)
+
+
+def _sampled_coefficients(
+    brdf: Brdf, order_f: int, order_p: int, shape: tuple[int, ...]
+) -> BrdfCoefficients:
+    theta_i, theta_o, phi = ((nodes(n) + 1) * (np.pi / 2) for n in shape)
+    weights_i, weights_o = colatitude_weights(shape[0]), colatitude_weights(shape[1])
+    waves = np.cos(np.outer(phi, np.arange(order_p + 1)))
+    # phi runs over half a circle, its mirror image doubles it; the other 2 pi is eq. 5.22's.
+    measure = 2 * np.pi * 2 * np.pi / shape[2]
+    by_q = np.empty((shape[0], shape[1], 3, order_p + 1))
+    energies = np.empty((3, shape[0]))
+    for rows, samples, coverage in _transfer_samples(brdf, theta_i, theta_o, phi):
+        if not np.isfinite(samples).all():
+            raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+        for channel in range(3):
+            if channel and samples.strides[-1] == 0:  # grey: all channels are the first
+                by_q[rows, :, channel], energies[channel, rows] = (
+                    by_q[rows, :, 0],
+                    energies[0, rows],
+                )
+                continue
+            covered = samples[..., channel] * coverage
+            by_q[rows, :, channel] = covered @ waves * measure
+            energies[channel, rows] = np.sum(covered * samples[..., channel], axis=2) @ weights_o
+    energy = measure * energies @ weights_i
+    lighting = legendre_table(order_f, np.cos(theta_i), max_m=order_p)
+    viewing = legendre_table(order_p, np.cos(theta_o))
+    values = np.zeros((order_f + 1, order_p + 1, order_p + 1, 3))
+    degree_energy = np.zeros((order_f + 1, 3))
+    for q in range(min(order_f, order_p) + 1):
+        light_part = lighting[q, : order_f + 1 - q] * weights_i
+        by_lq = (light_part @ by_q[..., q].reshape(shape[0], -1)).reshape(-1, shape[1], 3)
+        # The f_pq are normalised to 1 / (2 pi), and complete in p.
+        square = np.einsum("loc,o->lc", by_lq**2, weights_o) / (2 * np.pi)
+        degree_energy[q:] += (1 if q == 0 else 2) * square
+        values[q:, q:, q] = (viewing[q, : order_p + 1 - q] * weights_o) @ by_lq
+    return BrdfCoefficients(values, energy, degree_energy, (shape[0], shape[1], shape[2]))
+
+
+def _transfer_samples(
+    brdf: Brdf, theta_i: Array, theta_o: Array, phi: Array
+) -> Iterator[tuple[slice, Array, Array]]:
+    """Yield blocks of theta_i, rho_hat there, and the part of each cell above the horizon.
+
+    The horizon N.L = 0 cuts through cells in theta_i. Such a cell counts by the part that is
+    above, and takes its value at the horizon if its own sample lies below: a model that jumps
+    there then converges with the square of the cell, not with the cell.
+
+    Yields
+    ------
+    rows : slice
+        Of theta_i.
+    samples : ndarray, shape (block, theta_o, phi, 3)
+    coverage : ndarray, shape (block, theta_o, phi)
+    """
+    # The view lies in the plane phi_o = 0; about the mirror direction the normal halves its angle.
+    tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
+    view = from_angles(theta_o - tilt, 0.0)[None, :, None]
+    horizon = np.pi / 2 + np.arctan(np.tan(tilt)[:, None] * np.cos(phi))
+    cell = np.pi / len(theta_i)
+    step = max(1, 2**17 // (len(theta_o) * len(phi)))
+    for start in range(0, len(theta_i), step):
+        rows = slice(start, start + step)
+        beyond = theta_i[rows, None, None] - horizon
+        coverage = np.clip(0.5 - beyond / cell, 0.0, 1.0)
+        theta = np.broadcast_to(theta_i[rows, None, None], coverage.shape)
+        cut = (coverage > 0) & (beyond >= 0)
+        if cut.any():
+            theta = np.where(cut, np.broadcast_to(horizon, coverage.shape) * (1 - 1e-9), theta)
+        yield rows, brdf.transfer(_tilted(from_angles(theta, phi), tilt), view), coverage
+
+
+def _tilted(light: Array, tilt: Array) -> Array:
+    """Directions (theta_i, theta_o, phi, 3) about C, in the frame of the normal."""
+    cosine, sine = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
+    x, z = light[..., 0].copy(), light[..., 2]
+    light[..., 0] = cosine * x - sine * z
+    light[..., 2] = sine * x + cosine * z
+    return light
+
+
+def _zonal_coefficients(brdf: Brdf, order_f: int) -> BrdfCoefficients:
+    """``rho_hat_l = sqrt(4 pi) 2 pi int u(z) f_l0(z) dz`` of rho_hat = u(C.L), as p = q = 0."""
+    count, most = _ZONAL_NODES
+    current = _zonal_integrals(brdf, order_f, max(count, 2 * order_f))
+    while current.samples[0] < most:
+        finer = _zonal_integrals(brdf, order_f, 2 * current.samples[0])
+        if _change(current, finer) < 1e-14:
+            return finer
+        current = finer
+    return current
+
+
+def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> BrdfCoefficients:
+    z = (nodes_in_cosine(count) + 1) / 2
+    weights = colatitude_weights(count) / 2
+    sine = np.sqrt(1 - z**2)
+    light = np.stack([sine, np.zeros_like(z), z], axis=-1)
+    lobe = brdf.transfer(light, np.array([0.0, 0.0, 1.0]))
+    values = np.zeros((order_f + 1, 1, 1, 3))
+    for degree, legendre in legendre_degrees(order_f, z, max_m=0):
+        values[degree, 0, 0] = np.sqrt(4 * np.pi) * 2 * np.pi * (legendre[0] * weights) @ lobe
+    energy = 8 * np.pi**2 * weights @ lobe**2
+    return BrdfCoefficients(values, energy, values[:, 0, 0] ** 2, (count, 1, 1))
+
+
+def nodes_in_cosine(count: int) -> Array:
+    """Fejer's nodes as cosines: the weights of `colatitude_weights` integrate over them."""
+    return np.cos((nodes(count) + 1) * (np.pi / 2))

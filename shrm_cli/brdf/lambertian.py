@@ -1,0 +1,20 @@
+"""Ideal diffuse reflection."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
+
+
+class Lambertian(Brdf):
+    """``f_r = albedo / pi``."""
+
+    name = "lambertian"
+    summary = "ideal diffuse reflection, f_r = albedo / pi"
+    source = "Lambert 1760; Ramamoorthi and Hanrahan 2001, eq. 4.12 for its coefficients"
+    parameters = (Parameter("albedo", 1.0, 0.0, 1.0, "fraction of the light that is reflected"),)
+    center = "normal"
+    zonal = True
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        shape = np.broadcast_shapes(light.shape[:-1], view.shape[:-1])
+        return grey(np.broadcast_to(self.values["albedo"] / np.pi, shape))

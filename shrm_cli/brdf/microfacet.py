@@ -1,0 +1,27 @@
+"""The simplified microfacet model of section 5.7.1."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
+
+
+class Microfacet(Brdf):
+    """``rho_hat = exp(-(theta_h / sigma)^2) / (4 pi sigma^2)`` above the horizon (eq. 5.34).
+
+    theta_h is the angle between the normal and the half-angle vector; light from below the
+    surface (N.L < 0) is not reflected.
+    """
+
+    name = "microfacet"
+    summary = "Gaussian lobe in the half angle, a transfer function"
+    source = "Ramamoorthi 2002, eq. 5.34, after Torrance and Sparrow 1967"
+    parameters = (Parameter("sigma", 0.2, 0.005, 1.0, "surface roughness, radians"),)
+    includes_cosine = True
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        half = light + view
+        # atan2 is exact for small angles, where acos of the normalised cosine is not.
+        angle = np.arctan2(np.hypot(half[..., 0], half[..., 1]), half[..., 2])
+        sigma = self.values["sigma"]
+        lobe = np.exp(-((angle / sigma) ** 2)) / (4 * np.pi * sigma**2)
+        return grey(np.where(light[..., 2] > 0, lobe, 0.0))

@@ -1,0 +1,24 @@
+"""Phong's cosine lobe about the mirror direction."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
+
+
+class Phong(Brdf):
+    """``rho_hat = (s + 1) / (2 pi) (R.L)^s`` where R.L > 0 (eq. 5.26)."""
+
+    name = "phong"
+    summary = "normalised cosine lobe about the mirror direction, a transfer function"
+    source = "Phong 1975; normalised as Ramamoorthi 2002, eq. 5.26"
+    parameters = (Parameter("exponent", 32.0, 0.0, 1e5, "s: larger is sharper"),)
+    includes_cosine = True
+    zonal = True
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        # R = (-Vx, -Vy, Vz) in the frame of the normal.
+        cosine = light[..., 2] * view[..., 2]
+        cosine = cosine - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
+        exponent = self.values["exponent"]
+        lobe = np.where(cosine > 0, np.clip(cosine, 0.0, 1.0) ** exponent, 0.0)
+        return grey((exponent + 1) / (2 * np.pi) * lobe)
