@@ -1,0 +1,1 @@
+"""Image file -> Probe (radiance on a grid) -> Lighting (spherical harmonic coefficients)."""

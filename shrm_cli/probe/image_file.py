@@ -1,0 +1,212 @@
+"""Image files of every type that OpenImageIO reads, opened lazily and read by rows."""
+
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ProbeError
+
+Array = NDArray[np.floating]
+
+MAX_PIXELS = 2**29
+_FLOAT_FORMATS = ("half", "float", "double")
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """An opened image: its header, and its pixels on demand.
+
+    Attributes
+    ----------
+    path : Path
+    width, height : int
+        Of the canvas that `read` fills: the data window where the file is an environment map,
+        the display window of other files (what a data window leaves out is black).
+    envmap : {"latlong", "cube", ""}
+        As the file's own attribute says.
+    border_sampled : bool
+        Whether edge pixels lie on the poles, the seam and the cube's edges.
+    file_format : str
+        OpenImageIO's name of the format, such as ``"openexr"``.
+    chromaticities : tuple of 8 float, optional
+    """
+
+    path: Path
+    width: int
+    height: int
+    envmap: str
+    border_sampled: bool
+    file_format: str
+    chromaticities: tuple[float, ...] | None
+    linearize: bool
+    _input: Any
+    _offset: tuple[int, int]
+    _channels: tuple[int, ...]
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str], linearize: bool = False) -> "ImageFile":
+        """Open a file and check what can be checked without its pixels.
+
+        Parameters
+        ----------
+        path : path-like
+        linearize : bool
+            Decode integer pixels as sRGB; they are refused otherwise.
+
+        Raises
+        ------
+        ProbeError
+            If there is no such image, or it is not usable as radiance.
+        """
+        path = Path(path)
+        _check_file(path)
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            raise ProbeError(f"{path}: not an image that can be read ({_reason(oiio.geterror())})")
+        spec, file_format = source.spec(), source.format_name()
+        if path.suffix.lower() == ".exr" and file_format != "openexr":
+            raise ProbeError(f"{path}: named .exr, but it is a {file_format} file; rename it")
+        if spec.deep:
+            raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
+        envmap = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(
+            spec.get_string_attribute("textureformat"), ""
+        )
+        width, height, offset = _canvas(spec, bool(envmap))
+        if spec.width < 1 or spec.height < 1 or width < 1 or height < 1:
+            raise ProbeError(f"{path}: the image has no pixels ({width} x {height})")
+        if max(width * height, spec.width * spec.height) > MAX_PIXELS:
+            raise ProbeError(
+                f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
+            )
+        if str(spec.format) not in _FLOAT_FORMATS and not linearize:
+            raise ProbeError(
+                f"{path}: {spec.format} pixels are not scene-linear radiance; give --linearize to "
+                "decode them as sRGB, or use an HDR file"
+            )
+        primaries = spec.getattribute("chromaticities")
+        return cls(
+            path,
+            width,
+            height,
+            envmap,
+            bool(spec.get_int_attribute("oiio:sampleborder")),
+            file_format,
+            tuple(primaries) if primaries is not None and len(primaries) == 8 else None,
+            linearize and str(spec.format) not in _FLOAT_FORMATS,
+            source,
+            offset,
+            _colour_channels(path, spec.channelnames),
+        )
+
+    @property
+    def row_multiple(self) -> int:
+        """Rows that are cheapest to read together start at multiples of this."""
+        return max(1, self._input.spec().tile_height)
+
+    def read(self, start: int, stop: int) -> Array:
+        """Rows `start` .. `stop` - 1 of the canvas, float32 RGB, shape (rows, width, 3)."""
+        spec = self._input.spec()
+        left, top = self._offset
+        first, last = max(start - top, 0), min(stop - top, spec.height)
+        if (left, top) == (0, 0) and (spec.width, spec.height) == (self.width, self.height):
+            return self._read_data(first, last)
+        canvas = np.zeros((stop - start, self.width, 3), dtype=np.float32)
+        if first < last:
+            data = self._read_data(first, last)
+            here, there = max(left, 0), max(-left, 0)
+            count = min(self.width - here, spec.width - there)
+            rows = slice(first + top - start, last + top - start)
+            canvas[rows, here : here + count] = data[:, there : there + count]
+        return canvas
+
+    def _read_data(self, start: int, stop: int) -> Array:
+        spec = self._input.spec()
+        begin, end = min(self._channels), max(self._channels) + 1
+        if spec.tile_width:
+            low = start // spec.tile_height * spec.tile_height
+            high = min(-(-stop // spec.tile_height) * spec.tile_height, spec.height)
+            pixels = self._input.read_tiles(
+                0, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
+                spec.z, spec.z + 1, begin, end, oiio.FLOAT,
+            )  # fmt: skip
+            pixels = None if pixels is None else pixels.reshape(high - low, spec.width, -1)
+            pixels = None if pixels is None else pixels[start - low : stop - low]
+        else:
+            pixels = self._input.read_scanlines(
+                0, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
+            )
+        if pixels is None:
+            raise ProbeError(
+                f"{self.path}: damaged or truncated ({_reason(self._input.geterror())}); "
+                "copy or export it again"
+            )
+        pixels = pixels.reshape(stop - start, spec.width, -1)
+        chosen = [channel - begin for channel in self._channels]
+        if chosen != list(range(pixels.shape[-1])):
+            pixels = pixels[..., chosen]
+        return _srgb_to_linear(pixels) if self.linearize else pixels
+
+
+def sha256(paths: list[Path]) -> str:
+    """Digest of the bytes of files, one after the other."""
+    digest = hashlib.sha256()
+    for path in paths:
+        with open(path, "rb") as stream:
+            while block := stream.read(2**20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _check_file(path: Path) -> None:
+    if path.is_dir():
+        raise ProbeError(f"{path}: a directory, not an image file")
+    if not path.exists():
+        raise ProbeError(f"{path}: no such file")
+    if not path.is_file():
+        raise ProbeError(f"{path}: not a regular file")
+    if not os.access(path, os.R_OK):
+        raise ProbeError(f"{path}: no permission to read it")
+    if path.stat().st_size == 0:
+        raise ProbeError(f"{path}: the file is empty")
+
+
+def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:
+    """Size of the image proper, and where its stored pixels begin in it."""
+    if is_envmap or (spec.full_width, spec.full_height) == (0, 0):
+        return spec.width, spec.height, (0, 0)
+    return spec.full_width, spec.full_height, (spec.x - spec.full_x, spec.y - spec.full_y)
+
+
+def _colour_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Indices of red, green and blue; one channel serves as three; alpha is ignored."""
+    last = [name.rsplit(".", 1)[-1].upper() for name in names]
+    for wanted in (("R", "G", "B"), ("RED", "GREEN", "BLUE")):
+        if all(name in last for name in wanted):
+            return tuple(last.index(name) for name in wanted)
+    colour = [k for k, name in enumerate(last) if name not in ("A", "ALPHA")]
+    if len(colour) == 1 or (colour and last[colour[0]] in ("Y", "L", "I", "LUMINANCE")):
+        return (colour[0],) * 3
+    if len(colour) >= 3 and not any("." in name for name in names):
+        return tuple(colour[:3])
+    raise ProbeError(
+        f"{path}: no R, G and B channels, nor a single one, among {', '.join(names[:8])}"
+    )
+
+
+def _reason(message: str) -> str:
+    """The first line of a library's message, without its own file name where it leads."""
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    return lines[0].rstrip(".") if lines else "no reason was given"
+
+
+def _srgb_to_linear(values: Array) -> Array:
+    """IEC 61966-2-1."""
+    return np.where(
+        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
+    ).astype(np.float32)

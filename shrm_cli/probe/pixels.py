@@ -1,0 +1,180 @@
+"""What is done about pixels that cannot be radiance, and what was done."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ProbeError
+
+Array = NDArray[np.floating]
+
+
+@dataclass
+class PixelReport:
+    """What the pixels of a probe needed, gathered while they are read.
+
+    Attributes
+    ----------
+    nonfinite : int
+        Pixels with a NaN or infinite channel.
+    first_nonfinite : tuple of int, optional
+        Column and row of the first.
+    negative, minimum : int, float
+        Pixels with a negative channel, and the least value.
+    clamped : int
+        Pixels that `--clamp` dimmed.
+    energy_removed, energy : float
+        The integral of radiance over the sphere, channels added: what clamping took, and
+        what there was before.
+    """
+
+    nonfinite: int = 0
+    first_nonfinite: tuple[int, int] | None = None
+    negative: int = 0
+    minimum: float = 0.0
+    clamped: int = 0
+    energy_removed: float = 0.0
+    energy: float = 0.0
+
+    def warnings(self) -> list[str]:
+        """One line for each thing that a user should know."""
+        lines = []
+        if self.nonfinite:
+            lines.append(f"{self.nonfinite} NaN or infinite pixels were filled from neighbours")
+        if self.negative:
+            lines.append(
+                f"{self.negative} pixels with negative radiance were clamped to 0 (minimum "
+                f"{self.minimum:.6g})"
+            )
+        if self.clamped:
+            share = self.energy_removed / self.energy if self.energy else 0.0
+            lines.append(
+                f"{self.clamped} pixels were clamped, which removed {share:.3%} of the energy"
+            )
+        if self.energy == 0:
+            lines.append("the probe is black")
+        return lines
+
+
+@dataclass(frozen=True)
+class PixelPolicy:
+    """How pixels are checked and changed.
+
+    Attributes
+    ----------
+    fix_nonfinite : bool
+        Replace NaN and infinite pixels by the mean of their finite neighbours.
+    clamp : float, optional
+        Largest radiance of a channel. Brighter pixels are scaled down as a whole, which keeps
+        their hue.
+    """
+
+    fix_nonfinite: bool = False
+    clamp: float | None = None
+
+    def apply(self, pixels: Array, weights: Array, report: PixelReport) -> Array:
+        """Finite pixels without negative radiance, clamped if asked; the report is added to.
+
+        Parameters
+        ----------
+        pixels : ndarray, shape (rows, columns, 3)
+        weights : ndarray, shape (rows, columns) or (rows, 1)
+            Solid angles.
+        """
+        if pixels.size and pixels.min() < 0:
+            below = pixels < 0
+            report.negative += int(np.count_nonzero(below.any(axis=-1)))
+            report.minimum = min(report.minimum, float(pixels.min()))
+            pixels = np.where(below, np.float32(0), pixels)
+        energy = _energy(pixels, weights)
+        report.energy += energy
+        if self.clamp is not None:
+            brightest = pixels.max(axis=-1)
+            over = brightest > self.clamp
+            if over.any():
+                report.clamped += int(np.count_nonzero(over))
+                scale = np.where(over, self.clamp / np.where(over, brightest, 1), 1)
+                pixels = (pixels * scale[..., None]).astype(pixels.dtype)
+                report.energy_removed += energy - _energy(pixels, weights)
+        return pixels
+
+
+def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArray[np.bool_] | None:
+    """Mask of the pixels of a block that are NaN or infinite, or None; counted in the report."""
+    # One pass in the common case: a sum is finite if every term is, short of overflow.
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(pixels.sum()):
+            return None
+    bad = ~np.isfinite(pixels).all(axis=-1)
+    if not bad.any():
+        return None
+    report.nonfinite += int(np.count_nonzero(bad))
+    if report.first_nonfinite is None:
+        row, column = (int(k[0]) for k in np.nonzero(bad))
+        report.first_nonfinite = column, row + first_row
+    return bad
+
+
+def refuse_nonfinite(name: str, report: PixelReport) -> None:
+    """Raise if any pixel was found to be NaN or infinite.
+
+    Raises
+    ------
+    ProbeError
+    """
+    if report.first_nonfinite is not None:
+        column, row = report.first_nonfinite
+        raise ProbeError(
+            f"{name}: {report.nonfinite} pixels are NaN or infinite, the first at column "
+            f"{column}, row {row}; give --fix-nonfinite to fill them"
+        )
+
+
+def fill_nonfinite(name: str, pixels: Array, wraps: bool) -> Array:
+    """Replace each NaN or infinite pixel by the mean of its finite neighbours.
+
+    Larger holes are filled from their rim inwards.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, for the error.
+    pixels : ndarray, shape (H, W, 3)
+    wraps : bool
+        Whether the left and right edges are neighbours (a lat-long).
+
+    Raises
+    ------
+    ProbeError
+        If no pixel is finite.
+    """
+    pixels = pixels.copy()
+    bad = ~np.isfinite(pixels).all(axis=-1)
+    if bad.all():
+        raise ProbeError(f"{name}: no pixel is finite, so there is nothing to fill them from")
+    while bad.any():
+        rows, columns = np.nonzero(bad)
+        total, count = np.zeros((len(rows), 3)), np.zeros(len(rows))
+        for dy in (-1, 0, 1):
+            for dx in (-1, 0, 1):
+                y, x = rows + dy, columns + dx
+                if wraps:
+                    x = x % bad.shape[1]
+                inside = (y >= 0) & (y < bad.shape[0]) & (x >= 0) & (x < bad.shape[1])
+                y, x = np.where(inside, y, 0), np.where(inside, x, 0)
+                good = inside & ~bad[y, x]
+                total[good] += pixels[y[good], x[good]]
+                count[good] += 1
+        filled = count > 0
+        at = rows[filled], columns[filled]
+        pixels[at] = total[filled] / count[filled, None]
+        bad[at] = False
+    return pixels
+
+
+def _energy(pixels: Array, weights: Array) -> float:
+    """Integral of the radiance, channels added."""
+    if weights.shape[1] == 1:
+        return float(pixels.sum(axis=(1, 2), dtype=float) @ weights[:, 0])
+    return float(np.sum(pixels.sum(axis=2, dtype=float) * weights))
