@@ -1,0 +1,97 @@
+"""Output files that appear whole or not at all."""
+
+import contextlib
+import errno
+import os
+import secrets
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from shrm_cli.errors import OutputError
+
+_MARK = ".shrm-"
+
+
+def check_target(target: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Check, before the work, that an output can be written and is none of the inputs.
+
+    Raises
+    ------
+    OutputError
+    """
+    target = Path(target)
+    folder = target.parent
+    if target.is_dir():
+        raise OutputError(f"{target}: a directory; name a file to write")
+    if not folder.is_dir():
+        raise OutputError(f"{target}: there is no folder {folder}; make it first")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(f"{target}: no permission to write in {folder}")
+    for path in inputs:
+        if target.exists() and Path(path).exists() and os.path.samefile(target, path):
+            raise OutputError(f"{target}: would overwrite the input; name another output with -o")
+
+
+@contextlib.contextmanager
+def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary name beside the target, and move it there when the block succeeds.
+
+    The name keeps the target's suffix. If the block fails or is interrupted the temporary file
+    is removed and the target stays as it was. A killed process can leave a temporary file
+    behind; the next one that writes the same target removes it.
+
+    Raises
+    ------
+    OutputError
+        In place of an OSError of the block, such as a full disk.
+    """
+    target = Path(target)
+    prefix = f".{target.stem}{_MARK}"
+    _remove_abandoned(target.parent, prefix, target.suffix)
+    temporary = target.with_name(f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    try:
+        yield temporary
+        with open(temporary, "rb+") as stream:
+            os.fsync(stream.fileno())
+        _follow_umask(temporary)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({_reason(error)})") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _follow_umask(path: Path) -> None:
+    """Give an existing file the permissions of a newly made one."""
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(path, 0o666 & ~mask)
+
+
+def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:
+    """Remove temporary files of this target whose processes are gone."""
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            name = path.name
+            if not (name.startswith(prefix) and name.endswith(suffix)):
+                continue
+            process = name[len(prefix) :].split("-")[0]
+            if process.isdigit() and not _is_running(int(process)):
+                path.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _reason(error: OSError) -> str:
+    if error.errno == errno.ENOSPC:
+        return "the disk is full"
+    return error.strerror or str(error)

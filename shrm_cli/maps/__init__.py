@@ -1,0 +1,1 @@
+"""Maps of reflected light, one file a representation."""

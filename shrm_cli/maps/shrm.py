@@ -1,0 +1,169 @@
+"""Spherical harmonic reflection maps (section 5.4): a cube over R of expansions over V."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.brdf.base import Center
+from shrm_cli.maps.coupling import reflected_coefficients
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.directions import reflect, to_angles
+from shrm_cli.sphere.grids import Sampling
+from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.rotation import rotate_to_frames
+from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.synthesis import synthesize_cube
+
+Array = NDArray[np.floating]
+Frame = Literal["global", "local"]
+
+MIN_SIZE, MAX_SIZE = 4, 4096
+_SMALLEST_CHOICE = 16
+_TEXELS_AT_ONCE = 2**14
+
+
+def choose_size(order_f: int) -> int:
+    """Texels along a face's edge: 10 F around the equator (section 5.5.2), as a power of two."""
+    needed = max(10 * order_f / 4, _SMALLEST_CHOICE)
+    return int(min(2 ** int(np.ceil(np.log2(needed))), MAX_SIZE))
+
+
+@dataclass(frozen=True)
+class Shrm:
+    """A spherical harmonic reflection map.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (6N, N, (P+1)^2, 3)
+        Real coefficients over the view, index p(p+1)+q, at each texel of an OpenEXR cube of
+        central directions.
+    frame : {"global", "local"}
+        Whether they belong to the view in world axes (eq. 5.11) or in the local frame of the
+        texel's direction (eq. 5.10).
+    center : {"reflection", "normal"}
+        What the central direction is.
+    info : MapInfo
+    sampling : {"center", "border"}
+    """
+
+    coefficients: Array
+    frame: Frame
+    center: Center
+    info: MapInfo
+    sampling: Sampling = "center"
+
+    representation = "shrm"
+
+    def __post_init__(self) -> None:
+        shape = self.coefficients.shape
+        if len(shape) != 4 or shape[0] != 6 * shape[1] or shape[3] != 3:
+            raise ValueError(f"SHRM coefficients of shape {shape}, not (6N, N, (P+1)^2, 3)")
+        if (self.order_p + 1) ** 2 != shape[2]:
+            raise ValueError(f"{shape[2]} coefficients are not a square number")
+
+    @property
+    def size(self) -> int:
+        return self.coefficients.shape[1]
+
+    @property
+    def order_p(self) -> int:
+        return int(np.sqrt(self.coefficients.shape[2])) - 1
+
+    @property
+    def azimuth_free(self) -> bool:
+        """Whether a local map holds only q = 0 (a BRDF without azimuthal dependence)."""
+        p = np.arange(self.order_p + 1)
+        others = np.setdiff1d(np.arange(self.coefficients.shape[2]), p * (p + 1))
+        return self.frame == "local" and not self.coefficients[:, :, others].any()
+
+    @classmethod
+    def build(
+        cls,
+        lighting: ArrayLike,
+        brdf: Array,
+        center: Center,
+        info: MapInfo,
+        size: int | None = None,
+        frame: Frame = "global",
+        sampling: Sampling = "center",
+        dtype: type = np.float64,
+    ) -> "Shrm":
+        """Prefilter: from coefficients of light and BRDF to the map.
+
+        Parameters
+        ----------
+        lighting : array_like, shape (>= (F+1)^2, 3)
+        brdf : ndarray, shape (F+1, P+1, P+1, 3)
+            rho_hat_lpq to exactly the orders of the map.
+        center : {"reflection", "normal"}
+            The BRDF's central direction.
+        info : MapInfo
+        size : int, optional
+            Texels along a face's edge; `choose_size` by default.
+        frame, sampling
+            As the attributes.
+        dtype : float32 or float64
+            Precision of the synthesis.
+        """
+        size = choose_size(brdf.shape[0] - 1) if size is None else size
+        series = reflected_coefficients(np.asarray(lighting), brdf)
+        planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
+        stacked = planes.reshape(*series.shape[1:], 6 * size, size)
+        built = cls(stacked.transpose(2, 3, 0, 1), "global", center, info, sampling)
+        return built if frame == "global" else built.to_frame(frame)
+
+    def to_frame(self, frame: Frame) -> "Shrm":
+        """The same map in another frame: a rotation of each texel's coefficients (eq. 5.14)."""
+        if frame == self.frame:
+            return self
+        directions = cube_directions(self.size, self.sampling).reshape(-1, 3)
+        theta, phi = to_angles(directions)
+        flat = self.coefficients.reshape(len(theta), -1, 3)
+        turned = np.empty_like(flat)
+        for start in range(0, len(theta), _TEXELS_AT_ONCE):
+            part = slice(start, start + _TEXELS_AT_ONCE)
+            turned[part] = rotate_to_frames(
+                flat[part].transpose(1, 2, 0), theta[part], phi[part], inverse=frame == "global"
+            ).transpose(2, 0, 1)
+        return replace(self, coefficients=turned.reshape(self.coefficients.shape), frame=frame)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Reflected radiance, filtered between texels.
+
+        Parameters
+        ----------
+        normals, views : array_like, shape (..., 3), broadcastable
+            Unit, world axes; views point to the viewer.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
+        centers = reflect(views, normals) if self.center == "reflection" else normals
+        if views.ndim == 1:  # a distant viewer: one reflection map serves all (eq. 5.35)
+            return CubeSampler(self.reflection_map(views), self.sampling)(centers)
+        shape = np.broadcast_shapes(centers.shape, views.shape)
+        values = self._sampler(np.broadcast_to(centers, shape))
+        values = values.reshape(*shape[:-1], -1, 3)
+        return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
+
+    def reflection_map(self, view: ArrayLike) -> Array:
+        """The map for one distant viewer (eq. 5.35), shape (6N, N, 3)."""
+        weights = real_harmonics(self.order_p, np.asarray(view, dtype=float))
+        coefficients = self._global.coefficients
+        return np.einsum("rckx,k->rcx", coefficients, weights.astype(coefficients.dtype))
+
+    @cached_property
+    def _global(self) -> "Shrm":
+        # Local frames are singular at the poles, so only global coefficients can be filtered.
+        return self.to_frame("global")
+
+    @cached_property
+    def _sampler(self) -> CubeSampler:
+        coefficients = self._global.coefficients
+        return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
