@@ -1,0 +1,118 @@
+# shrm: `make demo` shows what it does, `make test` proves it. Both set themselves up in .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SHRM := $(BIN)/shrm
+
+# make batch PROBES="a.exr b.exr" BRDFS="microfacet:sigma=0.1 phong:exponent=32"
+PROBES ?= $(wildcard probes/*.exr)
+BRDFS ?= microfacet:sigma=0.1 microfacet:sigma=0.3 phong:exponent=32 lambertian
+EPS ?= 0.03
+PREFILTER_FLAGS ?=
+RENDER_FLAGS ?=
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help install demo test bench probes batch batch-all clean distclean FORCE
+
+help:
+	@echo 'make demo      prefilter a shipped probe and render it'
+	@echo 'make test      lint, type-check and test'
+	@echo 'make bench     measure against other tools, as ratios'
+	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
+	@echo 'make batch     PROBES="..." BRDFS="...": bake every pair into build/'
+	@echo 'make install   set up .venv with shrm in it'
+	@echo 'make clean     remove what was built; make distclean: and .venv'
+
+# ---- setting up -------------------------------------------------------------------------------
+
+install: $(VENV)/.installed
+
+$(VENV)/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo 'shrm needs Python 3.11 or newer; name one: make PYTHON=python3.12'; exit 1; }
+	$(PYTHON) -m venv $(VENV) || \
+	  { echo 'No venv module; on Debian and Ubuntu: apt install python3-venv'; exit 1; }
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.made pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+# ---- the two commands -------------------------------------------------------------------------
+
+demo: $(VENV)/.installed
+	@mkdir -p build/demo
+	$(SHRM) prefilter probes/studio.exr --brdf microfacet --eps 0.03 \
+	  -o build/demo/studio.microfacet.shrm.exr
+	$(SHRM) render build/demo/studio.microfacet.shrm.exr --background probes/studio.exr \
+	  -o build/demo/studio.microfacet.png
+	@echo 'The picture is $(CURDIR)/build/demo/studio.microfacet.png'
+
+test: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+bench: $(VENV)/.dev
+	$(BIN)/python -m tests.benchmarks
+
+probes:
+	@bash probes/fetch.sh
+
+# ---- batch ------------------------------------------------------------------------------------
+
+comma := ,
+label = $(subst $(comma),-,$(subst =,-,$(subst :,-,$(1))))
+baked = build/$(basename $(notdir $(1))).$(call label,$(2)).shrm
+
+# One probe, one BRDF: a map and its picture. Files are written whole or not at all, so an
+# interrupted run goes on where it stopped.
+define pair
+$(call baked,$(1),$(2)).exr: $(1) build/.options | $(VENV)/.installed
+	$$(SHRM) prefilter '$(1)' --brdf '$(2)' --eps $$(EPS) $$(PREFILTER_FLAGS) -o '$$@'
+$(call baked,$(1),$(2)).png: $(call baked,$(1),$(2)).exr build/.render-options | $(VENV)/.installed
+	$$(SHRM) render '$$<' $$(RENDER_FLAGS) -o '$$@'
+PICTURES += $(call baked,$(1),$(2)).png
+endef
+
+ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
+  NAMES := $(basename $(notdir $(PROBES)))
+  ifneq ($(words $(NAMES)),$(words $(sort $(NAMES))))
+    $(error Two of PROBES have the same name: their outputs would overwrite each other)
+  endif
+  $(foreach p,$(PROBES),$(foreach b,$(sort $(BRDFS)),$(eval $(call pair,$(p),$(b)))))
+endif
+
+# -k: a pair that fails does not stop the others, but the run fails.
+batch: $(VENV)/.installed
+	@+$(MAKE) --no-print-directory -k batch-all || \
+	  { echo 'Some pairs failed, see above; the others are in build/'; exit 1; }
+	@echo 'Maps and pictures are in $(CURDIR)/build/'
+
+batch-all: $(PICTURES)
+
+# The options are a prerequisite: changing them bakes anew, running again does not.
+build/.options: FORCE
+	@mkdir -p build
+	@echo '--eps $(EPS) $(PREFILTER_FLAGS)' | cmp -s - $@ || \
+	  echo '--eps $(EPS) $(PREFILTER_FLAGS)' > $@
+
+build/.render-options: FORCE
+	@mkdir -p build
+	@echo '$(RENDER_FLAGS)' | cmp -s - $@ || echo '$(RENDER_FLAGS)' > $@
+
+FORCE:
+
+clean:
+	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find shrm_cli tests -name __pycache__ -type d -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV) shrm.egg-info

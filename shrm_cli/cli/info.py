@@ -1,0 +1,96 @@
+"""`shrm info`: what a file is."""
+
+from typing import Any
+
+import click
+
+from shrm_cli.cli.options import make_read_options, print_json, read_options, report_options, warn
+
+
+@click.command()
+@click.argument("file", type=click.Path())
+@click.option(
+    "--sampling", type=click.Choice(["center", "border"]), help="Where a probe's edge pixels lie."
+)
+@read_options
+@report_options
+def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
+    """Print what FILE is: a map that shrm wrote, or a light probe and how it would be read."""
+    from shrm_cli.exr import is_map
+
+    warnings: list[str] = []
+    if is_map(file):
+        values = _describe_map(file)
+    else:
+        values, warnings = _describe_probe(file, make_read_options(sampling, reading))
+    if as_json:
+        print_json({"file": file, **values, "warnings": warnings})
+        return
+    width = max(len(key) for key in values)
+    click.echo(file)
+    for key, value in values.items():
+        click.echo(f"  {key.replace('_', ' '):<{width}}  {_text(value)}")
+    warn([f"{file}: {line}" for line in warnings], quiet)
+
+
+def _describe_map(file: str) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from shrm_cli.exr import read_map
+
+    reflection_map = read_map(file)
+    order_p = reflection_map.order_p
+    values = {
+        "kind": "map",
+        "representation": reflection_map.representation,
+        "frame": reflection_map.frame,
+        "center": reflection_map.center,
+        "size": reflection_map.size,
+        "sampling": reflection_map.sampling,
+        "coefficients": order_p + 1 if reflection_map.azimuth_free else (order_p + 1) ** 2,
+    }
+    return values | asdict(reflection_map.info)
+
+
+def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]:
+    import numpy as np
+
+    from shrm_cli.probe.probe import open_probe
+
+    probe = open_probe(file, options)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    total, area = np.zeros(3), 0.0
+    for _, pixels, weights in probe.blocks():
+        low = np.minimum(low, pixels.min(axis=(0, 1)))
+        high = np.maximum(high, pixels.max(axis=(0, 1)))
+        full = np.broadcast_to(weights, pixels.shape[:2])
+        total += np.einsum("ijc,ij->c", pixels, full, dtype=float)
+        area += float(full.sum())
+    first = probe.files[0]
+    values = {
+        "kind": "probe",
+        "layout": probe.layout,
+        "width": first.width,
+        "height": first.height,
+        "sampling": probe.sampling,
+        "orientation": probe.orientation if probe.grid == "cube" else None,
+        "format": first.file_format,
+        "minimum": low.tolist(),
+        "maximum": high.tolist(),
+        "mean": (total / area).tolist(),
+        "chromaticities": probe.chromaticities,
+        "sha256": probe.digest(),
+    }
+    return {key: value for key, value in values.items() if value is not None}, (
+        probe.report.warnings()
+    )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(item) for item in value)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_text(item)}" for key, item in value.items())
+    return "none" if value in (None, "") else str(value)

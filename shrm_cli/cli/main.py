@@ -1,0 +1,101 @@
+"""`shrm`: finds the subcommand, and turns errors into one line and an exit code."""
+
+import importlib
+import signal
+import sys
+from types import FrameType
+from typing import Any
+
+import click
+
+from shrm_cli import __version__
+from shrm_cli.errors import ShrmError
+
+# Modules are imported when their command runs, so that --help is immediate.
+_COMMANDS = {
+    "prefilter": "Prefilter a light probe for a BRDF.",
+    "render": "Render a sphere from reflection maps.",
+    "info": "Print what a file is.",
+    "brdf": "List the BRDFs, or explain one.",
+    "probe": "Make a light probe.",
+}
+
+
+class _LazyGroup(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in _COMMANDS:
+            return None
+        command: click.Command = getattr(importlib.import_module(f"shrm_cli.cli.{name}"), name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
+            import difflib
+
+            near = difflib.get_close_matches(args[0], _COMMANDS, n=1)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            ctx.fail(f"No such command {args[0]!r}.{hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+
+@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="shrm")
+@click.option("--debug", is_flag=True, help="Show tracebacks.")
+def cli(debug: bool) -> None:
+    r"""Prefilter light probes for real materials, with a stated and kept error bound.
+
+    \b
+      shrm prefilter probe.exr --brdf microfacet --eps 0.03
+      shrm render probe.microfacet.shrm.exr
+    """
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    signal.signal(signal.SIGTERM, _stop)
+    try:
+        code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
+        sys.exit(code if isinstance(code, int) else 0)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        _fail("interrupted", 130)
+    except BrokenPipeError:
+        # The reader of our output has gone; there is nobody left to tell.
+        sys.stderr.close()
+        sys.exit(1)
+    except (ShrmError, MemoryError, Exception) as error:
+        if "--debug" in arguments:
+            raise
+        _fail(_one_line(error), 1)
+
+
+def _one_line(error: BaseException) -> str:
+    if isinstance(error, ShrmError):
+        return " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return "out of memory; lower --size or the orders"
+    return f"internal error, please report it ({type(error).__name__}: {error}); --debug tells more"
+
+
+def _fail(message: str, code: int) -> None:
+    click.echo(f"Error: {message}", err=True)
+    sys.exit(code)
+
+
+def _stop(number: int, frame: FrameType | None) -> Any:
+    """On SIGTERM unwind as an exit does, so that temporary files are removed."""
+    sys.exit(128 + number)

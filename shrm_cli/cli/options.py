@@ -1,0 +1,128 @@
+"""Options that several subcommands share, and how they report."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from shrm_cli import threads
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from shrm_cli.probe.probe import ReadOptions
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
+
+
+def _apply(command: Command, options: list[Callable[[Command], Command]]) -> Command:
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> int | None:
+    if value is not None:
+        threads.limit(value)
+    return value
+
+
+def report_options(command: Command) -> Command:
+    """--json, --quiet, --threads."""
+    return _apply(
+        command,
+        [
+            click.option("--json", "as_json", is_flag=True, help="Print results as JSON."),
+            click.option("--quiet", is_flag=True, help="Print errors only."),
+            click.option(
+                "--threads",
+                type=click.IntRange(1, 1024),
+                callback=_limit_threads,
+                expose_value=False,
+                is_eager=True,
+                help="Limit of every pool of threads.  [default: all processors]",
+            ),
+        ],
+    )
+
+
+def read_options(command: Command) -> Command:
+    """How a probe's file is to be understood; pass the values on to `make_read_options`."""
+    return _apply(
+        command,
+        [
+            click.option("--layout", type=click.Choice(_LAYOUTS), help="Layout of the probe."),
+            click.option(
+                "--orientation",
+                type=click.Choice(["openexr", "gl"]),
+                help="Orientation of its cube faces.",
+            ),
+            click.option(
+                "--yaw", type=float, default=0.0, help="Turn it about +Y, degrees, +Z towards +X."
+            ),
+            click.option("--mirror", is_flag=True, help="Mirror it, x -> -x."),
+            click.option(
+                "--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."
+            ),
+            click.option("--linearize", is_flag=True, help="Decode integer pixels as sRGB."),
+            click.option(
+                "--fix-nonfinite",
+                is_flag=True,
+                help="Fill NaN and infinite pixels from neighbours.",
+            ),
+            click.option(
+                "--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."
+            ),
+        ],
+    )
+
+
+def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptions:
+    """`ReadOptions` from the values of `read_options`."""
+    import math
+
+    from shrm_cli.probe.pixels import PixelPolicy
+    from shrm_cli.probe.probe import ReadOptions
+
+    clamp = values.pop("clamp")
+    if clamp is not None and not (math.isfinite(clamp) and clamp > 0):
+        raise click.BadParameter("must be a positive number", param_hint="'--clamp'")
+    if not math.isfinite(values["yaw"]):
+        raise click.BadParameter("must be a finite number of degrees", param_hint="'--yaw'")
+    policy = PixelPolicy(values.pop("fix_nonfinite"), clamp)
+    return ReadOptions(sampling=sampling, pixels=policy, **values)  # type: ignore[arg-type]
+
+
+def warn(lines: list[str], quiet: bool) -> None:
+    """Print warnings to stderr."""
+    for line in [] if quiet else lines:
+        click.echo(f"Warning: {line}", err=True)
+
+
+def print_json(value: Any) -> None:
+    """Print a result as JSON, with its keys as they are, to stdout."""
+    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+@contextmanager
+def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """A callable (done, all) that shows progress on a terminal, once the work takes a second."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(desc=label, delay=1.0, leave=False, file=sys.stderr) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield show

@@ -1,0 +1,142 @@
+"""`shrm prefilter`: from a probe and a BRDF to a map."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from shrm_cli.cli.options import (
+    make_read_options,
+    print_json,
+    progress_bar,
+    read_options,
+    report_options,
+    warn,
+)
+
+_SAMPLINGS = click.Choice(["center", "border"])
+
+
+@click.command()
+@click.argument("probe", metavar="PROBE", type=click.Path())
+@click.option(
+    "--brdf", "spec", metavar="SPEC", required=True,
+    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
+)  # fmt: skip
+@click.option(
+    "--to", "representation", type=click.Choice(["shrm"]), default="shrm", show_default=True,
+    help="Representation to write.",
+)  # fmt: skip
+@click.option(
+    "--eps", "tolerance", type=float, default=0.03, show_default=True,
+    help="Fraction of the BRDF's energy that may be missed; it chooses F and P.",
+)  # fmt: skip
+@click.option("--order-f", type=int, help="Order F to use instead.")
+@click.option("--order-p", type=int, help="Order P to use instead.")
+@click.option(
+    "--frame", type=click.Choice(["global", "local"]), default="global", show_default=True,
+    help="Axes of the view in the map: the world's, or each texel's own.",
+)  # fmt: skip
+@click.option(
+    "--size", type=click.IntRange(4, 4096), help="Texels along a face's edge.  [default: from F]"
+)
+@click.option(
+    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
+    show_default=True, help="Pixel type; auto is float where half would overflow.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(),
+    help="File to write.  [default: PROBE.BRDF.shrm.exr in the current folder]",
+)  # fmt: skip
+@click.option(
+    "--sampling", type=_SAMPLINGS,
+    help="Where edge pixels lie, in the probe and in the written cube.",
+)  # fmt: skip
+@click.option("--probe-sampling", type=_SAMPLINGS, help="The same, of the probe alone.")
+@click.option("--map-sampling", type=_SAMPLINGS, help="The same, of the written cube alone.")
+@read_options
+@report_options
+def prefilter(
+    probe: str,
+    spec: str,
+    representation: str,
+    tolerance: float,
+    order_f: int | None,
+    order_p: int | None,
+    frame: str,
+    size: int | None,
+    precision: str,
+    output: str | None,
+    sampling: str | None,
+    probe_sampling: str | None,
+    map_sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    """Prefilter the light probe PROBE for a BRDF.
+
+    The orders F and P are the least that keep the BRDF's energy within --eps; the error that
+    they make in the reflected light is predicted and printed.
+    """
+    import numpy as np
+
+    from shrm_cli.bake import bake
+    from shrm_cli.brdf.spec import file_label, parse_spec
+    from shrm_cli.exr import write_map
+    from shrm_cli.files import check_target
+    from shrm_cli.probe.probe import open_probe
+
+    brdf = parse_spec(spec)
+    source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
+    target = output or f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
+    check_target(target, [file.path for file in source.files])
+    with progress_bar("reading", quiet) as progress:
+        made = bake(
+            source,
+            brdf,
+            tolerance,
+            order_f=order_f,
+            order_p=order_p,
+            size=size,
+            frame=frame,  # type: ignore[arg-type]
+            sampling=map_sampling or sampling or "center",  # type: ignore[arg-type]
+            dtype=np.float32,
+            progress=progress,
+        )
+    pixel_type = write_map(target, made.map, precision)
+    warnings = [f"{probe}: {line}" for line in source.report.warnings()]
+    if pixel_type == "float" and precision == "auto":
+        warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
+    if made.orders.captured < 1 - tolerance:
+        warnings.append(
+            f"{target}: the orders asked for capture {made.orders.captured:.2%} of the BRDF's "
+            f"energy, less than --eps {tolerance:g} wants"
+        )
+    result = {"file": os.fspath(target), **made.summary(), "precision": pixel_type}
+    if as_json:
+        print_json({**result, "warnings": warnings})
+    elif not quiet:
+        click.echo(_report(result))
+    warn(warnings, quiet)
+
+
+def _stem(probe: str) -> str:
+    """Name of the outputs of a probe; six files have their ``%`` left out."""
+    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
+
+
+def _report(result: dict[str, Any]) -> str:
+    size, order_f, order_p = result["size"], result["order_f"], result["order_p"]
+    return "\n".join(
+        [
+            f"{result['file']}: {result['frame']} SHRM, 6 x {size} x {size} texels of "
+            f"{(order_p + 1) ** 2} coefficients, {result['precision']}",
+            f"  orders         F = {order_f}, P = {order_p}",
+            f"  BRDF energy    {result['brdf_energy_captured']:.2%} captured, "
+            f"{1 - result['epsilon']:.2%} asked",
+            f"  RMS error      {result['predicted_error']:.2%} of the reflected light predicted, "
+            f"{result['error_bound']:.2%} at most",
+        ]
+    )

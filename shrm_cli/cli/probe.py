@@ -1,0 +1,189 @@
+"""`shrm probe`: make probes for tests and demonstrations."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from shrm_cli.cli.types import AzimuthElevation, Radiance
+
+if TYPE_CHECKING:  # numpy is loaded by the command that runs, not by `shrm --help`
+    import numpy as np
+    from numpy.typing import NDArray
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def output_options(command: Command) -> Command:
+    """Options that every kind of probe has."""
+    options = [
+        click.option(
+            "-o",
+            "--output",
+            required=True,
+            type=click.Path(dir_okay=False),
+            help="OpenEXR file to write.",
+        ),
+        click.option(
+            "--size",
+            type=click.IntRange(2, 8192),
+            default=256,
+            show_default=True,
+            help="Height in pixels; the image is twice as wide.",
+        ),
+        click.option(
+            "--precision",
+            type=click.Choice(["auto", "half", "float"]),
+            default="auto",
+            show_default=True,
+            help="Pixel type; auto is float where half would overflow.",
+        ),
+        click.option("--quiet", is_flag=True, help="Print nothing on success."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@click.group()
+def probe() -> None:
+    """Make a lat-long light probe: test patterns, a sky, a studio.
+
+    Angles are in degrees: azimuth 0 is +Z, the centre of the image, and turns towards +X, its
+    left quarter; elevation is the height above the horizon. Radiance is linear.
+    """
+
+
+@probe.command()
+@output_options
+@click.option(
+    "--radiance",
+    type=Radiance(),
+    default="1",
+    show_default=True,
+    help="Radiance, grey or RGB.",
+)
+def furnace(
+    output: str, size: int, precision: str, quiet: bool, radiance: tuple[float, ...]
+) -> None:
+    """Make constant radiance from everywhere."""
+    from shrm_cli.probe import make
+
+    pixels = make.furnace(size, radiance)
+    _write(output, pixels, precision, quiet, radiance=radiance)
+
+
+@probe.command()
+@output_options
+@click.option(
+    "--direction",
+    type=AzimuthElevation(),
+    default="0,0",
+    show_default=True,
+    help="Direction that the bright texel contains, degrees.",
+)
+@click.option(
+    "--radiance",
+    type=Radiance(),
+    help="Radiance of the texel, grey or RGB.  [default: 1 / its solid angle]",
+)
+def impulse(
+    output: str,
+    size: int,
+    precision: str,
+    quiet: bool,
+    direction: tuple[float, float],
+    radiance: tuple[float, ...] | None,
+) -> None:
+    """Make one bright texel on black."""
+    from shrm_cli.probe import make
+    from shrm_cli.sphere.directions import from_azimuth_elevation
+
+    pixels = make.impulse(size, from_azimuth_elevation(*direction), radiance)
+    _write(output, pixels, precision, quiet, direction=direction, radiance=radiance)
+
+
+@probe.command()
+@output_options
+@click.option(
+    "--sun",
+    type=AzimuthElevation(),
+    default="45,35",
+    show_default=True,
+    help="Direction of the sun, degrees; elevation 0 to 90.",
+)
+@click.option(
+    "--turbidity",
+    type=click.FloatRange(1.7, 10),
+    default=3.0,
+    show_default=True,
+    help="Haziness of the air.",
+)
+@click.option(
+    "--ground-albedo",
+    type=click.FloatRange(0, 1),
+    default=0.2,
+    show_default=True,
+    help="Diffuse reflectance of the ground.",
+)
+def sky(
+    output: str,
+    size: int,
+    precision: str,
+    quiet: bool,
+    sun: tuple[float, float],
+    turbidity: float,
+    ground_albedo: float,
+) -> None:
+    """Make a clear sky with its sun, in kcd/m^2.
+
+    Preetham, Shirley & Smits 1999. The sun has its real radiance.
+    """
+    from shrm_cli.probe.sky import sky as make_sky
+
+    pixels = make_sky(size, *sun, turbidity, ground_albedo)
+    _write(
+        output,
+        pixels,
+        precision,
+        quiet,
+        sun=sun,
+        turbidity=turbidity,
+        ground_albedo=ground_albedo,
+    )
+
+
+@probe.command()
+@output_options
+@click.option(
+    "--key",
+    type=click.FloatRange(0, 65504),
+    default=20.0,
+    show_default=True,
+    help="Radiance of the key light; the fill has 2, the rim 10.",
+)
+def studio(output: str, size: int, precision: str, quiet: bool, key: float) -> None:
+    """Make three soft boxes before a dark backdrop."""
+    from shrm_cli.probe import make
+
+    pixels = make.studio(size, key)
+    _write(output, pixels, precision, quiet, key=key)
+
+
+def _write(
+    output: str, pixels: NDArray[np.float32], precision: str, quiet: bool, **parameters: object
+) -> None:
+    """Write the image with the parameters that made it, and say so."""
+    from shrm_cli.exr import write_image
+
+    height, width, _ = pixels.shape
+    command = click.get_current_context().info_name
+    recipe = json.dumps({"probe": command, "size": height, **parameters})
+    pixel_type = write_image(
+        output, pixels, precision=precision, attributes={"shrm:recipe": recipe}
+    )
+    if not quiet:
+        click.echo(f"{output}: {width} x {height}, {pixel_type}")

@@ -1,0 +1,59 @@
+"""Parameter types of the command line. Imports nothing heavy: `shrm --help` loads it."""
+
+import math
+
+import click
+
+
+class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 only
+    """A direction ``AZ,EL`` in degrees: azimuth from +Z towards +X about +Y, elevation up."""
+
+    name = "AZ,EL"
+
+    def convert(
+        self,
+        value: str | tuple[float, float],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[float, float]:
+        """Two finite numbers, the second within -90 .. 90."""
+        if isinstance(value, tuple):
+            return value
+        numbers = _numbers(value)
+        if len(numbers) != 2:
+            self.fail(f"{value!r} is not two numbers AZ,EL such as 30,45", param, ctx)
+        azimuth, elevation = numbers
+        if not -90 <= elevation <= 90:
+            self.fail(f"elevation {elevation:g} is outside -90 .. 90", param, ctx)
+        return azimuth, elevation
+
+
+class Radiance(click.ParamType):  # type: ignore[type-arg]
+    """A linear RGB radiance: one number for all channels, or three with commas between."""
+
+    name = "X|R,G,B"
+
+    def convert(
+        self,
+        value: str | tuple[float, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[float, ...]:
+        """One or three finite numbers, none below 0."""
+        if isinstance(value, tuple):
+            return value
+        numbers = _numbers(value)
+        if len(numbers) not in (1, 3):
+            self.fail(f"{value!r} is not one number, or three such as 1,0.5,0.2", param, ctx)
+        if min(numbers) < 0:
+            self.fail(f"{value!r} has a number below 0", param, ctx)
+        return numbers
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Split a comma-separated list of finite numbers; empty if any part is not one."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return numbers if all(math.isfinite(number) for number in numbers) else ()
