@@ -11,6 +11,7 @@ import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from shrm_cli import threads
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files import replacing
 from shrm_cli.maps.info import MapInfo
@@ -49,10 +50,11 @@ def write_map(path: str | os.PathLike[str], reflection_map: Shrm, precision: str
     """
     planes = np.moveaxis(reflection_map.coefficients, (2, 3), (0, 1))
     chosen = _choose_precision(path, planes, precision)
+    azimuth_free = reflection_map.azimuth_free
     kept = [
         index
         for index, (_, q) in enumerate(_order(reflection_map.order_p))
-        if q == 0 or not reflection_map.azimuth_free
+        if q == 0 or not azimuth_free
     ]
     channels = {
         f"sh{index:03d}.{colour}": _stored(planes[index, k], chosen)
@@ -178,7 +180,7 @@ def _header(reflection_map: Shrm) -> dict[str, Any]:
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,
-        "shrm:P": info.order_p,
+        "shrm:P": reflection_map.order_p,
         "shrm:epsilon": float(info.tolerance),
         "shrm:brdf_energy_captured": float(info.captured),
         "shrm:predicted_error": float(info.predicted_error),
@@ -199,7 +201,7 @@ def _write(
     full = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
     with replacing(path) as temporary:
         try:
-            with OpenEXR.File(full, channels) as file:
+            with OpenEXR.File(full, channels, num_threads=threads.count() or -1) as file:
                 file.write(str(temporary))
         except RuntimeError as error:  # the library's words for a failed system call
             raise OSError(0, str(error).replace(str(temporary), str(path)).rstrip(".")) from error

@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import os
-import secrets
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -48,7 +47,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(target)
     prefix = f".{target.stem}{_MARK}"
     _remove_abandoned(target.parent, prefix, target.suffix)
-    temporary = target.with_name(f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
     try:
         yield temporary
         with open(temporary, "rb+") as stream:

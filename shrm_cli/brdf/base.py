@@ -36,6 +36,9 @@ class Brdf(ABC):
         The central direction C that its map is parameterised by (section 5.3.1).
     includes_cosine : bool
         Whether `evaluate` is already the transfer function rho_hat rather than f_r.
+    has_horizon : bool
+        Whether light from below the surface (N.L <= 0) is cut off; phenomenological lobes about
+        the mirror direction go on there.
     zonal : bool
         Whether rho_hat depends on the angle between C and the light alone, and is zero beyond
         90 degrees (the "radially symmetric" BRDFs of section 5.3.1).
@@ -47,6 +50,7 @@ class Brdf(ABC):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     center: ClassVar[Center] = "reflection"
     includes_cosine: ClassVar[bool] = False
+    has_horizon: ClassVar[bool] = True
     zonal: ClassVar[bool] = False
 
     def __init__(self, **values: float) -> None:
@@ -78,11 +82,15 @@ class Brdf(ABC):
         """
 
     def transfer(self, light: Array, view: Array) -> Array:
-        """The BRDF transfer function rho_hat, with the cosine of the light's angle included."""
+        """The BRDF transfer function rho_hat: with the cosine of the light's angle, and horizon.
+
+        Takes and returns what `evaluate` does.
+        """
         value = self.evaluate(light, view)
-        if self.includes_cosine:
-            return value
-        return value * np.maximum(light[..., 2], 0.0)[..., None]
+        height = light[..., 2]
+        if not self.includes_cosine:
+            return scaled(value, np.maximum(height, 0.0))
+        return scaled(value, (height > 0).astype(float)) if self.has_horizon else value
 
     def __repr__(self) -> str:
         inside = ",".join(f"{key}={value:g}" for key, value in self.values.items())
@@ -92,6 +100,13 @@ class Brdf(ABC):
 def grey(value: Array) -> Array:
     """A scalar as three equal channels, shape (...) to (..., 3), without copying."""
     return np.broadcast_to(value[..., None], (*value.shape, 3))
+
+
+def scaled(values: Array, factor: Array) -> Array:
+    """RGB values (..., 3) times a factor (...); grey values stay a broadcast view."""
+    if values.strides[-1] == 0:
+        return grey(values[..., 0] * factor)
+    return values * factor[..., None]
 
 
 def _listing(names: list[str]) -> str:

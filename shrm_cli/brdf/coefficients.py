@@ -207,6 +207,8 @@ def _transfer_samples(
         rows = slice(start, start + step)
         beyond = theta_i[rows, None, None] - horizon
         coverage = np.clip(0.5 - beyond / cell, 0.0, 1.0)
+        if not brdf.has_horizon:
+            coverage[:] = 1.0
         theta = np.broadcast_to(theta_i[rows, None, None], coverage.shape)
         cut = (coverage > 0) & (beyond >= 0)
         if cut.any():

@@ -23,5 +23,4 @@ class Microfacet(Brdf):
         # atan2 is exact for small angles, where acos of the normalised cosine is not.
         angle = np.arctan2(np.hypot(half[..., 0], half[..., 1]), half[..., 2])
         sigma = self.values["sigma"]
-        lobe = np.exp(-((angle / sigma) ** 2)) / (4 * np.pi * sigma**2)
-        return grey(np.where(light[..., 2] > 0, lobe, 0.0))
+        return grey(np.exp(-((angle / sigma) ** 2)) / (4 * np.pi * sigma**2))

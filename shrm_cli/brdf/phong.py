@@ -13,6 +13,7 @@ class Phong(Brdf):
     source = "Phong 1975; normalised as Ramamoorthi 2002, eq. 5.26"
     parameters = (Parameter("exponent", 32.0, 0.0, 1e5, "s: larger is sharper"),)
     includes_cosine = True
+    has_horizon = False
     zonal = True
 
     def evaluate(self, light: Array, view: Array) -> Array:

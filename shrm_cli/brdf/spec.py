@@ -1,6 +1,5 @@
 """The syntax that names a BRDF on the command line: ``NAME`` or ``NAME:key=value,key=value``."""
 
-import difflib
 import math
 
 from shrm_cli.brdf.base import Brdf
@@ -22,6 +21,8 @@ def find_model(name: str) -> type[Brdf]:
     """
     if name in MODELS:
         return MODELS[name]
+    import difflib  # slow to load, and rarely needed
+
     near = difflib.get_close_matches(name.lower(), MODELS, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(MODELS)}"
     raise BrdfError(f"no BRDF is called {name!r}; {hint}")

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from shrm_cli import __version__
+from shrm_cli import __version__, threads
 from shrm_cli.errors import ShrmError
 
 # Modules are imported when their command runs, so that --help is immediate.
@@ -63,6 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
     arguments = sys.argv[1:] if arguments is None else arguments
     signal.signal(signal.SIGTERM, _stop)
+    threads.limit_small_products()
     try:
         code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.sphere.grids import gauss_legendre
 from shrm_cli.sphere.harmonics import complex_from_real, legendre_table
 from shrm_cli.sphere.wigner import small_d_degrees
 
@@ -45,7 +46,7 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
         return (lighting[: len(degree)] * brdf[degree, 0, 0] * scale)[:, None]
     band = order_f + order_p
     light = complex_from_real(lighting, order_f)
-    cosines, weights = np.polynomial.legendre.leggauss(band + 1)
+    cosines, weights = gauss_legendre(band + 1)
     theta = np.arccos(cosines)
     result = np.zeros(((band + 1) ** 2, (order_p + 1) ** 2, channels))
     for rings in _blocks(len(theta), order_f, order_p):

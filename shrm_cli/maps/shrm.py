@@ -76,9 +76,10 @@ class Shrm:
     @property
     def azimuth_free(self) -> bool:
         """Whether a local map holds only q = 0 (a BRDF without azimuthal dependence)."""
-        p = np.arange(self.order_p + 1)
-        others = np.setdiff1d(np.arange(self.coefficients.shape[2]), p * (p + 1))
-        return self.frame == "local" and not self.coefficients[:, :, others].any()
+        if self.frame != "local":
+            return False
+        q = [q for p in range(self.order_p + 1) for q in range(-p, p + 1)]
+        return not self.coefficients[:, :, np.array(q) != 0].any()
 
     @classmethod
     def build(

@@ -88,6 +88,20 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
     return weights
 
 
+def gauss_legendre(count: int) -> tuple[Array, Array]:
+    """Nodes in (-1, 1), ascending, and weights of the rule exact to degree 2 count - 1.
+
+    References
+    ----------
+    Golub & Welsch 1969: eigenvalues and first components of the eigenvectors of the Jacobi
+    matrix.
+    """
+    k = np.arange(1, count)
+    beside = k / np.sqrt(4.0 * k**2 - 1)
+    values, vectors = np.linalg.eigh(np.diag(beside, -1) + np.diag(beside, 1))
+    return values, 2 * vectors[0] ** 2
+
+
 def longitude_weights(width: int, sampling: Sampling = "center") -> Array:
     """Weights of the columns of a lat-long; they sum to 2 pi."""
     if sampling == "center":

@@ -1,0 +1,105 @@
+"""Brute-force angular integration with BRDFs written out again: it shares no code with shrm."""
+
+import numpy as np
+from scipy.special import sph_harm_y
+
+
+def unit(rng, count):
+    """Uniform directions, shape (count, 3)."""
+    vectors = rng.normal(size=(count, 3))
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def microfacet(sigma):
+    """rho_hat of eq. 5.34 in world space: arrays R (3,), V (3,), L (n, 3) -> (n,)."""
+
+    def rho_hat(reflection, view, light):
+        normal = reflection + view
+        normal = normal / np.sqrt(normal @ normal)
+        half = light + view
+        cosine = (half @ normal) / np.sqrt(np.sum(half**2, axis=1))
+        theta_h = np.arccos(np.clip(cosine, -1, 1))
+        value = np.exp(-(theta_h**2) / sigma**2) / (4 * np.pi * sigma**2)
+        return np.where(light @ normal > 0, value, 0)
+
+    return rho_hat
+
+
+def phong(exponent):
+    """rho_hat of eq. 5.26 in world space."""
+
+    def rho_hat(reflection, view, light):
+        cosine = np.maximum(light @ reflection, 0)
+        return (exponent + 1) / (2 * np.pi) * cosine**exponent * (cosine > 0)
+
+    return rho_hat
+
+
+def reflected(rho_hat, reflection, view, light, weights, radiance):
+    """Reflected radiance, shape (channels,): the sum over the sphere's samples."""
+    return (weights * rho_hat(reflection, view, light)) @ radiance
+
+
+def latlong_samples(height):
+    """Directions and solid angles of a lat-long's pixel centres, from the contract's words.
+
+    Top row up (+Y), the centre column along +Z, the left quarter along +X.
+    """
+    directions, weights = [], []
+    for row in range(height):
+        below = np.pi * np.array([row, row + 1]) / height
+        polar = np.pi * (row + 0.5) / height
+        for column in range(2 * height):
+            turn = 2 * np.pi * (0.5 - (column + 0.5) / (2 * height))
+            directions.append(
+                [np.sin(polar) * np.sin(turn), np.cos(polar), np.sin(polar) * np.cos(turn)]
+            )
+            weights.append((np.cos(below[0]) - np.cos(below[1])) * np.pi / height)
+    return np.array(directions), np.array(weights)
+
+
+def sphere_rule(order):
+    """Directions and weights that integrate harmonics up to `order` exactly."""
+    z, weights = np.polynomial.legendre.leggauss(order // 2 + 1)
+    phi = 2 * np.pi * np.arange(order + 1) / (order + 1)
+    sine = np.sqrt(1 - z**2)[:, None]
+    directions = np.stack(
+        [sine * np.cos(phi), sine * np.sin(phi), np.broadcast_to(z[:, None], (len(z), len(phi)))],
+        axis=-1,
+    )
+    full = np.broadcast_to(weights[:, None] * 2 * np.pi / len(phi), (len(z), len(phi)))
+    return directions.reshape(-1, 3), full.reshape(-1)
+
+
+def band_limited(coefficients):
+    """rho_hat with given rho_hat_lpq, (F+1, P+1, P+1), through scipy's complex harmonics."""
+    order_f, order_p = coefficients.shape[0] - 1, coefficients.shape[1] - 1
+
+    def rho_hat(reflection, view, light):
+        theta = np.arccos(reflection[2])
+        phi = np.arctan2(reflection[1], reflection[0])
+        c, s = np.cos(theta), np.sin(theta)
+        frame = np.array(
+            [
+                [c * np.cos(phi), -np.sin(phi), s * np.cos(phi)],
+                [c * np.sin(phi), np.cos(phi), s * np.sin(phi)],
+                [-s, 0, c],
+            ]
+        )
+        local, v = light @ frame, view @ frame
+        theta_i, phi_i = (
+            np.arccos(np.clip(local[:, 2], -1, 1)),
+            np.arctan2(local[:, 1], local[:, 0]),
+        )
+        theta_o, phi_o = np.arccos(np.clip(v[2], -1, 1)), np.arctan2(v[1], v[0])
+        total = np.zeros(len(light), dtype=complex)
+        for l in range(order_f + 1):  # noqa: E741
+            for q in range(-min(l, order_p), min(l, order_p) + 1):
+                left = np.conj(sph_harm_y(l, q, theta_i, phi_i))
+                for p in range(abs(q), order_p + 1):
+                    right = sph_harm_y(p, q, theta_o, phi_o)
+                    total += coefficients[l, p, abs(q)] * left * right
+        assert np.abs(total.imag).max() < 1e-9 * max(np.abs(total.real).max(), 1)
+        return total.real
+
+    return rho_hat

@@ -1,0 +1,106 @@
+"""Orders of the papers' tables, and the errors that they promise."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.coefficients import compute_coefficients
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import OrderError
+from shrm_cli.orders import choose_orders, error_bound, predicted_error
+
+
+@pytest.mark.parametrize(("sigma", "order_f"), [(0.1, 23), (0.2, 11), (0.3, 7), (0.4, 5), (0.5, 4)])
+def test_microfacet_orders_of_table_5_5(sigma, order_f):
+    orders, _ = choose_orders(parse_spec(f"microfacet:sigma={sigma}"), 0.03)
+    assert abs(orders.order_f - order_f) <= 1
+    assert orders.order_p == 2
+    assert orders.captured >= 0.97
+
+
+@pytest.mark.parametrize(
+    ("exponent", "order_f"), [(8, 6), (16, 8), (32, 12), (64, 17), (128, 24), (256, 34), (512, 48)]
+)
+def test_phong_orders_of_equation_5_28(exponent, order_f):
+    orders, _ = choose_orders(parse_spec(f"phong:exponent={exponent}"), 0.01)
+    assert abs(orders.order_f - order_f) <= 1
+    assert orders.order_p == 0
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 0.05, 0.01])
+def test_orders_are_the_least_that_meet_the_tolerance(tolerance):
+    brdf = parse_spec("microfacet:sigma=0.35")
+    orders, coefficients = choose_orders(brdf, tolerance)
+    captured = coefficients.captured()
+    f, p = orders.order_f, orders.order_p
+    assert captured[f, p] >= 1 - tolerance
+    assert captured[f - 1, p] < 1 - tolerance
+    assert p == 0 or captured[-1, p - 1] < 1 - tolerance
+
+
+def test_orders_can_be_forced():
+    brdf = parse_spec("microfacet")
+    orders, coefficients = choose_orders(brdf, 0.03, order_f=40, order_p=10)
+    assert (orders.order_f, orders.order_p) == (40, 10)
+    assert coefficients.order_f >= 40
+    assert coefficients.order_p >= 10
+    orders, _ = choose_orders(brdf, 0.03, order_f=0, order_p=0)
+    assert (orders.order_f, orders.order_p) == (0, 0)
+    assert orders.captured < 0.1
+    orders, _ = choose_orders(brdf, 0.03, order_p=0)
+    assert orders.order_p == 0
+    assert 5 < orders.order_f < 20
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, 2.0, float("nan"), float("inf")])
+def test_tolerance_must_be_a_fraction(tolerance):
+    with pytest.raises(OrderError, match="between 0 and 1"):
+        choose_orders(parse_spec("phong"), tolerance)
+
+
+@pytest.mark.parametrize(("order_f", "order_p"), [(513, None), (-1, None), (None, 33), (None, -1)])
+def test_forced_orders_have_limits(order_f, order_p):
+    with pytest.raises(OrderError, match=r"outside 0 \.\."):
+        choose_orders(parse_spec("microfacet"), 0.03, order_f, order_p)
+
+
+def test_tolerance_that_cannot_be_met_names_what_was_reached():
+    # exp(-F^2 / s) at F = 512, s = 1e5 is 0.073 (eq. 5.28).
+    with pytest.raises(OrderError, match=r"F = 512 and P = 32; they reach 0\.072"):
+        choose_orders(parse_spec("phong:exponent=1e5"), 0.01)
+
+
+def test_predicted_error_is_exact_where_everything_is_known():
+    """One degree of light: the error is the missing part of that degree alone."""
+    coefficients = compute_coefficients(parse_spec("phong:exponent=8"), 32, 0)
+    power = np.zeros((33, 3))
+    power[3] = 2.0
+    assert predicted_error(power, coefficients, 3, 0) == 0
+    assert predicted_error(power, coefficients, 2, 0) == pytest.approx(1)
+    power[5] = 1.0
+    squares = coefficients.values[:, 0, 0, 0] ** 2 / (2 * np.arange(33) + 1)
+    expected = np.sqrt(squares[5] / (2 * squares[3] + squares[5]))
+    assert predicted_error(power, coefficients, 4, 0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.2", "phong:exponent=50", "lambertian"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_bound_is_conservative(spec, seed):
+    rng = np.random.default_rng(seed)
+    orders, coefficients = choose_orders(parse_spec(spec), 0.05)
+    power = (
+        rng.random((coefficients.order_f + 1, 3))
+        * np.exp(-rng.random() * np.arange(coefficients.order_f + 1))[:, None]
+    )
+    energy = power.sum(axis=0) * 1.3
+    for f in (0, 1, orders.order_f):
+        predicted = predicted_error(power, coefficients, f, orders.order_p)
+        bound = error_bound(power, energy, coefficients, f, orders.order_p)
+        assert predicted <= bound * (1 + 1e-9)
+        assert bound <= 1
+
+
+def test_black_light_has_no_error():
+    coefficients = compute_coefficients(parse_spec("microfacet"), 32, 8)
+    power = np.zeros((33, 3))
+    assert predicted_error(power, coefficients, 4, 2) == 0
+    assert error_bound(power, np.zeros(3), coefficients, 4, 2) == 0
