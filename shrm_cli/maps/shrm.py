@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,7 +147,7 @@ class Shrm:
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         centers = reflect(views, normals) if self.center == "reflection" else normals
         if views.ndim == 1:  # a distant viewer: one reflection map serves all (eq. 5.35)
-            return CubeSampler(self.reflection_map(views), self.sampling)(centers)
+            return self._distant_sampler(views)(centers)
         shape = np.broadcast_shapes(centers.shape, views.shape)
         values = self._sampler(np.broadcast_to(centers, shape))
         values = values.reshape(*shape[:-1], -1, 3)
@@ -158,6 +158,18 @@ class Shrm:
         weights = real_harmonics(self.order_p, np.asarray(view, dtype=float))
         coefficients = self._global.coefficients
         return np.einsum("rckx,k->rcx", coefficients, weights.astype(coefficients.dtype))
+
+    def _distant_sampler(self, view: Array) -> CubeSampler:
+        """The sampler of one view's reflection map; that of the last view is kept."""
+        kept = self._last_view
+        if kept.get("view") != tuple(view):
+            kept["sampler"] = CubeSampler(self.reflection_map(view), self.sampling)
+            kept["view"] = tuple(view)
+        return kept["sampler"]
+
+    @cached_property
+    def _last_view(self) -> dict[str, Any]:
+        return {}
 
     @cached_property
     def _global(self) -> "Shrm":

@@ -23,7 +23,7 @@ def degrees(order: int) -> NDArray[np.intp]:
 
 
 def legendre_degrees(
-    order: int, z: ArrayLike, max_m: int | None = None
+    order: int, z: ArrayLike, max_m: int | None = None, sine: ArrayLike | None = None
 ) -> Iterator[tuple[int, Array]]:
     """Yield ``(l, P_l)`` for l = 0 .. order: ``P_l[m] = f_lm(acos z)``.
 
@@ -38,6 +38,8 @@ def legendre_degrees(
         Cosines of the polar angle, in [-1, 1].
     max_m : int, optional
         Largest m; every m by default.
+    sine : array_like, optional
+        Sines of the polar angle, where they are known better than z tells: beside the poles.
 
     Yields
     ------
@@ -46,7 +48,7 @@ def legendre_degrees(
     """
     z = np.asarray(z, dtype=float)
     last = order if max_m is None else max_m
-    sine = np.sqrt((1 - z) * (1 + z))
+    sine = np.sqrt((1 - z) * (1 + z)) if sine is None else np.asarray(sine)
     tail = [1] * z.ndim
     before = np.empty((0, *z.shape))
     previous = np.full((1, *z.shape), np.sqrt(1 / (4 * np.pi)))
@@ -103,7 +105,7 @@ def real_harmonics(order: int, directions: ArrayLike) -> Array:
     phase = np.where(sine > 0, x / safe, 1.0) + 1j * (y / safe)
     powers = phase[None] ** np.arange(order + 1).reshape(-1, *[1] * z.ndim)
     values = np.empty((*z.shape, (order + 1) ** 2))
-    for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0)):
+    for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0), sine=sine):
         centre = index(degree, 0)
         values[..., centre] = legendre[0]
         positive = np.sqrt(2) * legendre[1:] * powers[1 : degree + 1]

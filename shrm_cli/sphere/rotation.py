@@ -1,12 +1,12 @@
 """Rotating the coefficients of functions on the sphere."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.sphere.wigner import small_d_degrees
+from shrm_cli.sphere.wigner import right_angle_degrees, small_d_degrees
 
 Array = NDArray[np.floating]
 
@@ -16,10 +16,12 @@ _CACHED_ORDER = 96
 def euler_zyz(rotation: ArrayLike) -> tuple[float, float, float]:
     """Angles (a, b, c), radians, of ``rotation = Rz(a) Ry(b) Rz(c)``, a 3x3 rotation matrix."""
     r = np.asarray(rotation, dtype=float)
-    beta = float(np.arctan2(np.hypot(r[0, 2], r[1, 2]), r[2, 2]))
-    if np.hypot(r[0, 2], r[1, 2]) < 1e-12:  # only a + c (or a - c) is defined: choose c = 0
-        return float(np.arctan2(-r[0, 1], r[1, 1])), beta, 0.0
-    return float(np.arctan2(r[1, 2], r[0, 2])), beta, float(np.arctan2(r[2, 1], -r[2, 0]))
+    alpha = np.arctan2(r[1, 2], r[0, 2])
+    # With a taken out, the rows of Ry(b) Rz(c) give b and c. Near b = 0 and b = pi, where a is
+    # noise, c makes up for it.
+    x = np.cos(alpha) * r[0] + np.sin(alpha) * r[1]
+    y = np.cos(alpha) * r[1] - np.sin(alpha) * r[0]
+    return float(alpha), float(np.arctan2(x[2], r[2, 2])), float(np.arctan2(y[0], y[1]))
 
 
 def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
@@ -38,39 +40,55 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
 
     References
     ----------
-    seeds eq. 2.29: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b) exp(-i n c)``, here between real
+    Ramamoorthi 2002, eq. 2.29: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b) exp(-i n c)``, here between real
     harmonics.
     """
-    source = np.asarray(coefficients, dtype=float)
-    result = np.empty_like(source)
-    order = int(np.sqrt(len(source))) - 1
-    elements = tuple(np.asarray(matrix, dtype=float).ravel())
-    blocks = _cached_blocks if order <= _CACHED_ORDER else _blocks
-    for degree, block in enumerate(blocks(elements, order)):
-        rows = slice(degree**2, (degree + 1) ** 2)
-        flat = source[rows].reshape(2 * degree + 1, -1)
-        result[rows] = (block @ flat).reshape(result[rows].shape)
-    return result
-
-
-def _blocks(elements: tuple[float, ...], order: int) -> Iterator[Array]:
-    """The matrices that act on each degree, shape (2l+1, 2l+1)."""
-    matrix = np.reshape(elements, (3, 3))
-    mirrored = np.linalg.det(matrix) < 0
-    if mirrored:
+    matrix = np.asarray(matrix, dtype=float)
+    result = np.array(coefficients, dtype=float)
+    order = int(np.sqrt(len(result))) - 1
+    degree = np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
+    m = np.arange(len(result)) - degree * (degree + 1)
+    if np.linalg.det(matrix) < 0:  # y -> -y comes first: the sine harmonics change sign
         matrix = matrix @ np.diag([1.0, -1.0, 1.0])
+        result[m < 0] *= -1
     alpha, beta, gamma = euler_zyz(matrix)
-    for degree, d in small_d_degrees(order, beta):
-        block = _turn_about_z(_real_tilt(d, degree), alpha)
-        block = _turn_about_z(block.T, -gamma).T
-        if mirrored:  # y -> -y comes first: the sine harmonics change sign
-            block[:, :degree] *= -1
-        yield block
+    opposite = degree * (degree + 1) - m
+    result = _turn_about_z(result, m, opposite, gamma)
+    for at, tilt in enumerate(_tilts(order, beta)):
+        rows = slice(at**2, (at + 1) ** 2)
+        flat = result[rows].reshape(2 * at + 1, -1)
+        result[rows] = (tilt @ flat).reshape(result[rows].shape)
+    return _turn_about_z(result, m, opposite, alpha)
+
+
+def _tilts(order: int, beta: float) -> Iterable[Array]:
+    """Matrices of Ry(b) between real harmonics, degree by degree."""
+    if beta == np.pi / 2:  # exchanging axes: every lat-long, every cube
+        if order <= _CACHED_ORDER:
+            return _cached_right_angles(order)
+        return (_right_angle_tilt(d) for d in right_angle_degrees(order))
+    return (_real_tilt(d, degree) for degree, d in small_d_degrees(order, beta))
 
 
 @lru_cache(maxsize=4)
-def _cached_blocks(elements: tuple[float, ...], order: int) -> list[Array]:
-    return list(_blocks(elements, order))
+def _cached_right_angles(order: int) -> list[Array]:
+    return [_right_angle_tilt(d) for d in right_angle_degrees(order)]
+
+
+def _right_angle_tilt(quadrant: Array) -> Array:
+    """Matrix of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
+
+    Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
+    """
+    degree = len(quadrant) - 1
+    k = np.arange(degree + 1)
+    factor = np.where(k == 0, 1.0, np.sqrt(2)) * (-1.0) ** k
+    values = quadrant * (factor[:, None] * factor)
+    odd = ((degree + k[:, None] + k) % 2).astype(bool)
+    result = np.zeros((2 * degree + 1, 2 * degree + 1))
+    result[degree:, degree:] = np.where(odd, 0.0, values)
+    result[:degree, :degree] = np.where(odd, values, 0.0)[:0:-1, :0:-1]
+    return result
 
 
 def rotate_to_frames(
@@ -98,9 +116,10 @@ def rotate_to_frames(
     for degree, d in small_d_degrees(order, theta if inverse else -theta):
         rows = slice(degree**2, (degree + 1) ** 2)
         tilt = _real_tilt(d, degree)
-        block = source[rows] if inverse else _turn_about_z(source[rows], -phi)
+        m, opposite = np.arange(-degree, degree + 1), np.arange(2 * degree, -1, -1)
+        block = source[rows] if inverse else _turn_about_z(source[rows], m, opposite, -phi)
         block = np.einsum("mnk,n...k->m...k", tilt, block)
-        result[rows] = _turn_about_z(block, phi) if inverse else block
+        result[rows] = _turn_about_z(block, m, opposite, phi) if inverse else block
     return result
 
 
@@ -130,10 +149,19 @@ def _real_tilt(d: Array, degree: int) -> Array:
     return result
 
 
-def _turn_about_z(rows: Array, angle: float | Array) -> Array:
-    """Rotate the coefficients of one degree, (2l+1, ...), about +Z: f(phi) to f(phi - angle)."""
+def _turn_about_z(
+    values: Array, m: NDArray[np.intp], opposite: NDArray[np.intp], angle: float | Array
+) -> Array:
+    """Rotate coefficients about +Z, f(phi) to f(phi - angle).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, ...)
+    m, opposite : ndarray of int, shape (n,)
+        Azimuthal order of each coefficient, and the index of the one with -m.
+    angle : float or ndarray, broadcastable to the last axes of `values`
+    """
     if np.ndim(angle) == 0 and angle == 0:
-        return rows
-    degree = len(rows) // 2
-    m = np.arange(-degree, degree + 1).reshape(-1, *[1] * (rows.ndim - 1))
-    return np.cos(m * angle) * rows - np.sin(m * angle) * rows[::-1]
+        return values
+    phase = m.reshape(-1, *[1] * (values.ndim - 1)) * angle
+    return np.cos(phase) * values - np.sin(phase) * values[opposite]

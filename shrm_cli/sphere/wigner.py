@@ -52,6 +52,41 @@ def small_d_degrees(
         before, previous = previous, current
 
 
+def right_angle_degrees(order: int) -> Iterator[Array]:
+    """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = 0 .. order.
+
+    The same recurrence where it is simplest: the cosine is 0, and one quadrant holds all values,
+    ``d_m,-n = (-1)^(l+m) d_mn``.
+
+    Yields
+    ------
+    d : ndarray, shape (l+1, l+1)
+    """
+    m = np.arange(order + 1.0)
+    products = np.outer(m, m)
+    before, previous = np.zeros((0, 0)), np.ones((1, 1))
+    root = np.zeros((0, 0))  # sqrt((l^2 - m^2) (l^2 - n^2)) of the degree below
+    edge = np.ones(1)  # d^l_ln, n = 0 .. l
+    yield previous
+    for degree in range(1, order + 1):
+        k = degree - 1
+        side = np.sqrt(degree**2 - m[:degree] ** 2)
+        scale = np.outer(side, side)
+        current = np.zeros((degree + 1, degree + 1))
+        if k > 0:
+            inner = current[:degree, :degree]
+            np.multiply(products[:degree, :degree], previous, out=inner)
+            inner *= -(2 * k + 1) / k
+            inner[:k, :k] -= (degree / k) * root * before
+            inner /= scale
+        ratio = np.sqrt(2 * degree * (2 * degree - 1) / (degree**2 - m[:degree] ** 2))
+        edge = np.append(-ratio / 2 * edge, 0.5**degree)
+        current[degree] = edge
+        current[:, degree] = (-1.0) ** (degree - m[: degree + 1]) * edge
+        yield current
+        before, previous, root = previous, current, scale
+
+
 def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: Array) -> Array:
     """The row m = l of d^l from the row m = l - 1 of d^{l-1}."""
     old = (len(edge) - 1) // 2

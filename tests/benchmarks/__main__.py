@@ -1,0 +1,17 @@
+"""Run every benchmark and print one table. Never fails because of the clock."""
+
+from importlib import import_module
+
+from tests.benchmarks.table import print_table
+
+MODULES = ["tests.benchmarks.bench_sphere", "tests.benchmarks.bench_process"]
+"""Each has `rows() -> Iterable[Row]`."""
+
+
+def main() -> None:
+    """Collect the rows of all modules."""
+    print_table(row for module in MODULES for row in import_module(module).rows())
+
+
+if __name__ == "__main__":
+    main()

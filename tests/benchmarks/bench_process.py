@@ -1,0 +1,123 @@
+"""Whole processes against their floor: what imports, reading and writing cost anyway."""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from tests.benchmarks.table import Row, measure
+
+_SHRM = [sys.executable, "-c", "from shrm_cli.cli.main import main; main()"]
+
+# What any tool in Python with these libraries must do: start, read the probe, write the arrays.
+_FLOOR = """
+import sys
+import numpy as np, OpenImageIO as oiio, OpenEXR, click, tqdm
+source = oiio.ImageInput.open(sys.argv[1])
+pixels = source.read_image(0, 0, 0, 3, oiio.FLOAT)
+planes = np.load(sys.argv[2])
+names = [f"sh{k // 3:03d}.{'RGB'[k % 3]}" for k in range(len(planes))]
+header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+OpenEXR.File(header, dict(zip(names, planes))).write(sys.argv[3])
+"""
+_CLICK = """
+import click
+@click.group()
+def cli(): pass
+cli(["--help"])
+"""
+
+
+def rows() -> Iterator[Row]:
+    """Yield the rows of the whole tool."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield from _prefilter_rows(Path(folder))
+        yield _help_row()
+        yield _memory_row(Path(folder))
+
+
+def _prefilter_rows(folder: Path) -> Iterator[Row]:
+    probe = folder / "probe.exr"
+    _write_probe(probe, 1024, np.float32)
+    for spec in ("microfacet", "phong:exponent=32"):
+        target, planes = folder / "map.exr", folder / "planes.npy"
+        ours = [*_SHRM, "prefilter", str(probe), "--brdf", spec, "-o", str(target), "--quiet"]
+        _run(ours)
+        channels = OpenEXR.File(str(target), separate_channels=True).channels()
+        np.save(planes, np.stack([channels[name].pixels for name in sorted(channels)]))
+        floor = [sys.executable, "-c", _FLOOR, str(probe), str(planes), str(folder / "floor.exr")]
+        yield measure(
+            f"shrm prefilter 1024x512 {spec}",
+            lambda ours=ours: _run(ours),
+            lambda floor=floor: _run(floor),
+            bar=1.5,
+            note="against a process that imports the same, reads the probe, writes the arrays",
+            pairs=15,
+        )
+
+
+def _help_row() -> Row:
+    return measure(
+        "shrm --help",
+        lambda: _run([*_SHRM, "--help"]),
+        lambda: _run([sys.executable, "-c", _CLICK]),
+        bar=2.0,
+        note="against a process that imports click and prints help",
+        pairs=15,
+    )
+
+
+def _memory_row(folder: Path) -> Row:
+    """Peak memory, in MB in place of milliseconds."""
+    probe = folder / "large.exr"
+    # In a process of its own, so that its memory is not counted as ours.
+    writer = (
+        "import sys; from tests.benchmarks.bench_process import _write_probe; import numpy as np;"
+        "_write_probe(sys.argv[1], 8192, np.float16)"
+    )
+    _run([sys.executable, "-c", writer, str(probe)])
+    peak = _peak([*_SHRM, "prefilter", str(probe), "--brdf", "microfacet", "-o",
+                  str(folder / "large.shrm.exr"), "--quiet"])  # fmt: skip
+    return Row(
+        "peak memory at 8192x4096 (MB)", peak, 400.0, peak / 400.0, 1.0, "MB; the limit is 400"
+    )
+
+
+def _write_probe(path: Path | str, width: int, dtype: type) -> None:
+    """A probe with structure and a sun, row by row, so that the large one needs little memory."""
+    height = width // 2
+    rng = np.random.default_rng(0)
+    x = np.linspace(0, 2 * np.pi, width, dtype=np.float32)
+    y = np.linspace(0, np.pi, height, dtype=np.float32)[:, None]
+    grain = rng.random((height, 1), dtype=np.float32)
+    channels = {}
+    for k, name in enumerate("RGB"):
+        plane = (1 + np.sin(3 * x + k) * np.sin(y)) * (0.5 + grain)
+        plane[height // 4, width // 3] = 30000
+        channels[name] = plane.astype(dtype)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(path))
+
+
+def _run(command: list[str]) -> None:
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+_PEAK = """
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+
+def _peak(command: list[str]) -> float:
+    """Largest resident size of a process, MB.
+
+    It is started by a small process: Linux counts what the parent has at the start as well.
+    """
+    started = [sys.executable, "-c", _PEAK, *command]
+    return int(subprocess.run(started, check=True, capture_output=True).stdout) / 1024

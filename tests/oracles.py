@@ -1,0 +1,232 @@
+"""Slow, independent mathematics that the tests measure the package against.
+
+Nothing here shares code, recurrences or tables with `shrm_cli`: matrices come from generators,
+harmonics from scipy, integrals from a product rule, cube faces from the published table. The
+oracles are themselves checked against each other in `tests/sphere/test_wigner.py` and
+`tests/sphere/test_harmonics.py`.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eigh_tridiagonal, expm
+from scipy.special import eval_jacobi, gammaln, sph_harm_y
+
+Array = NDArray[np.floating]
+
+EPS = float(np.finfo(np.float64).eps)
+
+# Right, down and outward axis of each cube face, seen from inside, in stacking order. `openexr`
+# is faceAndPixelPosition of OpenEXR's ImfEnvmap.cpp; `gl` is table 8.19 of OpenGL 4.6 (sc, tc).
+CUBE_FACES = {
+    "openexr": (
+        ((0, 0, 1), (0, -1, 0), (1, 0, 0)),
+        ((0, 0, -1), (0, -1, 0), (-1, 0, 0)),
+        ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+        ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+        ((-1, 0, 0), (0, -1, 0), (0, 0, 1)),
+        ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+    ),
+    "gl": (
+        ((0, 0, -1), (0, -1, 0), (1, 0, 0)),
+        ((0, 0, 1), (0, -1, 0), (-1, 0, 0)),
+        ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+        ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
+        ((1, 0, 0), (0, -1, 0), (0, 0, 1)),
+        ((-1, 0, 0), (0, -1, 0), (0, 0, -1)),
+    ),
+}
+
+
+def tolerance(order: int) -> float:
+    """Rounding that a recurrence over `order` degrees may collect: ``(2l+1)^2 eps``."""
+    return (2 * order + 1) ** 2 * EPS
+
+
+def _raising(degree: int) -> Array:
+    """Elements <m+1| J+ |m>, m = -l .. l-1."""
+    m = np.arange(-degree, degree)
+    return np.sqrt((degree - m) * (degree + m + 1.0))
+
+
+def small_d(degree: int, theta: float) -> Array:
+    """Wigner's d^l as the exponential of its generator, ``exp(-i theta J_y)``, [m+l, n+l]."""
+    plus = np.diag(_raising(degree), -1)
+    return expm(-theta * (plus - plus.T) / 2)
+
+
+def small_d_by_eigenvectors(degree: int, theta: ArrayLike) -> Array:
+    """The same by diagonalising J_x, whose eigenvalues are the integers -l .. l.
+
+    Accurate to rounding at any degree, and cheap for several angles: [m+l, n+l, *theta.shape].
+    ``J_y = S J_x S^-1`` with ``S = diag((-i)^m)``.
+    """
+    m = np.arange(-degree, degree + 1)
+    _, vectors = eigh_tridiagonal(np.zeros(len(m)), _raising(degree) / 2)
+    phase = np.exp(-1j * np.multiply.outer(m, np.asarray(theta, dtype=float)))
+    waves = phase.reshape(len(m), -1)
+    kernel = np.stack([(vectors * wave) @ vectors.T for wave in waves.T], axis=-1)
+    quarter_turns = np.array([1, -1j, -1, 1j])[(m[:, None] - m[None, :]) % 4]
+    result = (quarter_turns[..., None] * kernel).real
+    return result.reshape(len(m), len(m), *np.shape(theta))
+
+
+def small_d_element(degree: int, m: int, n: int, theta: ArrayLike) -> Array:
+    """One element of d^l from a Jacobi polynomial, 0 < theta < pi (Wikipedia, Wigner D-matrix)."""
+    theta = np.asarray(theta, dtype=float)
+    k = min(degree + n, degree - n, degree + m, degree - m)
+    a, flip = {
+        degree + n: (m - n, m - n),
+        degree - n: (n - m, 0),
+        degree + m: (n - m, 0),
+        degree - m: (m - n, m - n),
+    }[k]
+    b = 2 * (degree - k) - a
+    log_scale = (
+        gammaln(2 * degree - k + 1) - gammaln(k + a + 1) - gammaln(2 * degree - 2 * k - a + 1)
+    ) - (gammaln(k + b + 1) - gammaln(b + 1) - gammaln(k + 1))
+    envelope = np.exp(log_scale / 2 + a * np.log(np.sin(theta / 2)) + b * np.log(np.cos(theta / 2)))
+    return (-1.0) ** flip * envelope * eval_jacobi(k, a, b, np.cos(theta))
+
+
+def angles(directions: ArrayLike) -> tuple[Array, Array]:
+    """Polar angle from +Z and azimuth."""
+    x, y, z = np.moveaxis(np.asarray(directions, dtype=float), -1, 0)
+    return np.arctan2(np.sqrt(x * x + y * y), z), np.arctan2(y, x)
+
+
+def complex_harmonic(degree: int, m: int, directions: ArrayLike) -> NDArray[np.complexfloating]:
+    """Y_lm with Condon-Shortley phase; scipy >= 1.15 takes (l, m, polar angle, azimuth)."""
+    theta, phi = angles(directions)
+    return sph_harm_y(degree, m, theta, phi)
+
+
+def real_harmonics(order: int, directions: ArrayLike) -> Array:
+    """Real harmonics without Condon-Shortley phase, shape (..., (order+1)^2)."""
+    columns = []
+    for degree in range(order + 1):
+        for m in range(-degree, degree + 1):
+            value = complex_harmonic(degree, abs(m), directions)
+            if m == 0:
+                columns.append(value.real)
+            else:
+                part = value.real if m > 0 else value.imag
+                columns.append(np.sqrt(2) * (-1) ** m * part)
+    return np.stack(columns, axis=-1)
+
+
+def sphere_rule(degree: int) -> tuple[Array, Array]:
+    """Directions (n, 3) and weights (n,): exact for polynomials up to `degree`.
+
+    Gauss-Legendre in z times the trapezoid rule in azimuth.
+    """
+    z, z_weights = np.polynomial.legendre.leggauss(degree // 2 + 1)
+    count = degree + 1
+    phi = 2 * np.pi * (np.arange(count) + 0.25) / count
+    sine = np.sqrt(1 - z * z)
+    directions = np.stack(
+        [
+            np.multiply.outer(sine, np.cos(phi)),
+            np.multiply.outer(sine, np.sin(phi)),
+            np.broadcast_to(z[:, None], (len(z), count)),
+        ],
+        axis=-1,
+    )
+    weights = np.repeat(z_weights * (2 * np.pi / count), count)
+    return directions.reshape(-1, 3), weights
+
+
+def project(function: Callable[[Array], Array], order: int, degree: int) -> Array:
+    """Real coefficients up to `order` of a polynomial of `degree`, by brute-force integration."""
+    directions, weights = sphere_rule(order + degree)
+    return real_harmonics(order, directions).T @ (weights * function(directions))
+
+
+def random_directions(rng: np.random.Generator, *shape: int) -> Array:
+    """Uniform unit vectors, shape (*shape, 3)."""
+    vectors = rng.standard_normal((*shape, 3))
+    return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
+
+
+def random_rotation(rng: np.random.Generator, mirrored: bool = False) -> Array:
+    """A uniform rotation matrix, or a rotation times a mirroring."""
+    q, r = np.linalg.qr(rng.standard_normal((3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q if (np.linalg.det(q) < 0) == mirrored else -q
+
+
+def turn(axis: str, angle: float) -> Array:
+    """Rotation matrix about a world axis, counter-clockwise seen from its tip."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    k = "xyz".index(axis)
+    i, j = (k + 1) % 3, (k + 2) % 3
+    matrix = np.zeros((3, 3))
+    matrix[k, k] = 1
+    matrix[i, i] = matrix[j, j] = cosine
+    matrix[j, i], matrix[i, j] = sine, -sine
+    return matrix
+
+
+def positions(size: int, sampling: str) -> list[float]:
+    """Sample positions along one axis in [-1, 1], one at a time."""
+    if sampling == "center":
+        return [-1 + (i + 0.5) * (2 / size) for i in range(size)]
+    return [0.0] if size == 1 else [-1 + 2 * i / (size - 1) for i in range(size)]
+
+
+def cube_texels(size: int, sampling: str = "center", orientation: str = "openexr") -> Array:
+    """Unit directions of a cube's texels, shape (6, size, size, 3), texel by texel."""
+    result = np.empty((6, size, size, 3))
+    at = positions(size, sampling)
+    for face, (right, down, forward) in enumerate(CUBE_FACES[orientation]):
+        for row in range(size):
+            for column in range(size):
+                point = [forward[k] + at[column] * right[k] + at[row] * down[k] for k in range(3)]
+                result[face, row, column] = point / np.sqrt(np.dot(point, point))
+    return result
+
+
+def latlong_pixels(width: int, height: int, sampling: str = "center") -> Array:
+    """Directions of a lat-long's pixels, (height, width, 3), as OpenEXR's ImfEnvmap.cpp has it."""
+    latitude = -np.pi / 2 * np.array(positions(height, sampling))[:, None]
+    longitude = -np.pi * np.array(positions(width, sampling))[None, :]
+    return np.stack(
+        [
+            np.sin(longitude) * np.cos(latitude),
+            np.sin(latitude) + 0 * longitude,
+            np.cos(longitude) * np.cos(latitude),
+        ],
+        axis=-1,
+    )
+
+
+def real_from_alm(alm: NDArray[np.complexfloating], order: int) -> Array:
+    """Real coefficients from healpy's a_lm (m-major, m >= 0, Condon-Shortley)."""
+    result = np.zeros((order + 1) ** 2)
+    k = 0
+    for m in range(order + 1):
+        for degree in range(m, order + 1):
+            value = alm[k]
+            k += 1
+            centre = degree * (degree + 1)
+            if m == 0:
+                result[centre] = value.real
+            else:
+                result[centre + m] = np.sqrt(2) * (-1) ** m * value.real
+                result[centre - m] = -np.sqrt(2) * (-1) ** m * value.imag
+    return result
+
+
+def alm_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloating]:
+    """healpy's a_lm (m-major, m >= 0, Condon-Shortley) from real coefficients."""
+    result = []
+    for m in range(order + 1):
+        for degree in range(m, order + 1):
+            centre = degree * (degree + 1)
+            if m == 0:
+                result.append(complex(coefficients[centre]))
+            else:
+                pair = coefficients[centre + m] - 1j * coefficients[centre - m]
+                result.append((-1) ** m * pair / np.sqrt(2))
+    return np.array(result, dtype=np.complex128)
