@@ -1,0 +1,178 @@
+"""`shrm render`: spheres seen through their maps."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import (
+    make_read_options,
+    print_json,
+    progress_bar,
+    read_options,
+    report_options,
+)
+from shrm_cli.cli.types import AzimuthElevation
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shrm_cli.maps.shrm import Shrm
+
+
+def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
+    # FloatRange lets NaN through.
+    if not (math.isfinite(value) and -32 <= value <= 32):
+        raise click.BadParameter(f"{value:g} is not in the range -32 .. 32 stops")
+    return value
+
+
+@click.command()
+@click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
+@click.option(
+    "-o", "--output", type=click.Path(),
+    help="PNG or EXR to write.  [default: MAP.png, of several sheet.png, in the current folder]",
+)  # fmt: skip
+@click.option(
+    "--view", type=AzimuthElevation(), default="0,0", show_default=True,
+    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
+)  # fmt: skip
+@click.option(
+    "--size", type=click.IntRange(16, 8192), default=512, show_default=True,
+    help="Width and height of a sphere's picture, pixels.",
+)  # fmt: skip
+@click.option(
+    "--exposure", type=float, metavar="EV", default=0.0, show_default=True, callback=_stops,
+    help="Stops: the radiance is multiplied by 2^EV, in EXR too.",
+)  # fmt: skip
+@click.option(
+    "--background", type=click.Path(), metavar="PROBE",
+    help="Light probe to show behind the sphere, 50 degrees across.  [default: black]",
+)  # fmt: skip
+@click.option(
+    "--frames", type=click.IntRange(1, 9999), metavar="N",
+    help="Walk around the sphere in N steps, a file for each: the output's name holds %04d.",
+)  # fmt: skip
+@click.option(
+    "--columns", type=click.IntRange(1), metavar="N",
+    help="Columns of the contact sheet of several maps.  [default: as square as possible]",
+)  # fmt: skip
+@click.option(
+    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
+    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
+)  # fmt: skip
+@click.option(
+    "--sampling", type=click.Choice(["center", "border"]),
+    help="Where edge pixels of the background's probe lie.",
+)  # fmt: skip
+@read_options
+@report_options
+def render(
+    maps: tuple[str, ...],
+    output: str | None,
+    view: tuple[float, float],
+    size: int,
+    exposure: float,
+    background: str | None,
+    frames: int | None,
+    columns: int | None,
+    precision: str,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    r"""Render a sphere from each MAP, as a distant viewer sees it.
+
+    PNG is 8-bit sRGB, EXR is linear. Several maps make one contact sheet. The options from
+    --sampling to --clamp are about the file of --background.
+
+    \b
+      shrm render probe.microfacet.shrm.exr --view 30,10 --background probe.exr
+      shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
+    """
+    from shrm_cli.exr import read_map
+    from shrm_cli.files import check_target
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.frames import frame_paths, turntable
+    from shrm_cli.render.image import file_type, write_picture
+    from shrm_cli.render.scene import Scene
+
+    pattern = output or _default_name(maps, frames)
+    targets = [pattern] if frames is None else frame_paths(pattern, frames)
+    file_type(pattern)
+    options = make_read_options(sampling, reading)
+    probe = None if background is None else open_probe(background, options)
+    inputs = [*maps, *(str(file.path) for file in (probe.files if probe else ()))]
+    for target in targets:
+        check_target(target, inputs)
+    loaded = [read_map(path) for path in maps]
+    scene = Scene(loaded, [_stem(path) for path in maps], size, exposure, probe, columns)
+    height, width = scene.shape
+    settings = {
+        "maps": list(maps),
+        "view": list(view),
+        "size": size,
+        "exposure": exposure,
+        "background": background,
+        "frames": frames,
+        "width": width,
+        "height": height,
+    }
+    written = []
+    with progress_bar("rendering", quiet) as progress:
+        rows = _RowCounter(len(targets) * len(maps) * size, progress)
+        for target, viewer in zip(targets, turntable(Viewer(*view), len(targets)), strict=True):
+            pixels = scene.picture(viewer, rows)
+            attributes = _attributes(loaded, settings, viewer.azimuth)
+            pixel_type = write_picture(target, pixels, precision, attributes)
+            written.append({"file": target, "azimuth": viewer.azimuth, "pixels": pixel_type})
+    if as_json:
+        print_json({"files": written, **settings})
+    elif not quiet:
+        for each in written:
+            click.echo(f"{each['file']}: {width} x {height}, {each['pixels']}")
+
+
+class _RowCounter:
+    """Adds up rows for a progress bar that wants to know how many of all are done."""
+
+    def __init__(self, total: int, progress: Any) -> None:
+        self.done, self.total, self.progress = 0, total, progress
+
+    def __call__(self, rows: int) -> None:
+        self.done += rows
+        if self.progress is not None:
+            self.progress(self.done, self.total)
+
+
+def _stem(path: str) -> str:
+    name = Path(path).name
+    return name[:-4] if name.lower().endswith(".exr") else name
+
+
+def _default_name(maps: Sequence[str], frames: int | None) -> str:
+    stem = _stem(maps[0]) if len(maps) == 1 else "sheet"
+    return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
+
+
+def _attributes(maps: Sequence[Shrm], settings: dict[str, Any], azimuth: float) -> dict[str, Any]:
+    """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
+    probe = settings["background"]
+    recipe = {
+        "render": [Path(path).name for path in settings["maps"]],
+        "view": [azimuth, settings["view"][1]],
+        "size": settings["size"],
+        "exposure": settings["exposure"],
+        "background": None if probe is None else Path(probe).name,
+    }
+    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
+    primaries = {each.info.chromaticities for each in maps}
+    if len(primaries) == 1 and None not in primaries:
+        attributes["chromaticities"] = primaries.pop()
+    return attributes

@@ -1,0 +1,1 @@
+"""Map, view and surroundings -> picture -> PNG or EXR."""

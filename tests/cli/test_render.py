@@ -1,0 +1,298 @@
+"""`shrm render`: files, names, settings and errors."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from click.testing import CliRunner
+
+from shrm_cli.cli.render import render
+from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
+from shrm_cli.exr import write_image, write_map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.shrm import Shrm
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.image import encode_srgb
+from shrm_cli.render.sphere import render_background, render_sphere
+from tests.render.materials import furnace, spot, under_random_light
+
+P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with two maps and a probe."""
+    write_map(tmp_path / "a.microfacet.shrm.exr", under_random_light(), "float")
+    write_map(tmp_path / "spot.exr", spot((0, 0, 1)), "float")
+    steps = np.linspace(0, 1, 32 * 64 * 3, dtype=np.float32)
+    write_image(tmp_path / "room.exr", steps.reshape(32, 64, 3), "float")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(render, [str(argument) for argument in arguments])
+
+
+def done(*arguments):
+    result = run(*arguments)
+    assert result.exit_code == 0, result.output
+    assert result.stderr == ""
+    return result.stdout
+
+
+def read(path):
+    image = oiio.ImageBuf(str(path))
+    return image.get_pixels(image.spec().format)
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_default_is_a_png_of_512_beside_us(folder):
+    (folder / "elsewhere").mkdir()
+    (folder / "a.microfacet.shrm.exr").rename(folder / "elsewhere" / "b.microfacet.shrm.exr")
+    stdout = done("elsewhere/b.microfacet.shrm.exr")
+    assert stdout == "b.microfacet.shrm.png: 512 x 512, 8-bit sRGB\n"
+    expected = render_sphere(under_random_light(), Viewer(), 512)
+    different = read("b.microfacet.shrm.png").astype(int) - encode_srgb(expected)
+    assert np.abs(different).max() <= 1
+
+
+def test_exr_is_linear_with_view_exposure_and_recipe(folder):
+    options = ["--view", "-30,10", "--size", 40, "--exposure", 1.5, "--precision", "float"]
+    stdout = done("a.microfacet.shrm.exr", "-o", "x.exr", *options)
+    assert stdout == "x.exr: 40 x 40, float\n"
+    expected = render_sphere(under_random_light(), Viewer(-30, 10), 40) * 2**1.5
+    np.testing.assert_allclose(read("x.exr"), expected, atol=1e-5)
+    spec = oiio.ImageInput.open("x.exr").spec()
+    recipe = json.loads(spec.get_string_attribute("shrm:recipe"))
+    assert recipe["render"] == ["a.microfacet.shrm.exr"]
+    assert recipe["view"] == [-30, 10]
+    assert recipe["exposure"] == 1.5
+    assert done("a.microfacet.shrm.exr", "-o", "x.exr", "--size", 40).endswith(", half\n")
+
+
+def test_chromaticities_pass_through_where_all_maps_agree(folder):
+    info = MapInfo(0, 0, 0.03, 1.0, 0.0, chromaticities=P3)
+    wide = Shrm(np.ones((24, 4, 1, 3), np.float32), "global", "reflection", info)
+    write_map("wide.exr", wide)
+    done("wide.exr", "-o", "one.exr", "--size", 16)
+    done("wide.exr", "spot.exr", "-o", "two.exr", "--size", 16)
+    chromaticities = [
+        oiio.ImageInput.open(name).spec().getattribute("chromaticities")
+        for name in ("one.exr", "two.exr")
+    ]
+    np.testing.assert_allclose(chromaticities[0], P3, rtol=1e-6)
+    assert chromaticities[1] is None
+
+
+def test_background_is_shown_and_exposed(folder):
+    from shrm_cli.probe.probe import ReadOptions, open_probe
+
+    done("spot.exr", "-o", "x.exr", "--size", 32, "--background", "room.exr", "--exposure", 1,
+         "--view", "70,-20", "--yaw", "40", "--precision", "float")  # fmt: skip
+    turned = open_probe("room.exr", ReadOptions(yaw=40))
+    expected = 2 * render_background(turned, Viewer(70, -20), 32)
+    picture = read("x.exr")
+    corners = np.hypot(*np.mgrid[-15.5:16, -15.5:16]) > 16
+    np.testing.assert_allclose(picture[corners], expected[corners], rtol=1e-5)
+    assert not np.allclose(picture[16, 16], expected[16, 16], rtol=1e-2)
+
+
+def test_sheet_of_several_maps(folder):
+    options = ["--size", 32, "--exposure", -1, "--precision", "float"]
+    stdout = done("spot.exr", "a.microfacet.shrm.exr", "spot.exr", "--columns", 3, *options)
+    assert stdout == "sheet.png: 104 x 56, 8-bit sRGB\n"
+    done("spot.exr", "a.microfacet.shrm.exr", "-o", "s.exr", *options)
+    done("spot.exr", "-o", "1.exr", *options)
+    done("a.microfacet.shrm.exr", "-o", "2.exr", *options)
+    sheet = read("s.exr")
+    np.testing.assert_array_equal(sheet[2:34, 2:34], read("1.exr"))
+    np.testing.assert_array_equal(sheet[2:34, 36:68], read("2.exr"))
+    labels = sheet[34:54, 2:34], sheet[34:54, 36:68]
+    assert labels[0].max() > 0.9
+    assert (labels[0] != labels[1]).any()
+
+
+def test_frames_walk_from_z_towards_x(folder):
+    """The light stays at +Z, so it moves to the left of a viewer who walks to the right."""
+    options = ["--size", 64, "--precision", "float"]
+    stdout = done("spot.exr", "--frames", 8, "-o", "t.%02d.exr", *options)
+    assert stdout.splitlines() == [f"t.0{k}.exr: 64 x 64, float" for k in range(1, 9)]
+    columns = []
+    for k in (8, 1, 2):
+        row, column = np.unravel_index(np.argmax(read(f"t.0{k}.exr")[..., 0]), (64, 64))
+        assert abs(row - 31.5) < 1
+        columns.append((column + 0.5 - 32) / (0.45 * 64))
+    # N halves the angle between light and viewer: 22.5 degrees from the picture's centre.
+    offset = np.sin(np.radians(22.5))
+    np.testing.assert_allclose(columns, [offset, 0, -offset], atol=0.03)
+    done("spot.exr", "--view", "135,0", "-o", "single.exr", *options)
+    np.testing.assert_allclose(read("t.04.exr"), read("single.exr"), atol=1e-6)
+
+
+def test_names_of_frames(folder):
+    done("a.microfacet.shrm.exr", "--frames", 2, "--size", 16)
+    done("a.microfacet.shrm.exr", "spot.exr", "--frames", 1, "--size", 16)
+    made = [name for name in files(folder) if name.endswith(".png")]
+    assert made == [
+        "a.microfacet.shrm.0001.png",
+        "a.microfacet.shrm.0002.png",
+        "sheet.0001.png",
+    ]
+    assert read("sheet.0001.png").shape == (40, 38, 3)
+
+
+def test_json_lists_files_and_settings(folder):
+    stdout = done("spot.exr", "--size", 20, "--frames", 2, "--view", "10,5", "--json")
+    value = json.loads(stdout)
+    assert value["files"] == [
+        {"file": "spot.0001.png", "azimuth": 10, "pixels": "8-bit sRGB"},
+        {"file": "spot.0002.png", "azimuth": 190, "pixels": "8-bit sRGB"},
+    ]
+    assert value["maps"] == ["spot.exr"]
+    assert (value["view"], value["size"], value["exposure"]) == ([10, 5], 20, 0)
+    assert (value["width"], value["height"], value["background"]) == (20, 20, None)
+
+
+def test_quiet_prints_nothing(folder):
+    assert done("spot.exr", "--size", 16, "--quiet") == ""
+    assert (folder / "spot.png").exists()
+
+
+def test_same_bytes_twice(folder):
+    done("spot.exr", "--size", 30)
+    first = (folder / "spot.png").read_bytes()
+    done("spot.exr", "--size", 30)
+    assert (folder / "spot.png").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (["missing.exr"], MapError, "missing.exr: no such file"),
+        (["room.exr"], MapError, "room.exr: an image, but not a map"),
+        (["spot.exr", "room.exr"], MapError, "room.exr: an image, but not a map"),
+        (["spot.exr", "--background", "no.exr"], ProbeError, "no.exr"),
+        (["spot.exr", "-o", "x.jpg"], OutputError, ".png or .exr"),
+        (["spot.exr", "-o", "spot.exr"], OutputError, "overwrite the input"),
+        (["spot.exr", "--background", "room.exr", "-o", "room.exr"], OutputError, "overwrite"),
+        (["spot.exr", "-o", "no/x.png"], OutputError, "no folder"),
+        (["spot.exr", "--frames", "3", "-o", "x.png"], OutputError, "x.%04d.png"),
+        (["spot.exr", "--frames", "3", "-o", "x.%04d.gif"], OutputError, ".png or .exr"),
+        (["spot.exr"] * 9 + ["--size", "8000"], OutputError, "smaller --size"),
+        (["hot.exr", "-o", "x.exr", "--precision", "half"], OutputError, "overflows half"),
+    ],
+)
+def test_failures_are_one_line_and_leave_nothing(folder, arguments, error, message):
+    write_map("hot.exr", furnace((1e6, 1, 1)), "float")
+    before = files(folder)
+    result = run(*arguments)
+    assert isinstance(result.exception, error)
+    assert isinstance(result.exception, ShrmError)
+    assert message in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert result.output == ""
+    assert files(folder) == before
+
+
+def test_folder_without_permission(folder, monkeypatch):
+    # The tests may run as root, whom no permission stops.
+    monkeypatch.setattr("os.access", lambda path, mode: mode == os.R_OK)
+    assert "no permission" in str(run("spot.exr").exception)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "MAP..."),
+        (["."], "directory"),
+        (["spot.exr", "--size", "15"], "--size"),
+        (["spot.exr", "--size", "8193"], "--size"),
+        (["spot.exr", "--exposure", "nan"], "--exposure"),
+        (["spot.exr", "--exposure", "inf"], "--exposure"),
+        (["spot.exr", "--exposure", "33"], "--exposure"),
+        (["spot.exr", "--view", "0,91"], "--view"),
+        (["spot.exr", "--view", "0"], "--view"),
+        (["spot.exr", "--frames", "0"], "--frames"),
+        (["spot.exr", "--columns", "0"], "--columns"),
+        (["spot.exr", "--yaw", "nan"], "--yaw"),
+    ],
+)
+def test_wrong_usage(folder, arguments, message):
+    before = files(folder)
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert files(folder) == before
+
+
+def test_dark_and_bright_limits_of_exposure(folder):
+    done("spot.exr", "--size", 16, "--exposure", -32, "-o", "dark.png")
+    assert not read("dark.png").any()
+    done("spot.exr", "--size", 16, "--exposure", 32, "-o", "bright.exr")
+    assert np.isfinite(read("bright.exr")).all()
+
+
+MAIN = "from shrm_cli.cli.main import main; main()"
+
+
+def process(*arguments, code=MAIN):
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.fixture
+def package_path(monkeypatch):
+    """Let processes in other folders import the package as we do."""
+    monkeypatch.setenv("PYTHONPATH", ":".join(path or "." for path in sys.path))
+
+
+def test_as_a_process(package_path, folder):
+    result = process("render", "a.microfacet.shrm.exr")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout == "a.microfacet.shrm.png: 512 x 512, 8-bit sRGB\n"
+    result = process("render", "missing.exr")
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr == "Error: missing.exr: no such file\n"
+
+
+@pytest.mark.parametrize("name", ["x.png", "x.exr"])
+def test_full_disk_as_a_process(package_path, folder, name):
+    before = files(folder)
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900)); {MAIN}"
+    result = process("render", "a.microfacet.shrm.exr", "-o", name, code=limited)
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr.startswith(f"Error: {name}: cannot be written (")
+    assert result.stderr.count("\n") == 1
+    assert files(folder) == before
+
+
+def test_help_needs_no_numpy(package_path):
+    code = "import sys, shrm_cli.cli.render; assert not {'numpy', 'tqdm'} & sys.modules.keys()"
+    assert process(code=code).returncode == 0
+
+
+def test_rows_are_counted_for_the_progress_bar(folder, monkeypatch):
+    seen = []
+
+    class Bar:
+        def __init__(self, label, quiet):
+            assert label
+            assert not quiet
+
+        def __enter__(self):
+            return lambda done, total: seen.append((done, total))
+
+        def __exit__(self, *error):
+            return None
+
+    monkeypatch.setattr("shrm_cli.cli.render.progress_bar", Bar)
+    done("spot.exr", "a.microfacet.shrm.exr", "--frames", 2, "--size", 16)
+    assert seen == [(16, 64), (32, 64), (48, 64), (64, 64)]

@@ -1,0 +1,140 @@
+"""Pictures on disk: values, bytes, and what happens when they cannot be written."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.errors import OutputError
+from shrm_cli.render.image import encode_srgb, expose, file_type, write_picture
+
+
+def read(path):
+    image = oiio.ImageBuf(str(path))
+    assert not image.has_error
+    return image.get_pixels(image.spec().format)
+
+
+def colours(shape=(20, 30, 3), low=-0.2, high=1.3):
+    return np.random.default_rng(2).uniform(low, high, shape).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("linear", "code"),
+    # Worked by hand from IEC 61966-2-1.
+    [(0, 0), (0.001, 3), (0.0031308, 10), (0.18, 118), (0.5, 188), (0.99, 254), (1, 255)],
+)
+def test_srgb_of_known_values(linear, code):
+    assert encode_srgb(np.float32(linear)) == code
+
+
+def test_srgb_clips_and_rounds():
+    assert encode_srgb([-1, -1e-9, 1.5, np.inf]).tolist() == [0, 0, 255, 255]
+    encoded = np.arange(256) / 255
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    assert encode_srgb(linear).tolist() == list(range(256))
+
+
+def test_exposure_is_in_stops():
+    np.testing.assert_array_equal(expose([1, -2, 3], 0), np.float32([1, -2, 3]))
+    np.testing.assert_array_equal(expose([1, -2, 3], 3), np.float32([8, -16, 24]))
+    np.testing.assert_array_equal(expose([1, -2, 3], -1), np.float32([0.5, -1, 1.5]))
+    assert expose(np.float32(3e38), 5) == np.inf
+
+
+def test_png_holds_the_srgb_of_the_picture(tmp_path):
+    linear = colours((300, 40, 3))
+    assert write_picture(tmp_path / "a.png", linear) == "8-bit sRGB"
+    stored = read(tmp_path / "a.png")
+    assert stored.dtype == np.uint8
+    clipped = np.clip(linear.astype(float), 0, 1)
+    expected = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    assert np.abs(stored / 255 - expected).max() <= 0.5 / 255 + 1e-6
+    spec = oiio.ImageInput.open(str(tmp_path / "a.png")).spec()
+    assert "srgb" in spec.get_string_attribute("oiio:ColorSpace").lower()
+    assert not spec.get_string_attribute("DateTime")
+
+
+@pytest.mark.parametrize("precision", ["half", "float"])
+def test_exr_holds_the_linear_picture(tmp_path, precision):
+    linear = 1000 * colours()
+    recipe = {"shrm:recipe": "{}"}
+    assert write_picture(tmp_path / "a.exr", linear, precision, recipe) == precision
+    stored = read(tmp_path / "a.exr")
+    rounding = 2.0**-11 if precision == "half" else 0
+    np.testing.assert_allclose(stored, linear, rtol=rounding)
+    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
+    assert spec.channelnames == ("R", "G", "B")
+    assert spec.get_string_attribute("shrm:recipe") == "{}"
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_two_writes_give_the_same_bytes(tmp_path, suffix):
+    first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+    write_picture(first, colours())
+    time.sleep(1.1)  # PNG and EXR keep time in seconds
+    write_picture(second, colours())
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_suffix_chooses_the_type():
+    assert file_type("a.b.PNG") == "png"
+    assert file_type("folder.png/a.Exr") == "exr"
+    for name in ("a.jpg", "a", "png", "a.png.tif", ".png"):
+        with pytest.raises(OutputError, match=r"\.png or \.exr"):
+            file_type(name)
+
+
+def test_upper_case_suffix_is_written(tmp_path):
+    write_picture(tmp_path / "A.PNG", colours())
+    assert read(tmp_path / "A.PNG").shape == (20, 30, 3)
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_values_that_are_no_numbers_are_refused(tmp_path, suffix):
+    linear = colours()
+    linear[3, 4, 1] = np.nan
+    with pytest.raises(OutputError, match="not"):
+        write_picture(tmp_path / f"a.{suffix}", linear)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_missing_folder(tmp_path, suffix):
+    with pytest.raises(OutputError, match="cannot be written") as caught:
+        write_picture(tmp_path / "no" / f"a.{suffix}", colours())
+    assert "\n" not in str(caught.value)
+    assert ".shrm-" not in str(caught.value)
+
+
+FILL_DISK = """
+import resource, sys
+import numpy as np
+from shrm_cli.errors import OutputError
+from shrm_cli.render.image import write_picture
+path, limit, width = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+picture = np.random.default_rng(1).random((width, width, 3)).astype(np.float32)
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+try:
+    write_picture(path, picture)
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+# Within the first block, after some blocks, and in the last block, which is written by closing.
+@pytest.mark.parametrize(("limit", "width"), [(50, 16), (2000, 300), (100_000, 300), (3900, 36)])
+def test_full_disk_leaves_the_old_file(tmp_path, suffix, limit, width):
+    path = tmp_path / f"picture.{suffix}"
+    path.write_text("old")
+    command = [sys.executable, "-c", FILL_DISK, str(path), str(limit), str(width)]
+    result = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert result.stdout.startswith(f"{path}: cannot be written (")
+    assert result.stdout.count("\n") == 1
+    assert result.stderr == ""
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
