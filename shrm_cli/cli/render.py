@@ -85,8 +85,8 @@ def render(
     as_json: bool,
     quiet: bool,
     **reading: Any,
-) -> None:
-    r"""Render a sphere from each MAP, as a distant viewer sees it.
+) -> None:  # noqa: D301 - click wants the character \b
+    """Render a sphere from each MAP, as a distant viewer sees it.
 
     PNG is 8-bit sRGB, EXR is linear. Several maps make one contact sheet. The options from
     --sampling to --clamp are about the file of --background.

@@ -40,8 +40,8 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
 
     References
     ----------
-    Ramamoorthi 2002, eq. 2.29: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b) exp(-i n c)``, here between real
-    harmonics.
+    Ramamoorthi 2002, eq. 2.29: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b) exp(-i n c)``, here
+    between real harmonics.
     """
     matrix = np.asarray(matrix, dtype=float)
     result = np.array(coefficients, dtype=float)
