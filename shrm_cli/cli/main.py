@@ -50,7 +50,7 @@ class _LazyGroup(click.Group):
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="shrm")
 @click.option("--debug", is_flag=True, help="Show tracebacks.")
-def cli(debug: bool) -> None:  # noqa: D301 - click wants the character \b
+def cli(debug: bool) -> None:
     """Prefilter light probes for real materials, with a stated and kept error bound.
 
     \b

@@ -85,7 +85,7 @@ def render(
     as_json: bool,
     quiet: bool,
     **reading: Any,
-) -> None:  # noqa: D301 - click wants the character \b
+) -> None:
     """Render a sphere from each MAP, as a distant viewer sees it.
 
     PNG is 8-bit sRGB, EXR is linear. Several maps make one contact sheet. The options from

@@ -1,7 +1,11 @@
 """Image files of every type that OpenImageIO reads, opened lazily and read by rows."""
 
 import hashlib
+import mmap
 import os
+import re
+import stat
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +20,7 @@ Array = NDArray[np.floating]
 
 MAX_PIXELS = 2**29
 _FLOAT_FORMATS = ("half", "float", "double")
+_UPRIGHT = (0, 1)  # of Exif's Orientation; 0 is "not known"
 
 
 @dataclass(frozen=True)
@@ -66,14 +71,22 @@ class ImageFile:
         """
         path = Path(path)
         _check_file(path)
-        source = oiio.ImageInput.open(str(path))
+        source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
-            raise ProbeError(f"{path}: not an image that can be read ({_reason(oiio.geterror())})")
+            raise ProbeError(
+                f"{path}: not an image that can be read ({_reason(oiio.geterror(), path)}); "
+                "copy or export it again"
+            )
         spec, file_format = source.spec(), source.format_name()
         if path.suffix.lower() == ".exr" and file_format != "openexr":
             raise ProbeError(f"{path}: named .exr, but it is a {file_format} file; rename it")
         if spec.deep:
             raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
+        if spec.get_int_attribute("Orientation", 1) not in _UPRIGHT:
+            raise ProbeError(
+                f"{path}: stored turned or mirrored (Orientation "
+                f"{spec.get_int_attribute('Orientation')}); oiiotool --reorient makes it upright"
+            )
         envmap = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(
             spec.get_string_attribute("textureformat"), ""
         )
@@ -84,10 +97,12 @@ class ImageFile:
             raise ProbeError(
                 f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
             )
-        if str(spec.format) not in _FLOAT_FORMATS and not linearize:
+        channels = _colour_channels(path, spec.channelnames)
+        integers = {str(spec.channelformat(k)) for k in channels}.difference(_FLOAT_FORMATS)
+        if integers and not linearize:
             raise ProbeError(
-                f"{path}: {spec.format} pixels are not scene-linear radiance; give --linearize to "
-                "decode them as sRGB, or use an HDR file"
+                f"{path}: {min(integers)} pixels are not scene-linear radiance; give --linearize "
+                "to decode them as sRGB, or use an HDR file"
             )
         primaries = spec.getattribute("chromaticities")
         return cls(
@@ -98,16 +113,16 @@ class ImageFile:
             bool(spec.get_int_attribute("oiio:sampleborder")),
             file_format,
             tuple(primaries) if primaries is not None and len(primaries) == 8 else None,
-            linearize and str(spec.format) not in _FLOAT_FORMATS,
+            bool(integers),
             source,
             offset,
-            _colour_channels(path, spec.channelnames),
+            channels,
         )
 
     @property
     def row_multiple(self) -> int:
         """Rows that are cheapest to read together start at multiples of this."""
-        return max(1, self._input.spec().tile_height)
+        return max(1, int(self._input.spec().tile_height))
 
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1 of the canvas, float32 RGB, shape (rows, width, 3)."""
@@ -142,10 +157,8 @@ class ImageFile:
                 0, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
             )
         if pixels is None:
-            raise ProbeError(
-                f"{self.path}: damaged or truncated ({_reason(self._input.geterror())}); "
-                "copy or export it again"
-            )
+            self._input.geterror()  # or the library prints it when the process ends
+            raise ProbeError(f"{self.path}: damaged or truncated; copy or export it again")
         pixels = pixels.reshape(stop - start, spec.width, -1)
         chosen = [channel - begin for channel in self._channels]
         if chosen != list(range(pixels.shape[-1])):
@@ -164,16 +177,52 @@ def sha256(paths: list[Path]) -> str:
 
 
 def _check_file(path: Path) -> None:
-    if path.is_dir():
-        raise ProbeError(f"{path}: a directory, not an image file")
-    if not path.exists():
-        raise ProbeError(f"{path}: no such file")
-    if not path.is_file():
-        raise ProbeError(f"{path}: not a regular file")
+    """Refuse what would block, mislead, or make noise when an image library opens it."""
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise ProbeError(f"{path}: no such file; check its name") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "a name that no file can have"
+        raise ProbeError(f"{path}: cannot be opened ({reason}); check its name") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise ProbeError(f"{path}: a directory; name an image file")
+    if not stat.S_ISREG(status.st_mode):
+        raise ProbeError(f"{path}: not a regular file; name an image file")
     if not os.access(path, os.R_OK):
-        raise ProbeError(f"{path}: no permission to read it")
-    if path.stat().st_size == 0:
-        raise ProbeError(f"{path}: the file is empty")
+        raise ProbeError(f"{path}: no permission to read it; change its mode")
+    if status.st_size == 0:
+        raise ProbeError(f"{path}: the file is empty; copy or export it again")
+    with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, prot=mmap.PROT_READ) as data:
+        if not _is_whole(data):
+            raise ProbeError(f"{path}: damaged or truncated; copy or export it again")
+
+
+def _is_whole(data: mmap.mmap) -> bool:
+    """Whether a PNG or JPEG file is complete; True for other files.
+
+    Their libraries are no judges: one writes to stderr, the other makes up missing pixels.
+    """
+    if data[:2] == b"\xff\xd8":  # JPEG: the end of the image follows the last start of a scan
+        return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")
+    if data[:8] != b"\x89PNG\r\n\x1a\n":
+        return True
+    start = 8
+    while start + 12 <= len(data):
+        end = start + 8 + int.from_bytes(data[start : start + 4], "big")
+        if zlib.crc32(data[start + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            return False
+        if data[start + 4 : start + 8] == b"IEND":
+            return True
+        start = end + 4
+    return False
+
+
+def _reading_hints() -> Any:
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)  # or colour comes multiplied by alpha
+    hints.attribute("pnm:pfmflip", 1)  # PFM stores its bottom row first
+    return hints
 
 
 def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:
@@ -184,25 +233,41 @@ def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:
 
 
 def _colour_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of red, green and blue; one channel serves as three; alpha is ignored."""
-    last = [name.rsplit(".", 1)[-1].upper() for name in names]
-    for wanted in (("R", "G", "B"), ("RED", "GREEN", "BLUE")):
-        if all(name in last for name in wanted):
-            return tuple(last.index(name) for name in wanted)
-    colour = [k for k, name in enumerate(last) if name not in ("A", "ALPHA")]
-    if len(colour) == 1 or (colour and last[colour[0]] in ("Y", "L", "I", "LUMINANCE")):
-        return (colour[0],) * 3
-    if len(colour) >= 3 and not any("." in name for name in names):
-        return tuple(colour[:3])
+    """Indices of red, green and blue; one channel serves as three; alpha is ignored.
+
+    Of several layers (``diffuse.R``), the one without a name comes first, then the file's order.
+    """
+    layers: dict[str, dict[str, int]] = {"": {}}
+    colours = []
+    for index, name in enumerate(names):
+        layer, _, channel = name.upper().rpartition(".")
+        layers.setdefault(layer, {}).setdefault(channel, index)
+        if channel not in ("A", "ALPHA"):
+            colours.append(index)
+    for channels in layers.values():
+        for wanted in (("R", "G", "B"), ("RED", "GREEN", "BLUE")):
+            if channels.keys() >= set(wanted):
+                return tuple(channels[channel] for channel in wanted)
+    if len(colours) == 1:
+        return (colours[0],) * 3
+    for channels in layers.values():
+        if channels.keys() >= {"RY", "BY"}:
+            raise ProbeError(f"{path}: luminance-chroma pixels (Y, RY, BY); convert it to RGB")
+        if "Y" in channels and "X" not in channels:
+            return (channels["Y"],) * 3
     raise ProbeError(
-        f"{path}: no R, G and B channels, nor a single one, among {', '.join(names[:8])}"
+        f"{path}: no R, G and B channels, nor a single one, among {', '.join(names[:8])}; "
+        "export it as RGB"
     )
 
 
-def _reason(message: str) -> str:
-    """The first line of a library's message, without its own file name where it leads."""
+def _reason(message: str, path: Path) -> str:
+    """The first line of a library's message, without its own file name and error codes."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
-    return lines[0].rstrip(".") if lines else "no reason was given"
+    if not lines:
+        return "no reason was given"
+    line = lines[0].replace(f"EXR Error ({path}): ", "").replace(f'("{path}")', "")
+    return re.sub(r"\b[A-Z]+_ERR_\w+ ", "", line).strip().rstrip(".")
 
 
 def _srgb_to_linear(values: Array) -> Array:

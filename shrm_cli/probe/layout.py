@@ -38,11 +38,9 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
     ProbeError
         If they do not tell.
     """
-    if envmap == "cube" and height == 6 * width:
+    if envmap == "cube":
         return "openexr"
-    if envmap == "latlong":
-        return "latlong"
-    if width == 2 * height:
+    if envmap == "latlong" or width == 2 * height:
         return "latlong"
     for layout, (columns, rows) in _SHAPES.items():
         if width * rows == height * columns:
@@ -74,14 +72,32 @@ def check_shape(name: str, layout: Layout, width: int, height: int) -> None:
         good = width % columns == 0 and height % rows == 0 and width * rows == height * columns
         wanted = f"{columns} x {rows} square faces"
     if not good:
-        raise ProbeError(f"{name}: {width} x {height} cannot be {layout}, which is {wanted}")
-    if height < 2:
-        raise ProbeError(f"{name}: {width} x {height} is too small to hold a {layout} probe")
+        raise ProbeError(
+            f"{name}: {width} x {height} cannot be {layout}, which is {wanted}; give the --layout "
+            "that it has, or crop it"
+        )
+    if height < (3 if layout == "angular" else 2):
+        raise ProbeError(
+            f"{name}: {width} x {height} is too small to hold a {layout} probe; use a larger one"
+        )
 
 
 def default_orientation(layout: Layout, file_format: str) -> Orientation:
     """OpenEXR's own for the stacked layout, that of graphics APIs for the others and for DDS."""
     return "openexr" if layout == "openexr" and file_format != "dds" else "gl"
+
+
+def clear_unused(image: Array, layout: Layout) -> None:
+    """Set to 0, in place, the corners of a cross: whatever they hold, it is no radiance."""
+    if layout not in ("hcross", "vcross"):
+        return
+    columns, rows = _SHAPES[layout]
+    size = image.shape[1] // columns
+    used = {place[:2] for place in _PLACES[layout]}
+    for row in range(rows):
+        for column in range(columns):
+            if (column, row) not in used:
+                image[row * size : (row + 1) * size, column * size : (column + 1) * size] = 0
 
 
 def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array:

@@ -1,6 +1,6 @@
 """What is done about pixels that cannot be radiance, and what was done."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,11 @@ class PixelReport:
     clamped: int = 0
     energy_removed: float = 0.0
     energy: float = 0.0
+
+    def clear(self) -> None:
+        """Start again, as before the first pixel."""
+        for field in fields(self):
+            setattr(self, field.name, field.default)
 
     def warnings(self) -> list[str]:
         """One line for each thing that a user should know."""
@@ -106,7 +111,7 @@ def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArra
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(pixels.sum()):
             return None
-    bad = ~np.isfinite(pixels).all(axis=-1)
+    bad = ~_finite(pixels)
     if not bad.any():
         return None
     report.nonfinite += int(np.count_nonzero(bad))
@@ -131,46 +136,63 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
         )
 
 
-def fill_nonfinite(name: str, pixels: Array, wraps: bool) -> Array:
+def fill_nonfinite(
+    pixels: Array,
+    wraps: bool = False,
+    used: NDArray[np.bool_] | None = None,
+    rounds: int | None = None,
+) -> Array:
     """Replace each NaN or infinite pixel by the mean of its finite neighbours.
 
-    Larger holes are filled from their rim inwards.
+    Larger holes are filled from their rim inwards, one pixel in each round.
 
     Parameters
     ----------
-    name : str
-        Of the file, for the error.
     pixels : ndarray, shape (H, W, 3)
     wraps : bool
         Whether the left and right edges are neighbours (a lat-long).
+    used : ndarray of bool, shape (H, W), optional
+        The pixels that hold radiance; no others are filled or filled from.
+    rounds : int, optional
+        How deep to fill; what lies deeper stays as it is. All the way by default.
 
-    Raises
-    ------
-    ProbeError
-        If no pixel is finite.
+    Returns
+    -------
+    ndarray
+        A copy. If no used pixel is finite, nothing can be filled.
     """
     pixels = pixels.copy()
-    bad = ~np.isfinite(pixels).all(axis=-1)
-    if bad.all():
-        raise ProbeError(f"{name}: no pixel is finite, so there is nothing to fill them from")
-    while bad.any():
+    good = _finite(pixels)
+    bad = ~good
+    if used is not None:
+        good &= used
+        bad &= used
+    height, width = bad.shape
+    while bad.any() and good.any() and rounds != 0:
         rows, columns = np.nonzero(bad)
         total, count = np.zeros((len(rows), 3)), np.zeros(len(rows))
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 y, x = rows + dy, columns + dx
                 if wraps:
-                    x = x % bad.shape[1]
-                inside = (y >= 0) & (y < bad.shape[0]) & (x >= 0) & (x < bad.shape[1])
+                    x = x % width
+                inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
                 y, x = np.where(inside, y, 0), np.where(inside, x, 0)
-                good = inside & ~bad[y, x]
-                total[good] += pixels[y[good], x[good]]
-                count[good] += 1
+                known = inside & good[y, x]
+                total[known] += pixels[y[known], x[known]]
+                count[known] += 1
         filled = count > 0
         at = rows[filled], columns[filled]
         pixels[at] = total[filled] / count[filled, None]
-        bad[at] = False
+        good[at], bad[at] = True, False
+        if rounds is not None:
+            rounds -= 1
     return pixels
+
+
+def _finite(pixels: Array) -> NDArray[np.bool_]:
+    """Which pixels are finite in every channel."""
+    return np.asarray(np.isfinite(pixels).all(axis=-1))
 
 
 def _energy(pixels: Array, weights: Array) -> float:

@@ -14,6 +14,7 @@ from shrm_cli.probe.image_file import ImageFile, sha256
 from shrm_cli.probe.layout import (
     Layout,
     check_shape,
+    clear_unused,
     default_orientation,
     detect_layout,
     stack_faces,
@@ -39,7 +40,8 @@ Grid = Literal["latlong", "cube", "angular"]
 
 _MAX_PIXELS_IN_MEMORY = 2**27
 _BLOCK_PIXELS = 2**20
-_HOLE_ROWS = 32
+_NOTHING_FINITE = "{}: nothing is finite to fill NaN or infinite pixels from; export it again"
+_HOLE_ROWS = 32  # read around a block with holes, at first
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ class Probe:
         ProbeError
             If the file is damaged, or has NaN or infinite pixels that are not to be filled.
         """
+        self.report.clear()
         reader = self._latlong_rows if self.grid == "latlong" else self._whole
         for start, pixels, weights in reader():
             yield start, self.policy.apply(pixels, weights, self.report), weights
@@ -151,39 +154,64 @@ class Probe:
         rows = max(_BLOCK_PIXELS // self.width, 1)
         rows = -(-rows // file.row_multiple) * file.row_multiple
         column = longitude_weights(self.width, self.sampling)
+        if self.sampling == "center":  # every column weighs the same
+            column = column[:1]
         weights = colatitude_weights(self.height, self.sampling)[:, None]
-        # On a border-sampled file the two end columns share one meridian's weight.
-        weights = weights * (column[1] if self.sampling == "center" else column)
         for start in range(0, self.height, rows):
             stop = min(start + rows, self.height)
             pixels = file.read(start, stop)
             bad = find_nonfinite(pixels, start, self.report)
             if bad is not None and self.policy.fix_nonfinite:
-                first = max(start - _HOLE_ROWS, 0)
-                around = file.read(first, min(stop + _HOLE_ROWS, self.height))
-                pixels = fill_nonfinite(self.name, around, wraps=True)[start - first :][: len(bad)]
+                pixels = self._filled_rows(start, stop)
             elif bad is not None:  # only counted: an error follows
                 pixels = np.where(bad[..., None], np.float32(0), pixels)
-            yield start, pixels, weights[start:stop]
+            yield start, pixels, weights[start:stop] * column
+
+    def _filled_rows(self, start: int, stop: int) -> Array:
+        """Rows of a lat-long without holes, the same however the image is cut into blocks.
+
+        A pixel at depth k of a hole depends on the k rows above and below it, so as many are
+        read as the deepest one needs.
+        """
+        margin = _HOLE_ROWS
+        while True:
+            first, last = max(start - margin, 0), min(stop + margin, self.height)
+            whole = last - first == self.height
+            around = fill_nonfinite(
+                self.files[0].read(first, last), wraps=True, rounds=None if whole else margin
+            )
+            pixels = around[start - first : stop - first]
+            if np.isfinite(pixels).all():
+                return pixels
+            if whole:
+                raise ProbeError(_NOTHING_FINITE.format(self.name))
+            margin *= 4
 
     def _whole(self) -> Iterator[tuple[int, Array, Array]]:
+        angular = self.grid == "angular"
+        if angular:
+            weights = angular_solid_angles(self.width, self.sampling)
+        else:
+            weights = np.tile(cube_solid_angles(self.width, self.sampling), (6, 1))
         parts = []
         for file in self.files:
             part = file.read(0, file.height)
+            if angular:
+                part[weights == 0] = 0  # outside the rim
+            clear_unused(part, self.layout)
             find_nonfinite(part, 0, self.report)
             if not self.policy.fix_nonfinite:
                 refuse_nonfinite(str(file.path), self.report)
             parts.append(part)
         image = np.concatenate(parts) if len(parts) > 1 else parts[0]
-        if self.grid == "angular":
-            weights = angular_solid_angles(self.width, self.sampling)
-            images = [image]
-        else:
+        if not angular:
             image = stack_faces(image, self.layout, self.orientation)
-            weights = np.tile(cube_solid_angles(self.width, self.sampling), (6, 1))
-            images = list(image.reshape(6, self.width, self.width, 3))
         if self.report.nonfinite:
-            image = np.concatenate([fill_nonfinite(self.name, k, wraps=False) for k in images])
+            square = (-1, self.width, self.width)
+            pictures = zip(image.reshape(*square, 3), (weights > 0).reshape(square), strict=True)
+            image = np.concatenate([fill_nonfinite(part, used=used) for part, used in pictures])
+            if not np.isfinite(image).all():
+                raise ProbeError(_NOTHING_FINITE.format(self.name))
         yield 0, image, weights
 
     def radiance(self, directions: ArrayLike) -> Array:
@@ -213,8 +241,12 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
     options = options or ReadOptions()
     name = str(path)
     if "%" in Path(name).name and not Path(name).exists():
+        if options.layout not in (None, "faces"):
+            raise ProbeError(f"{name}: six files are not {options.layout}; leave --layout out")
         files = _open_faces(name, options)
         layout: Layout = "faces"
+    elif options.layout == "faces":
+        raise ProbeError(f"{name}: write % in place of +X, -X, ... to name the files of six faces")
     else:
         files = (ImageFile.open(name, options.linearize),)
         layout = options.layout or detect_layout(
@@ -222,25 +254,26 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
         )
     first = files[0]
     check_shape(name, layout, first.width, first.height)
-    grid: Grid = layout if layout in ("latlong", "angular") else "cube"  # type: ignore[assignment]
+    grid: Grid = "cube"
+    if layout == "latlong" or layout == "angular":
+        grid = layout
     pixels = first.width * first.height * len(files)
     if grid != "latlong" and pixels > _MAX_PIXELS_IN_MEMORY:
         raise ProbeError(
             f"{name}: {pixels:,} pixels of a {layout} are more than {_MAX_PIXELS_IN_MEMORY:,}; "
             "scale it down or convert it to a lat-long"
         )
-    height = first.height
-    width = first.width
+    width, height = first.width, first.height
     if grid == "cube":
-        width = _face_size(layout, first.width)
+        width //= {"strip": 6, "hcross": 4, "vcross": 3}.get(layout, 1)
         height = 6 * width
-    border = "border" if first.border_sampled else "center"
+    sampling: Sampling = "border" if first.border_sampled else "center"
     return Probe(
         name,
         grid,
         width,
         height,
-        options.sampling or border,  # type: ignore[arg-type]
+        options.sampling or sampling,
         layout,
         options.orientation or default_orientation(layout, first.file_format),
         options.matrix(),
@@ -248,10 +281,6 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
         first.chromaticities,
         files,
     )
-
-
-def _face_size(layout: Layout, width: int) -> int:
-    return width // {"strip": 6, "hcross": 4, "vcross": 3}.get(layout, 1)
 
 
 def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
@@ -264,6 +293,6 @@ def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
         if (file.width, file.height) != (files[0].width, files[0].height):
             raise ProbeError(
                 f"{file.path}: {file.width} x {file.height} pixels, but {files[0].path} has "
-                f"{files[0].width} x {files[0].height}"
+                f"{files[0].width} x {files[0].height}; make all six the same"
             )
     return files

@@ -27,8 +27,9 @@ class CubeSampler:
 
     def __init__(self, image: ArrayLike, sampling: Sampling = "center") -> None:
         image = np.asarray(image)
-        self.sampling = sampling
+        image = image.astype(np.result_type(image, np.float32), copy=False)
         self.size = size = image.shape[1]
+        self.sampling = sampling if size > 1 else "center"
         faces = image.reshape(6, size, size, -1)
         wide = np.arange(-_RIM, size + _RIM)
         padded = np.empty((6, len(wide), len(wide), faces.shape[-1]), dtype=image.dtype)
@@ -48,7 +49,7 @@ class CubeSampler:
         face, s, t = cube_coordinates(directions)
         columns, across = _cubic(self._index(s))
         rows, along = _cubic(self._index(t))
-        result = np.zeros((*face.shape, self._padded.shape[-1]), dtype=self._padded.dtype)
+        result: Array = np.zeros((*face.shape, self._padded.shape[-1]), dtype=self._padded.dtype)
         for i in range(4):
             line = np.zeros_like(result)
             for j in range(4):
@@ -57,16 +58,13 @@ class CubeSampler:
             result += along[i][..., None] * line
         return result
 
-    def _position(self, index: Array) -> Array:
+    def _position(self, index: NDArray[np.intp]) -> Array:
         """Position in [-1, 1] of texel indices, which may lie outside."""
-        if self.sampling == "border":
-            return 2 * index / max(self.size - 1, 1) - 1
-        return (2 * index + 1) / self.size - 1
+        scale, shift = _scale(self.size, self.sampling)
+        return np.asarray((index + shift) / scale - 1)
 
     def _index(self, position: Array) -> Array:
-        if self.sampling == "border":
-            return (position + 1) * ((self.size - 1) / 2)
-        return (position + 1) * (self.size / 2) - 0.5
+        return _index(position, self.size, self.sampling)
 
     def _on_faces(self, faces: Array, directions: Array) -> Array:
         """Values from the texels of one face alone, by its own cubic polynomial."""
@@ -80,6 +78,17 @@ class CubeSampler:
                 weight = along[i] * across[j]
                 result += weight[:, None] * faces[face, rows + i, columns + j]
         return result
+
+
+def _scale(size: int, sampling: Sampling) -> tuple[float, float]:
+    """Texels for each unit of position, and where position -1 lies before texel 0."""
+    return ((size - 1) / 2, 0.0) if sampling == "border" else (size / 2, 0.5)
+
+
+def _index(position: Array, size: int, sampling: Sampling) -> Array:
+    """Texel index, not rounded, of positions in [-1, 1]."""
+    scale, shift = _scale(size, sampling)
+    return np.asarray((position + 1) * scale - shift)
 
 
 def _cubic(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
@@ -116,35 +125,60 @@ def sample_latlong(image: ArrayLike, directions: ArrayLike, sampling: Sampling) 
     image = np.asarray(image)
     height, width = image.shape[:2]
     across, down = latlong_coordinates(directions)
-    if sampling == "border":
-        x, y = (across + 1) * ((width - 1) / 2), (down + 1) * ((height - 1) / 2)
-        period = width - 1
-    else:
-        x, y = (across + 1) * (width / 2) - 0.5, (down + 1) * (height / 2) - 0.5
-        period = width
+    x, y = _index(across, width, sampling), _index(down, height, sampling)
+    period = width - 1 if sampling == "border" else width
     column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     fx, fy = (x - column)[..., None], (y - row)[..., None]
     result: Array = np.zeros((), dtype=image.dtype)
     for i, wy in ((row, 1 - fy), (row + 1, fy)):
-        beyond = (i < 0) | (i >= height)
-        turned = np.where(beyond, period // 2, 0)
-        inside = np.clip(np.where(i < 0, -1 - i, np.where(i >= height, 2 * height - 1 - i, i)), 0, height - 1)
+        turned = np.where((i < 0) | (i >= height), period // 2, 0)
+        i = np.minimum(np.maximum(i, -1 - i), height - 1)  # -1 is row 0, height the last
         for j, wx in ((column, 1 - fx), (column + 1, fx)):
-            result = result + wy * wx * image[inside, (j + turned) % period]
+            result = result + wy * wx * image[i, (j + turned) % period]
     return result
 
 
 def sample_angular(image: ArrayLike, directions: ArrayLike, sampling: Sampling) -> Array:
-    """Bilinear values of an angular map, shape (N, N, channels), at directions (..., 3)."""
+    """Bilinear values of an angular map, shape (N, N, channels), at directions (..., 3).
+
+    What the image holds outside its rim does not count.
+    """
     image = np.asarray(image)
-    size = image.shape[0]
     across, down = angular_coordinates(directions)
-    scale, shift = ((size - 1) / 2, 0.0) if sampling == "border" else (size / 2, 0.5)
-    x, y = ((np.clip(c, -1, 1) + 1) * scale - shift for c in (across, down))
-    column = np.clip(np.floor(x).astype(np.intp), 0, max(size - 2, 0))
-    row = np.clip(np.floor(y).astype(np.intp), 0, max(size - 2, 0))
+    if len(image) == 1:
+        return np.broadcast_to(image[0, 0], (*across.shape, image.shape[2]))
+    return _bilinear(_beyond_rim(image, sampling), across, down, sampling)
+
+
+def _bilinear(padded: Array, across: Array, down: Array, sampling: Sampling) -> Array:
+    """Values at positions in [-1, 1] of a square image with one more texel on every side."""
+    size = len(padded) - 2
+    x, y = _index(across, size, sampling) + 1, _index(down, size, sampling) + 1
+    column = np.clip(np.floor(x).astype(np.intp), 0, size)
+    row = np.clip(np.floor(y).astype(np.intp), 0, size)
     fx, fy = (x - column)[..., None], (y - row)[..., None]
-    right, below = np.minimum(column + 1, size - 1), np.minimum(row + 1, size - 1)
-    top = (1 - fx) * image[row, column] + fx * image[row, right]
-    bottom = (1 - fx) * image[below, column] + fx * image[below, right]
-    return (1 - fy) * top + fy * bottom
+    top = (1 - fx) * padded[row, column] + fx * padded[row, column + 1]
+    bottom = (1 - fx) * padded[row + 1, column] + fx * padded[row + 1, column + 1]
+    return np.asarray((1 - fy) * top + fy * bottom)
+
+
+def _beyond_rim(image: Array, sampling: Sampling) -> Array:
+    """An angular map that goes on beyond its rim, with one more texel on every side.
+
+    The way through -Z leads to the other side: from radius r > 1 to radius 2 - r, half a turn
+    away. Values between the last texels that a filter can trust on this side and on the other
+    are interpolated.
+    """
+    size = len(image)
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    scale, shift = _scale(size, sampling)
+    s = (np.arange(-1, size + 1) + shift) / scale - 1
+    radius = np.hypot(s[:, None], s)
+    reach = 1.5 / scale  # a bilinear filter reaches less than a texel's diagonal
+    rows, columns = np.nonzero((radius > 1) & (radius < 1 + reach))
+    r = radius[rows, columns]
+    x, y = s[columns] / r * (1 - reach), s[rows] / r * (1 - reach)
+    far = ((r - 1 + reach) / (2 * reach))[:, None]
+    here, there = _bilinear(padded, x, y, sampling), _bilinear(padded, -x, -y, sampling)
+    padded[rows, columns] = (1 - far) * here + far * there
+    return padded

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.grids import LATLONG_AXES, Sampling, colatitude_weights, longitude_weights
-from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.harmonics import index, legendre_degrees, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 
 Array = NDArray[np.floating]
@@ -115,4 +115,75 @@ def analyze_samples(directions: Array, weights: Array, values: Array, order: int
         part = slice(start, start + step)
         basis = real_harmonics(order, directions[part])
         result += basis.T @ (values[part] * weights[part, None])
+    return result
+
+
+def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") -> Array:
+    """Coefficients of an angular map (light-probe ball).
+
+    Pixels at the same distance from the centre share their Legendre functions, and pixels that
+    are mirror images in x or y share their waves in longitude, up to the sign.
+
+    Parameters
+    ----------
+    weighted : ndarray, shape (size, size, channels)
+        Pixels, each already multiplied by its solid angle.
+    order : int
+    sampling : {"center", "border"}
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, channels)
+    """
+    size, channels = weighted.shape[1:]
+    half = size // 2
+    at = 2 * np.arange(half, size) - (size - 1)  # in half pixels from the centre, >= 0
+    y, x = np.meshgrid(at, at, indexing="ij")
+    scale = size if sampling == "center" else size - 1
+    inside = x * x + y * y <= scale**2
+    y, x = y[inside], x[inside]
+    squares, ring = np.unique(x * x + y * y, return_inverse=True)
+    in_rings = np.argsort(ring, kind="stable")
+    starts = np.searchsorted(ring[in_rings], np.arange(len(squares)))
+    step = np.exp(1j * np.arctan2(y, x))[in_rings]
+    # Right is -X and down is -Y.
+    planes = np.moveaxis(weighted[::-1, ::-1], -1, 0)
+    folded = {
+        signs: quarter[:, inside][:, in_rings] for signs, quarter in _fold(planes, half).items()
+    }
+    rings = np.empty((order + 1, 2, channels, len(squares)))
+    wave = np.ones_like(step)
+    for m in range(order + 1):
+        sign = 1 - 2 * (m % 2)  # x -> -x turns phi to pi - phi, y -> -y to -phi
+        for k, (part, signs) in enumerate(((wave.real, (sign, 1)), (wave.imag, (-sign, -1)))):
+            for channel, values in enumerate(folded[signs]):
+                np.add.reduceat(part * values, starts, out=rings[m, k, channel])
+        wave *= step
+    result = np.empty(((order + 1) ** 2, channels))
+    for degree, values in legendre_degrees(order, np.cos(np.sqrt(squares) * (np.pi / scale))):
+        sums = rings[: degree + 1] @ values[:, None, :, None]
+        sums[1:] *= np.sqrt(2)
+        centre = index(degree, 0)
+        result[centre : centre + degree + 1] = sums[:, 0, :, 0]
+        result[centre - degree : centre] = sums[:0:-1, 1, :, 0]
+    return result
+
+
+def _fold(planes: Array, half: int) -> dict[tuple[int, int], Array]:
+    """The last quarter of square images plus its mirror images, with each pair of signs.
+
+    Returns
+    -------
+    dict of (sign of the mirror image in x, in y): ndarray, shape (..., size - half, size - half)
+    """
+    size = planes.shape[-1]
+    mirrored = slice(size - 1 - half, None, -1)
+    # Where x or y is 0 a pixel is its own mirror image, and would count twice.
+    share = np.where(np.arange(half, size) == (size - 1) / 2, 0.5, 1.0)
+    result: dict[tuple[int, int], Array] = {}
+    for sign_y in (1, -1):
+        rows = planes[..., half:, :] + sign_y * planes[..., mirrored, :]
+        for sign_x in (1, -1):
+            quarter = rows[..., half:] + sign_x * rows[..., mirrored]
+            result[sign_x, sign_y] = quarter * share[:, None] * share
     return result

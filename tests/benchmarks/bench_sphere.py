@@ -31,8 +31,10 @@ def rows() -> Iterable[Row]:
 
 
 def _forget_tables() -> None:
-    rotation._cached_right_angles.cache_clear()
-    double_fourier._cached_tables.cache_clear()
+    for module in (rotation, double_fourier):
+        for value in vars(module).values():
+            if hasattr(value, "cache_clear"):
+                value.cache_clear()
 
 
 def _each(

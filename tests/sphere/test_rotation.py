@@ -192,3 +192,16 @@ def test_to_local_frames_and_back(rng):
     single = rotate_to_frames(coefficients.astype(np.float32), theta, phi)
     assert single.dtype == np.float32
     np.testing.assert_allclose(single, local, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["quarter turn", "cyclic axes", "swap x and y", "mirror z"])
+@pytest.mark.parametrize("order", [96, 110])
+def test_exchanged_axes_at_high_order(rng, name, order):
+    """Right angles have matrices of their own; those above order 96 are not kept."""
+    coefficients, directions = rng.standard_normal((order + 1) ** 2), random_directions(rng, 3)
+    found = oracles.real_harmonics(order, directions) @ transform_coefficients(
+        coefficients, DEGENERATE[name]
+    )
+    expected = oracles.real_harmonics(order, directions @ DEGENERATE[name]) @ coefficients
+    scale = np.linalg.norm(coefficients) * (order + 1)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance(order) * scale / 10)

@@ -3,7 +3,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from shrm_cli.sphere.wigner import small_d_degrees
+from shrm_cli.sphere.wigner import right_angle_degrees, small_d_degrees
 from tests import oracles
 from tests.oracles import EPS, tolerance
 
@@ -140,3 +140,31 @@ def test_max_spin_keeps_the_middle_columns(max_spin):
         kept = whole[degree][:, cut : 2 * degree + 1 - cut]
         assert matrix.shape == (2 * degree + 1, 2 * min(degree, max_spin) + 1, 1, 3)
         np.testing.assert_allclose(matrix, kept, rtol=0, atol=tolerance(degree))
+
+
+@pytest.mark.parametrize("order", [0, 1, 40])
+def test_right_angles(order):
+    """The quadrant m, n >= 0 of d(pi/2); the rest of it by the symmetry that comes with it."""
+    quadrants = list(right_angle_degrees(order))
+    assert len(quadrants) == order + 1
+    for degree, quadrant in enumerate(quadrants):
+        expected = oracles.small_d_by_eigenvectors(degree, np.pi / 2)
+        np.testing.assert_allclose(
+            quadrant, expected[degree:, degree:], rtol=0, atol=tolerance(degree) + 8 * EPS
+        )
+        signs = (-1.0) ** (degree + np.arange(degree + 1))[:, None]
+        np.testing.assert_allclose(
+            signs * quadrant,
+            expected[degree:, degree::-1],
+            rtol=0,
+            atol=tolerance(degree) + 8 * EPS,
+        )
+
+
+def test_right_angles_at_order_512(eigenvectors_512):
+    (quadrant,) = deque(right_angle_degrees(512), maxlen=1)
+    at = 5
+    assert ANGLES[at] == np.pi / 2
+    np.testing.assert_allclose(
+        quadrant, eigenvectors_512[512:, 512:, at], rtol=0, atol=tolerance(512)
+    )
