@@ -102,10 +102,7 @@ def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
     faces = np.asarray(faces)
     result = np.empty_like(faces)
     for face, (source, target) in enumerate(zip(face_axes(orientation), face_axes(), strict=True)):
-        image = faces[face]
-        if abs(source[0] @ target[0]) < 0.5:  # right and down change places
-            image, source = np.swapaxes(image, 0, 1), source[[1, 0, 2]]
-        horizontal = 1 if source[0] @ target[0] > 0 else -1
-        vertical = 1 if source[1] @ target[1] > 0 else -1
-        result[face] = image[::vertical, ::horizontal]
+        # Right and down are the same axes in both orientations, of the same or opposite sign.
+        horizontal, vertical = (int(source[k] @ target[k]) for k in (0, 1))
+        result[face] = faces[face, ::vertical, ::horizontal]
     return result
