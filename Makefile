@@ -83,11 +83,13 @@ PICTURES += $(call baked,$(1),$(2)).png
 endef
 
 ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
-  NAMES := $(basename $(notdir $(PROBES)))
+  # A file that does not exist keeps its name, and fails by it.
+  FILES := $(foreach p,$(PROBES),$(or $(wildcard $(p)),$(p)))
+  NAMES := $(basename $(notdir $(FILES)))
   ifneq ($(words $(NAMES)),$(words $(sort $(NAMES))))
     $(error Two of PROBES have the same name: their outputs would overwrite each other)
   endif
-  $(foreach p,$(PROBES),$(foreach b,$(sort $(BRDFS)),$(eval $(call pair,$(p),$(b)))))
+  $(foreach p,$(FILES),$(foreach b,$(sort $(BRDFS)),$(eval $(call pair,$(p),$(b)))))
 endif
 
 # -k: a pair that fails does not stop the others, but the run fails.

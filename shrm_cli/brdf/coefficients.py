@@ -154,18 +154,15 @@ def _sampled_coefficients(
     by_q = np.empty((shape[0], shape[1], 3, order_p + 1))
     energies = np.empty((3, shape[0]))
     for rows, samples, coverage in _transfer_samples(brdf, theta_i, theta_o, phi):
-        if not np.isfinite(samples).all():
+        if not np.isfinite(samples.sum()):
             raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
-        for channel in range(3):
-            if channel and samples.strides[-1] == 0:  # grey: all channels are the first
-                by_q[rows, :, channel], energies[channel, rows] = (
-                    by_q[rows, :, 0],
-                    energies[0, rows],
-                )
-                continue
+        is_grey = samples.strides[-1] == 0
+        for channel in range(1 if is_grey else 3):
             covered = samples[..., channel] * coverage
             by_q[rows, :, channel] = covered @ waves * measure
             energies[channel, rows] = np.sum(covered * samples[..., channel], axis=2) @ weights_o
+        if is_grey:
+            by_q[rows, :, 1:], energies[1:, rows] = by_q[rows, :, :1], energies[0, rows]
     energy = measure * energies @ weights_i
     lighting = legendre_table(order_f, np.cos(theta_i), max_m=order_p)
     viewing = legendre_table(order_p, np.cos(theta_o))
@@ -210,19 +207,19 @@ def _transfer_samples(
         if not brdf.has_horizon:
             coverage[:] = 1.0
         theta = np.broadcast_to(theta_i[rows, None, None], coverage.shape)
-        cut = (coverage > 0) & (beyond >= 0)
-        if cut.any():
-            theta = np.where(cut, np.broadcast_to(horizon, coverage.shape) * (1 - 1e-9), theta)
-        yield rows, brdf.transfer(_tilted(from_angles(theta, phi), tilt), view), coverage
+        light = _tilted(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
+        cut = np.nonzero((coverage > 0) & (coverage < 1) & (beyond >= 0))
+        edge = from_angles(horizon[cut[1:]] * (1 - 1e-9), phi[cut[2]])
+        light[cut] = _tilted(edge, tilt[cut[1]])
+        yield rows, brdf.transfer(light, view), coverage
 
 
 def _tilted(light: Array, tilt: Array) -> Array:
-    """Directions (theta_i, theta_o, phi, 3) about C, in the frame of the normal."""
-    cosine, sine = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
-    x, z = light[..., 0].copy(), light[..., 2]
-    light[..., 0] = cosine * x - sine * z
-    light[..., 2] = sine * x + cosine * z
-    return light
+    """Directions (..., 3) about C in the frame of a normal tilted by angles (...)."""
+    cosine, sine = np.cos(tilt), np.sin(tilt)
+    x, y, z = np.moveaxis(light, -1, 0)
+    parts = cosine * x - sine * z, y, sine * x + cosine * z
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
 def _zonal_coefficients(brdf: Brdf, order_f: int) -> BrdfCoefficients:

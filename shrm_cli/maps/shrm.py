@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Center
+from shrm_cli.errors import MapError
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.cube import cube_directions
@@ -22,6 +23,9 @@ Array = NDArray[np.floating]
 Frame = Literal["global", "local"]
 
 MIN_SIZE, MAX_SIZE = 4, 4096
+MAX_VALUES = 2**30
+"""Coefficients in a map: 4 GB as 32-bit floats."""
+
 _SMALLEST_CHOICE = 16
 _TEXELS_AT_ONCE = 2**14
 
@@ -109,8 +113,19 @@ class Shrm:
             As the attributes.
         dtype : float32 or float64
             Precision of the synthesis.
+
+        Raises
+        ------
+        MapError
+            If the map would be too large to be kept in memory.
         """
         size = choose_size(brdf.shape[0] - 1) if size is None else size
+        count = 6 * size**2 * brdf.shape[1] ** 2 * 3
+        if count > MAX_VALUES:
+            raise MapError(
+                f"a map of size {size} and order P = {brdf.shape[1] - 1} holds {count:,} "
+                f"coefficients, more than {MAX_VALUES:,}; lower --size or the orders"
+            )
         series = reflected_coefficients(np.asarray(lighting), brdf)
         planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
         stacked = planes.reshape(*series.shape[1:], 6 * size, size)

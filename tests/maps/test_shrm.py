@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import MapError
 from shrm_cli.exr import read_map, write_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm import Shrm, choose_size
@@ -148,6 +149,11 @@ def test_lambertian_is_centred_on_the_normal():
 )
 def test_size_follows_the_order(order, size):
     assert choose_size(order) == size
+
+
+def test_size_is_bounded_before_anything_is_allocated():
+    with pytest.raises(MapError, match="lower --size"):
+        Shrm.build(np.zeros((4, 3)), np.zeros((2, 4, 4, 3)), "reflection", INFO, size=4096)
 
 
 def test_shapes_are_checked():
