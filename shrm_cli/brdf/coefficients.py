@@ -206,7 +206,6 @@ def _transfer_samples(
         coverage = np.clip(0.5 - beyond / cell, 0.0, 1.0)
         if not brdf.has_horizon:
             coverage[:] = 1.0
-        theta = np.broadcast_to(theta_i[rows, None, None], coverage.shape)
         light = _tilted(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
         cut = np.nonzero((coverage > 0) & (coverage < 1) & (beyond >= 0))
         edge = from_angles(horizon[cut[1:]] * (1 - 1e-9), phi[cut[2]])

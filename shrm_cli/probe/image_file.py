@@ -157,7 +157,6 @@ class ImageFile:
                 0, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
             )
         if pixels is None:
-            self._input.geterror()  # or the library prints it when the process ends
             raise ProbeError(f"{self.path}: damaged or truncated; copy or export it again")
         pixels = pixels.reshape(stop - start, spec.width, -1)
         chosen = [channel - begin for channel in self._channels]
@@ -267,7 +266,7 @@ def _reason(message: str, path: Path) -> str:
     if not lines:
         return "no reason was given"
     line = lines[0].replace(f"EXR Error ({path}): ", "").replace(f'("{path}")', "")
-    return re.sub(r"\b[A-Z]+_ERR_\w+ ", "", line).strip().rstrip(".")
+    return re.sub(r"\b[A-Z]+_ERR_\w+ |: magic .*", "", line).strip().rstrip(".")
 
 
 def _srgb_to_linear(values: Array) -> Array:

@@ -182,6 +182,8 @@ def fill_nonfinite(
                 total[known] += pixels[y[known], x[known]]
                 count[known] += 1
         filled = count > 0
+        if not filled.any():  # out of reach of the good ones
+            break
         at = rows[filled], columns[filled]
         pixels[at] = total[filled] / count[filled, None]
         good[at], bad[at] = True, False

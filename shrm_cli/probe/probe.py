@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -215,13 +216,20 @@ class Probe:
         yield 0, image, weights
 
     def radiance(self, directions: ArrayLike) -> Array:
-        """Filtered radiance in world directions, shape (..., 3)."""
+        """Filtered radiance in world directions, shape (..., 3); the image is read once."""
         inside = np.asarray(directions) @ self.matrix  # M^-1 d, as rows
-        image = self.image()
         if self.grid == "cube":
-            return np.maximum(CubeSampler(image, self.sampling)(inside), 0)
+            return np.maximum(self._sampler(inside), 0)
         sample = sample_latlong if self.grid == "latlong" else sample_angular
-        return sample(image, inside, self.sampling)
+        return sample(self._image, inside, self.sampling)
+
+    @cached_property
+    def _image(self) -> Array:
+        return self.image()
+
+    @cached_property
+    def _sampler(self) -> CubeSampler:
+        return CubeSampler(self._image, self.sampling)
 
 
 def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Probe:
@@ -260,7 +268,7 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
     pixels = first.width * first.height * len(files)
     if grid != "latlong" and pixels > _MAX_PIXELS_IN_MEMORY:
         raise ProbeError(
-            f"{name}: {pixels:,} pixels of a {layout} are more than {_MAX_PIXELS_IN_MEMORY:,}; "
+            f"{name}: {pixels:,} pixels ({layout}) are more than {_MAX_PIXELS_IN_MEMORY:,}; "
             "scale it down or convert it to a lat-long"
         )
     width, height = first.width, first.height
