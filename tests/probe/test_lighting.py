@@ -260,6 +260,27 @@ def test_noise_is_summed_pixel_by_pixel(tmp_path, rng, layout, size, sampling):
     np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
+@pytest.mark.parametrize("sampling", ["center", "border"])
+@pytest.mark.parametrize(
+    ("layout", "size", "degree"), [("latlong", 32, 29), ("openexr", 16, 26), ("angular", 64, 28)]
+)
+def test_fine_waves_are_resolved(tmp_path, layout, size, degree, sampling):
+    """Nearly down to two pixels a wave."""
+    wave = degree * (degree + 1) + 3
+
+    def f(directions):
+        return 3 + oracles.real_harmonics(degree, directions)[..., [wave, wave, wave]]
+
+    image = {
+        "latlong": scenes.latlong(size, sampling, f),
+        "openexr": scenes.arrange(scenes.cube_faces(size, sampling, f=f), "openexr"),
+        "angular": scenes.angular(size, sampling, f),
+    }[layout]
+    path = scenes.write(tmp_path / "probe.exr", image)
+    found = coefficients(path, degree, layout=layout, sampling=sampling)
+    np.testing.assert_allclose(found[wave], 1, atol=0.3)
+
+
 def test_progress_is_reported(tmp_path):
     path = scenes.write(tmp_path / "probe.exr", np.ones((64, 128, 3)))
     calls = []
