@@ -51,7 +51,7 @@ demo: $(VENV)/.installed
 	$(SHRM) prefilter probes/studio.exr --brdf microfacet --eps 0.03 \
 	  -o build/demo/studio.microfacet.shrm.exr
 	$(SHRM) render build/demo/studio.microfacet.shrm.exr --background probes/studio.exr \
-	  -o build/demo/studio.microfacet.png
+	  --exposure -1.5 -o build/demo/studio.microfacet.png
 	@echo 'The picture is $(CURDIR)/build/demo/studio.microfacet.png'
 
 test: $(VENV)/.dev
@@ -82,6 +82,7 @@ $(call baked,$(1),$(2)).png: $(call baked,$(1),$(2)).exr build/.render-options |
 PICTURES += $(call baked,$(1),$(2)).png
 endef
 
+PICTURES :=
 ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
   # A file that does not exist keeps its name, and fails by it.
   FILES := $(foreach p,$(PROBES),$(or $(wildcard $(p)),$(p)))
@@ -90,6 +91,9 @@ ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
     $(error Two of PROBES have the same name: their outputs would overwrite each other)
   endif
   $(foreach p,$(FILES),$(foreach b,$(sort $(BRDFS)),$(eval $(call pair,$(p),$(b)))))
+  ifeq ($(PICTURES),)
+    $(error There is nothing to bake: name one of PROBES and one of BRDFS at least)
+  endif
 endif
 
 # -k: a pair that fails does not stop the others, but the run fails.

@@ -15,10 +15,22 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20020701)
 
 
+ROOT = Path(__file__).resolve().parents[1]
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """The folder of real probes, BRDFs and meshes beside the project."""
-    folder = Path(__file__).resolve().parents[2] / "shared"
+    folder = ROOT.parent / "shared"
     if not (folder / "probes").is_dir():
-        pytest.skip(f"no real probes: {folder.name}/ is not beside the project")
+        pytest.skip(f"OpenEXR's sample images are in {folder.name}/ beside the project: not here")
     return folder
+
+
+@pytest.fixture(scope="session")
+def real_probes() -> Path:
+    """A folder with real lat-longs: beside the project, or fetched by `make probes`."""
+    for folder in (ROOT.parent / "shared" / "probes", ROOT / "probes" / "real"):
+        if (folder / "city.exr").exists():
+            return folder
+    pytest.skip("no real probes; `make probes` fetches them")

@@ -30,8 +30,8 @@ def write(path, image):
 
 @pytest.mark.parametrize("sigma", [0.2, 0.5])
 @pytest.mark.parametrize("name", ["city", "interior", "studio", "sunset"])
-def test_measured_error_is_the_predicted_one(shared, tmp_path, name, sigma):
-    image = reduced(shared / "probes" / f"{name}.exr")
+def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma):
+    image = reduced(real_probes / f"{name}.exr")
     write(tmp_path / "probe.exr", image)
     brdf = parse_spec(f"microfacet:sigma={sigma}")
     baked = bake(open_probe(tmp_path / "probe.exr"), brdf, 0.03, dtype=np.float32)
