@@ -1,10 +1,11 @@
 """Map <-> EXR file: the only place that knows channel names and attributes."""
 
 import json
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import OpenEXR
@@ -12,10 +13,12 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli import threads
+from shrm_cli.brdf.base import Center
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files import replacing
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import MAX_SIZE, Shrm
+from shrm_cli.maps.shrm import MAX_SIZE, MAX_VALUES, Frame, Shrm
+from shrm_cli.orders import MAX_ORDER_F, MAX_ORDER_P
 
 Array = NDArray[np.floating]
 
@@ -23,9 +26,8 @@ VERSION = 1
 PRECISIONS = ("auto", "half", "float")
 
 _HALF_MAX = float(np.finfo(np.float16).max)
+_FLOAT_MAX = float(np.finfo(np.float32).max)
 _HALF_OVERFLOW = _HALF_MAX + 16  # from here on rounding to the nearest half gives infinity
-_MAX_ORDER_P = 32
-_MAX_VALUES = 2**31
 
 
 def write_map(path: str | os.PathLike[str], reflection_map: Shrm, precision: str = "auto") -> str:
@@ -79,14 +81,18 @@ def read_map(path: str | os.PathLike[str]) -> Shrm:
     order_p, size = attributes["P"], spec.width
     if spec.height != 6 * size or size > MAX_SIZE:
         raise MapError(f"{path}: {spec.width} x {spec.height} is not a cube of 1:6")
-    if spec.nchannels * spec.width * spec.height > _MAX_VALUES:
+    if spec.nchannels * spec.width * spec.height > MAX_VALUES:
         raise MapError(f"{path}: {spec.nchannels} channels of {size} texels are too many to load")
     names = {name: k for k, name in enumerate(spec.channelnames)}
     wanted = [f"sh{k:03d}.{c}" for k in range((order_p + 1) ** 2) for c in "RGB"]
-    if not {"sh000.R", "sh000.G", "sh000.B"} <= names.keys() or not names.keys() <= set(wanted):
+    zonal = [f"sh{p * (p + 1):03d}.{c}" for p in range(order_p + 1) for c in "RGB"]
+    is_zonal = attributes["frame"] == "local" and names.keys() == set(zonal)
+    numbers = {str(spec.channelformat(k)) for k in names.values()}
+    if (names.keys() != set(wanted) and not is_zonal) or not numbers <= {"half", "float"}:
         raise MapError(f"{path}: its channels are not those of an SHRM of order P = {order_p}")
     pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
     if pixels is None:
+        source.geterror()
         raise MapError(f"{path}: damaged or truncated; make it again with shrm prefilter")
     coefficients = np.zeros((6 * size, size, len(wanted)), dtype=np.float32)
     stored = [k for k, name in enumerate(wanted) if name in names]
@@ -114,7 +120,7 @@ def read_map(path: str | os.PathLike[str]) -> Shrm:
 
 def is_map(path: str | os.PathLike[str]) -> bool:
     """Whether a readable image carries the attributes of a map."""
-    source = oiio.ImageInput.open(str(path))
+    source = _open_image(path) if Path(path).is_file() else None
     return source is not None and bool(source.spec().get_string_attribute("shrm:representation"))
 
 
@@ -152,8 +158,8 @@ def write_image(
 
 def _choose_precision(path: str | os.PathLike[str], values: Array, precision: str) -> str:
     largest = float(max(values.max(), -values.min())) if values.size else 0.0
-    if not np.isfinite(largest) or largest > np.finfo(np.float32).max:
-        raise OutputError(f"{path}: a value is not finite; nothing was written")
+    if not largest <= _FLOAT_MAX:
+        raise OutputError(f"{path}: a value is not finite in 32-bit float; dim the light")
     overflows = largest >= _HALF_OVERFLOW
     if precision == "half" and overflows:
         raise OutputError(
@@ -203,58 +209,80 @@ def _write(
         try:
             with OpenEXR.File(full, channels, num_threads=threads.count() or -1) as file:
                 file.write(str(temporary))
-        except RuntimeError as error:  # the library's words for a failed system call
-            raise OSError(0, str(error).replace(str(temporary), str(path)).rstrip(".")) from error
+        except RuntimeError as error:  # the library's words end with the system's
+            raise OSError(0, str(error).rpartition('". ')[2].rstrip(".")) from error
 
 
 def _open(path: str | os.PathLike[str]) -> Any:
     if not Path(path).exists():
         raise MapError(f"{path}: no such file")
-    if Path(path).is_dir():
-        raise MapError(f"{path}: a directory, not a map")
-    source = oiio.ImageInput.open(str(path))
+    if not Path(path).is_file():  # to open a pipe would block
+        kind = "a directory" if Path(path).is_dir() else "not a regular file"
+        raise MapError(f"{path}: {kind}; name a map")
+    source = _open_image(path)
     if source is None or source.format_name() != "openexr":
-        oiio.geterror()
         raise MapError(f"{path}: not an OpenEXR file, or a damaged one; shrm prefilter makes maps")
+    return source
+
+
+def _open_image(path: str | os.PathLike[str]) -> Any:
+    """The image, or None; never an error left for the library to print at the end."""
+    try:
+        source = oiio.ImageInput.open(os.fspath(path))
+    except TypeError:  # a name that is not UTF-8
+        return None
+    oiio.geterror()
     return source
 
 
 def _attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
     """The shrm: attributes, each of its type and within its range."""
-    kind = spec.get_string_attribute("shrm:representation")
-    if not kind:
+    found = spec.get_string_attribute("shrm:representation")
+    if not found:
         raise MapError(f"{path}: an image, but not a map; shrm prefilter makes maps")
-    if kind != Shrm.representation:
-        raise MapError(f"{path}: a map of representation {kind!r}, which this version cannot read")
-    version = spec.get_int_attribute("shrm:version")
-    if not 1 <= version <= VERSION:
+    if found != Shrm.representation:
+        raise MapError(f"{path}: a map of representation {found!r}, which this version cannot read")
+    version = spec.getattribute("shrm:version")
+    if isinstance(version, int) and version > VERSION:
         raise MapError(f"{path}: written by a newer shrm (format {version}); update shrm")
-    result: dict[str, Any] = {
-        "frame": spec.get_string_attribute("shrm:frame"),
-        "center": spec.get_string_attribute("shrm:center"),
-        "F": spec.get_int_attribute("shrm:F", -1),
-        "P": spec.get_int_attribute("shrm:P", -1),
-        "probe": spec.get_string_attribute("shrm:probe"),
-        "probe_sha256": spec.get_string_attribute("shrm:probe_sha256"),
-    }
-    for name in ("epsilon", "brdf_energy_captured", "predicted_error"):
-        result[name] = spec.get_float_attribute(f"shrm:{name}")
+    result: dict[str, Any] = {}
+    for name, (kind, is_valid) in _ATTRIBUTES.items():
+        value: Any = spec.getattribute(f"shrm:{name}")
+        if value is None and kind is str:  # the library leaves empty ones out
+            value = ""
+        if isinstance(value, str):  # bytes that are no text could not be printed
+            value = value.encode("utf-8", "replace").decode()
+        is_sound = type(value) is kind and is_valid(value)
+        if not is_sound:
+            raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
+        # The shortest decimals that are this float32: 0.03, not 0.029999999329447746.
+        result[name] = float(str(np.float32(value))) if kind is float else value
+    return {**result, "brdf": json.loads(result["brdf"])}
+
+
+def _is_json_object(text: str) -> bool:
     try:
-        result["brdf"] = json.loads(spec.get_string_attribute("shrm:brdf") or "{}")
-    except json.JSONDecodeError:
-        result["brdf"] = None
-    sane = (
-        result["frame"] in ("global", "local")
-        and result["center"] in ("reflection", "normal")
-        and result["F"] >= 0
-        and 0 <= result["P"] <= _MAX_ORDER_P
-        and isinstance(result["brdf"], dict)
-    )
-    if not sane:
-        raise MapError(f"{path}: its shrm: attributes are damaged; make it again")
-    return result
+        return isinstance(json.loads(text), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
+# Types of the attributes that a map must have, and what their values must hold.
+_ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
+    "version": (int, lambda value: value >= 1),
+    "frame": (str, get_args(Frame).__contains__),
+    "center": (str, get_args(Center).__contains__),
+    "F": (int, lambda value: 0 <= value <= MAX_ORDER_F),
+    "P": (int, lambda value: 0 <= value <= MAX_ORDER_P),
+    "epsilon": (float, math.isfinite),
+    "brdf_energy_captured": (float, math.isfinite),
+    "predicted_error": (float, math.isfinite),
+    "brdf": (str, _is_json_object),
+    "probe": (str, lambda value: True),
+    "probe_sha256": (str, lambda value: True),
+}
 
 
 def _chromaticities(spec: Any) -> tuple[float, ...] | None:
     value = spec.getattribute("chromaticities")
-    return tuple(value) if value is not None and len(value) == 8 else None
+    return tuple(value) if isinstance(value, tuple) and len(value) == 8 else None

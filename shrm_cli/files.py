@@ -1,7 +1,6 @@
 """Output files that appear whole or not at all."""
 
 import contextlib
-import errno
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -9,26 +8,46 @@ from pathlib import Path
 from shrm_cli.errors import OutputError
 
 _MARK = ".shrm-"
+_STEM = 40  # characters of the target's name in the temporary's: names have 255 bytes at most
 
 
-def check_target(target: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]]) -> None:
+def check_target(
+    target: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()
+) -> None:
     """Check, before the work, that an output can be written and is none of the inputs.
 
     Raises
     ------
     OutputError
     """
-    target = Path(target)
+    try:
+        _check_target(Path(target), inputs)
+    except (OSError, UnicodeError) as error:  # such as a name too long
+        reason = getattr(error, "strerror", None) or "its name is not UTF-8"
+        raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
+
+
+def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
+    str(target).encode()  # image libraries take no other names
     folder = target.parent
     if target.is_dir():
         raise OutputError(f"{target}: a directory; name a file to write")
-    if not folder.is_dir():
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{target}: {folder} is a file, not a folder; name another output")
+    if not folder.exists():
         raise OutputError(f"{target}: there is no folder {folder}; make it first")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise OutputError(f"{target}: no permission to write in {folder}")
+        raise OutputError(f"{target}: no permission to write in {folder}; name another output")
+    _check_replaceable(target)
     for path in inputs:
         if target.exists() and Path(path).exists() and os.path.samefile(target, path):
             raise OutputError(f"{target}: would overwrite the input; name another output with -o")
+
+
+def _check_replaceable(target: Path) -> None:
+    """Refuse to put a file in the place of a device, such as /dev/null, or of a pipe."""
+    if target.exists() and not target.is_file():
+        raise OutputError(f"{target}: not a regular file; name another output")
 
 
 @contextlib.contextmanager
@@ -45,17 +64,21 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         In place of an OSError of the block, such as a full disk.
     """
     target = Path(target)
-    prefix = f".{target.stem}{_MARK}"
+    prefix = f".{target.stem[:_STEM]}{_MARK}"
     _remove_abandoned(target.parent, prefix, target.suffix)
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
     try:
+        _check_replaceable(target)
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
         _follow_umask(temporary)
         os.replace(temporary, target)
     except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({_reason(error)})") from error
+        reason = error.strerror or error
+        raise OutputError(
+            f"{target}: cannot be written ({reason}); make room or name another output"
+        ) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -88,9 +111,3 @@ def _is_running(process: int) -> bool:
     except OSError:
         return True
     return True
-
-
-def _reason(error: OSError) -> str:
-    if error.errno == errno.ENOSPC:
-        return "the disk is full"
-    return error.strerror or str(error)

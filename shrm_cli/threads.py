@@ -9,10 +9,16 @@ _limit: int | None = None
 
 
 def limit(count: int) -> None:
-    """Use at most `count` threads in every pool; call it before numpy is imported."""
+    """Use at most `count` threads in every pool; call it before numpy is imported.
+
+    BLAS uses one, whatever the count: a product that is shared out rounds differently, and the
+    same inputs are to give the same bytes.
+    """
     global _limit
     _limit = count
-    for name in (*_BLAS, *_IMAGES):
+    for name in _BLAS:
+        os.environ[name] = "1"
+    for name in _IMAGES:
         os.environ[name] = str(count)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from shrm_cli.cli.options import print_json, report_options
+from shrm_cli.cli.types import Fraction
 
 _TOLERANCES = (0.1, 0.03, 0.01)
 
@@ -12,7 +13,7 @@ _TOLERANCES = (0.1, 0.03, 0.01)
 @click.command()
 @click.argument("spec", required=False)
 @click.option(
-    "--eps", "tolerances", type=float, multiple=True,
+    "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
 @report_options
@@ -23,8 +24,7 @@ def brdf(spec: str | None, tolerances: tuple[float, ...], as_json: bool, quiet: 
     if spec is None:
         if as_json:
             print_json([_describe(model) for model in MODELS.values()])
-            return
-        for model in MODELS.values():
+        for model in [] if as_json or quiet else MODELS.values():
             click.echo(f"{model.name:<12} {model.summary}")
             for line in _parameter_lines(model):
                 click.echo(f"{'':<12}   {line}")
@@ -33,6 +33,7 @@ def brdf(spec: str | None, tolerances: tuple[float, ...], as_json: bool, quiet: 
     rows = [_orders(chosen, tolerance) for tolerance in tolerances or _TOLERANCES]
     if as_json:
         print_json({**_describe(type(chosen)), "values": chosen.values, "orders": rows})
+    if as_json or quiet:
         return
     click.echo(f"{chosen!r}: {chosen.summary}")
     click.echo(f"  source      {chosen.source}")
@@ -66,8 +67,6 @@ def _orders(chosen: Any, tolerance: float) -> dict[str, Any]:
     from shrm_cli.errors import OrderError
     from shrm_cli.orders import choose_orders
 
-    if not 0 < tolerance < 1:
-        raise OrderError(f"the tolerance must lie between 0 and 1, not {tolerance:g}")
     try:
         orders, _ = choose_orders(chosen, tolerance)
     except OrderError as error:

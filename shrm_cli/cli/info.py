@@ -26,6 +26,8 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
     if as_json:
         print_json({"file": file, **values, "warnings": warnings})
         return
+    if quiet:
+        return
     width = max(len(key) for key in values)
     click.echo(file)
     for key, value in values.items():
@@ -34,13 +36,11 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
 
 
 def _describe_map(file: str) -> dict[str, Any]:
-    from dataclasses import asdict
-
     from shrm_cli.exr import read_map
 
     reflection_map = read_map(file)
-    order_p = reflection_map.order_p
-    values = {
+    known, order_p = reflection_map.info, reflection_map.order_p
+    return {
         "kind": "map",
         "representation": reflection_map.representation,
         "frame": reflection_map.frame,
@@ -48,8 +48,16 @@ def _describe_map(file: str) -> dict[str, Any]:
         "size": reflection_map.size,
         "sampling": reflection_map.sampling,
         "coefficients": order_p + 1 if reflection_map.azimuth_free else (order_p + 1) ** 2,
+        "order_f": known.order_f,
+        "order_p": order_p,
+        "epsilon": known.tolerance,
+        "brdf_energy_captured": known.captured,
+        "predicted_error": known.predicted_error,
+        "brdf": known.brdf,
+        "probe": known.probe,
+        "probe_sha256": known.probe_sha256,
+        "chromaticities": known.chromaticities,
     }
-    return values | asdict(reflection_map.info)
 
 
 def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]:

@@ -3,6 +3,7 @@
 import importlib
 import signal
 import sys
+import warnings
 from types import FrameType
 from typing import Any
 
@@ -64,14 +65,20 @@ def main(arguments: list[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else arguments
     signal.signal(signal.SIGTERM, _stop)
     threads.limit_small_products()
+    if "--debug" not in arguments:
+        warnings.simplefilter("ignore")  # of numpy; what is written is checked to be finite
     try:
         code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
+    except click.UsageError as error:
+        if type(error).show is not click.UsageError.show:  # the help, when nothing is asked
+            error.show()
+            sys.exit(error.exit_code)
+        _fail(_with_hint(error), error.exit_code)
     except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
+        _fail(error.format_message(), error.exit_code)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
     except BrokenPipeError:
@@ -86,14 +93,22 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _one_line(error: BaseException) -> str:
     if isinstance(error, ShrmError):
-        return " ".join(str(error).split())
+        return str(error)
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
-    return f"internal error, please report it ({type(error).__name__}: {error}); --debug tells more"
+    what = f"{type(error).__name__}: {error}"
+    return f"internal error, please report it ({what}); shrm --debug ... tells more"
+
+
+def _with_hint(error: click.UsageError) -> str:
+    message = error.format_message().rstrip(".")
+    if message.endswith(("?", "?)")):  # what to do is said already
+        return message
+    return f"{message}; see {error.ctx.command_path if error.ctx else 'shrm'} --help"
 
 
 def _fail(message: str, code: int) -> None:
-    click.echo(f"Error: {message}", err=True)
+    click.echo(f"Error: {' '.join(message.split())}", err=True)
     sys.exit(code)
 
 

@@ -14,6 +14,7 @@ from shrm_cli.cli.options import (
     report_options,
     warn,
 )
+from shrm_cli.cli.types import Fraction
 
 _SAMPLINGS = click.Choice(["center", "border"])
 
@@ -29,11 +30,11 @@ _SAMPLINGS = click.Choice(["center", "border"])
     help="Representation to write.",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=float, default=0.03, show_default=True,
+    "--eps", "tolerance", type=Fraction(), metavar="X", default=0.03, show_default=True,
     help="Fraction of the BRDF's energy that may be missed; it chooses F and P.",
 )  # fmt: skip
-@click.option("--order-f", type=int, help="Order F to use instead.")
-@click.option("--order-p", type=int, help="Order P to use instead.")
+@click.option("--order-f", type=click.IntRange(0, 512), help="Order F to use instead.")
+@click.option("--order-p", type=click.IntRange(0, 32), help="Order P to use instead.")
 @click.option(
     "--frame", type=click.Choice(["global", "local"]), default="global", show_default=True,
     help="Axes of the view in the map: the world's, or each texel's own.",

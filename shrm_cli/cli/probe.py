@@ -9,12 +9,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli.cli.types import AzimuthElevation, Radiance
+from shrm_cli.files import check_target
 
 if TYPE_CHECKING:  # numpy is loaded by the command that runs, not by `shrm --help`
     import numpy as np
     from numpy.typing import NDArray
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    check_target(value)
+    return value
 
 
 def output_options(command: Command) -> Command:
@@ -24,7 +30,8 @@ def output_options(command: Command) -> Command:
             "-o",
             "--output",
             required=True,
-            type=click.Path(dir_okay=False),
+            type=click.Path(),
+            callback=_checked,
             help="OpenEXR file to write.",
         ),
         click.option(

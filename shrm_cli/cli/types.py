@@ -5,7 +5,25 @@ import math
 import click
 
 
-class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 only
+class Fraction(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 only
+    """A number between 0 and 1, neither of them included."""
+
+    name = "fraction"
+
+    def convert(
+        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """A float; FloatRange would let NaN through."""
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number", param, ctx)
+        if not 0 < number < 1:
+            self.fail(f"{number:g} is not between 0 and 1", param, ctx)
+        return number
+
+
+class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
     """A direction ``AZ,EL`` in degrees: azimuth from +Z towards +X about +Y, elevation up."""
 
     name = "AZ,EL"

@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -39,7 +38,7 @@ from shrm_cli.sphere.sampling import CubeSampler, sample_angular, sample_latlong
 Array = NDArray[np.floating]
 Grid = Literal["latlong", "cube", "angular"]
 
-_MAX_PIXELS_IN_MEMORY = 2**27
+_MAX_PIXELS_IN_MEMORY = {"cube": 2**27, "angular": 2**25}  # about 7 GB
 _BLOCK_PIXELS = 2**20
 _NOTHING_FINITE = "{}: nothing is finite to fill NaN or infinite pixels from; export it again"
 _HOLE_ROWS = 32  # read around a block with holes, at first
@@ -248,7 +247,7 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
     """
     options = options or ReadOptions()
     name = str(path)
-    if "%" in Path(name).name and not Path(name).exists():
+    if "%" in os.path.basename(name) and not os.path.exists(name):
         if options.layout not in (None, "faces"):
             raise ProbeError(f"{name}: six files are not {options.layout}; leave --layout out")
         files = _open_faces(name, options)
@@ -262,15 +261,10 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
         )
     first = files[0]
     check_shape(name, layout, first.width, first.height)
-    grid: Grid = "cube"
-    if layout == "latlong" or layout == "angular":
-        grid = layout
-    pixels = first.width * first.height * len(files)
-    if grid != "latlong" and pixels > _MAX_PIXELS_IN_MEMORY:
-        raise ProbeError(
-            f"{name}: {pixels:,} pixels ({layout}) are more than {_MAX_PIXELS_IN_MEMORY:,}; "
-            "scale it down or convert it to a lat-long"
-        )
+    grid: Grid = layout if layout == "latlong" or layout == "angular" else "cube"
+    count = first.width * first.height * len(files)
+    if count > (limit := _MAX_PIXELS_IN_MEMORY.get(grid, count)):
+        raise ProbeError(f"{name}: {count:,} {layout} pixels exceed {limit:,}; scale it down")
     width, height = first.width, first.height
     if grid == "cube":
         width //= {"strip": 6, "hcross": 4, "vcross": 3}.get(layout, 1)
@@ -293,10 +287,8 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
 
 def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
     folder, pattern = os.path.split(name)
-    files = tuple(
-        ImageFile.open(os.path.join(folder, pattern.replace("%", face)), options.linearize)
-        for face in FACES
-    )
+    paths = [os.path.join(folder, pattern.replace("%", face)) for face in FACES]
+    files = tuple(ImageFile.open(path, options.linearize) for path in paths)
     for file in files:
         if (file.width, file.height) != (files[0].width, files[0].height):
             raise ProbeError(

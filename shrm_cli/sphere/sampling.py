@@ -126,15 +126,14 @@ def sample_latlong(image: ArrayLike, directions: ArrayLike, sampling: Sampling) 
     height, width = image.shape[:2]
     across, down = latlong_coordinates(directions)
     x, y = _index(across, width, sampling), _index(down, height, sampling)
-    period = width - 1 if sampling == "border" else width
     column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     fx, fy = (x - column)[..., None], (y - row)[..., None]
     result: Array = np.zeros((), dtype=image.dtype)
     for i, wy in ((row, 1 - fy), (row + 1, fy)):
-        turned = np.where((i < 0) | (i >= height), period // 2, 0)
+        turned = np.where((i < 0) | (i >= height), width // 2, 0)
         i = np.minimum(np.maximum(i, -1 - i), height - 1)  # -1 is row 0, height the last
         for j, wx in ((column, 1 - fx), (column + 1, fx)):
-            result = result + wy * wx * image[i, (j + turned) % period]
+            result = result + wy * wx * image[i, (j + turned) % width]
     return result
 
 

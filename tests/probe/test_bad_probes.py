@@ -335,10 +335,10 @@ def test_more_pixels_than_are_read(tmp_path, monkeypatch):
 
 def test_more_pixels_than_are_kept_in_memory(tmp_path, monkeypatch):
     path = exr(tmp_path, 48, 8)
-    monkeypatch.setattr(probe, "_MAX_PIXELS_IN_MEMORY", 383)
+    monkeypatch.setitem(probe._MAX_PIXELS_IN_MEMORY, "cube", 383)
     with pytest.raises(ProbeError) as caught:
         open_probe(path)
-    check_message(caught.value, path, "384 pixels .openexr. are more than 383; scale it down")
+    check_message(caught.value, path, "384 openexr pixels exceed 383; scale it down")
 
 
 def six_files(folder, size=8):
@@ -373,6 +373,11 @@ def test_six_files_that_are_not_square(tmp_path):
     with pytest.raises(ProbeError) as caught:
         open_probe(path)
     check_message(caught.value, path, "16 x 8 cannot be faces, which is a square image; ")
+
+
+def test_six_files_with_names_too_long(tmp_path):
+    with pytest.raises(ProbeError, match=r"bad\+Xx+\.exr: cannot be opened .*; "):
+        open_probe(tmp_path / f"bad%{300 * 'x'}.exr")
 
 
 def test_six_files_of_another_layout(tmp_path):

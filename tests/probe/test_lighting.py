@@ -269,7 +269,8 @@ def test_fine_waves_are_resolved(tmp_path, layout, size, degree, sampling):
     wave = degree * (degree + 1) + 3
 
     def f(directions):
-        return 3 + oracles.real_harmonics(degree, directions)[..., [wave, wave, wave]]
+        value = -np.sqrt(2) * oracles.complex_harmonic(degree, 3, directions).real
+        return 3 + value[..., None] * np.ones(3)
 
     image = {
         "latlong": scenes.latlong(size, sampling, f),

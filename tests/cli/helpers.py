@@ -1,0 +1,138 @@
+"""Running `shrm` within a test and as a process, and files for it made without `shrm`."""
+
+import contextlib
+import hashlib
+import io
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from shrm_cli import threads
+from shrm_cli.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+MAIN = "from shrm_cli.cli.main import main; main()"
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a command line did."""
+
+    code: int
+    out: str
+    err: str
+
+
+def run(*arguments):
+    """Run `shrm` in this process; its settings of the process are undone."""
+    out, err = io.StringIO(), io.StringIO()
+    handler, environment = signal.getsignal(signal.SIGTERM), dict(os.environ)
+    limit = threads._limit
+    try:
+        with (
+            warnings.catch_warnings(),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
+            main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        return Run(int(stop.code or 0), out.getvalue(), err.getvalue())
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+        os.environ.clear()
+        os.environ.update(environment)
+        threads._limit = limit
+    raise AssertionError("main() returned")
+
+
+def environment():
+    """Of a process that finds this checkout before any installed one."""
+    return {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def start(*arguments, code=MAIN, **options):
+    """Start `shrm`, or other code with its arguments, as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def process(*arguments, code=MAIN):
+    """Run `shrm`, or other code with its arguments, as a process of its own."""
+    with start(*arguments, code=code) as child:
+        out, err = child.communicate(timeout=60)
+    return Run(child.returncode, out, err)
+
+
+def done(*arguments):
+    """Standard output of a command that succeeds without a warning."""
+    result = run(*arguments)
+    assert (result.code, result.err) == (0, "")
+    return result.out
+
+
+def assert_refused(result, code, *parts):
+    """One line on stderr that holds all parts, nothing on stdout."""
+    assert result.out == ""
+    assert result.err.startswith("Error: ")
+    assert result.err.count("\n") == 1
+    assert result.err.endswith("\n")
+    for part in parts:
+        assert part in result.err
+    for noise in ("Traceback", "internal error", "OpenImageIO", "0x", ".shrm-"):
+        assert noise not in result.err
+    assert result.code == code
+
+
+def snapshot(folder):
+    """Every path below a folder, hidden ones too, with a digest of each file."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        if path.is_file()
+        else ""
+        for path in Path(folder).rglob("*")
+    }
+
+
+def write_exr(path, pixels, **attributes):
+    """Write an RGB EXR; attributes override the header's."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    channels = {c: np.ascontiguousarray(pixels[..., k]) for k, c in enumerate("RGB")}
+    OpenEXR.File(header | attributes, channels).write(str(path))
+    return path
+
+
+def read_exr(path):
+    """Header and channels, as OpenEXR gives them."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        assert len(file.parts) == 1
+        header = {name: value for name, value in file.header().items() if name != "channels"}
+        return header, {name: channel.pixels for name, channel in file.channels().items()}
+
+
+def noise(height=16, width=32):
+    """Random radiance, the same each time."""
+    values = np.random.default_rng(7).uniform(0, 2, (height, width, 3))
+    return values.astype(np.float32)
+
+
+def polynomial_light(directions):
+    """Positive radiance of degree 3, different in each channel and without any symmetry."""
+    x, y, z = np.moveaxis(np.asarray(directions, dtype=float), -1, 0)
+    red = 1.5 + 0.5 * x - 0.3 * y * z + 0.2 * x * z * z
+    green = 2.0 + 0.7 * y + 0.4 * x * z - 0.3 * x * y * z
+    blue = 1.0 - 0.3 * z + 0.2 * x * y + 0.3 * y * y * y
+    return np.stack([red, green, blue], axis=-1)

@@ -1,0 +1,158 @@
+"""`shrm info`: maps and probes, for people and for programs."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
+
+MAP_KEYS = [
+    "file", "kind", "representation", "frame", "center", "size", "sampling", "coefficients",
+    "order_f", "order_p", "epsilon", "brdf_energy_captured", "predicted_error", "brdf", "probe",
+    "probe_sha256", "chromaticities", "warnings",
+]  # fmt: skip
+PROBE_KEYS = [
+    "file", "kind", "layout", "width", "height", "sampling", "format", "minimum", "maximum",
+    "mean", "sha256", "warnings",
+]  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    write_exr(tmp_path / "probe.exr", noise())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def lines(text):
+    """The pairs of the human form: the name of the file, then a line each."""
+    first, *rest = text.splitlines()
+    pairs = (line.split("  ", 2)[1:] for line in rest)
+    return first, {key: value.strip() for key, value in pairs}
+
+
+def test_map_as_json(folder):
+    made = json.loads(
+        done("prefilter", "probe.exr", "--brdf", "microfacet:sigma=0.3", "--json", "-o", "m.exr")
+    )
+    values = json.loads(done("info", "m.exr", "--json"))
+    assert list(values) == MAP_KEYS
+    assert values["kind"] == "map"
+    assert values["coefficients"] == (values["order_p"] + 1) ** 2
+    assert values["chromaticities"] is None
+    assert values["warnings"] == []
+    # What prefilter said is what info says, under the same names.
+    for key in made.keys() & values.keys() - {"file"}:
+        expected = made[key]
+        if isinstance(expected, float):
+            expected = pytest.approx(expected, rel=1e-6)
+        assert values[key] == expected
+    assert values["epsilon"] == 0.03
+
+
+def test_map_for_people(folder):
+    done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", "m.exr", "--frame", "local")
+    name, pairs = lines(done("info", "m.exr"))
+    assert name == "m.exr"
+    assert pairs["kind"] == "map"
+    assert pairs["frame"] == "local"
+    assert (pairs["order f"], pairs["order p"]) == ("11", "2")
+    assert pairs["epsilon"] == "0.03"
+    assert pairs["brdf"] == "name microfacet, parameters sigma 0.2"
+    assert pairs["probe"] == "probe.exr"
+    assert pairs["chromaticities"] == "none"
+
+
+@pytest.mark.parametrize(("spec", "frame", "count"), [
+    ("phong", "local", 1), ("microfacet", "local", 9), ("microfacet", "global", 9)
+])  # fmt: skip
+def test_stored_coefficients_are_counted(folder, spec, frame, count):
+    done("prefilter", "probe.exr", "--brdf", spec, "--frame", frame, "-o", "m.exr")
+    assert json.loads(done("info", "m.exr", "--json"))["coefficients"] == count
+
+
+def test_probe_as_json(folder):
+    pixels = noise()
+    values = json.loads(done("info", "probe.exr", "--json"))
+    assert list(values) == PROBE_KEYS
+    assert values["kind"] == "probe"
+    assert (values["layout"], values["format"]) == ("latlong", "openexr")
+    assert (values["width"], values["height"]) == (32, 16)
+    assert values["minimum"] == pytest.approx(pixels.min(axis=(0, 1)).tolist())
+    assert values["maximum"] == pytest.approx(pixels.max(axis=(0, 1)).tolist())
+    assert values["sha256"] == hashlib.sha256((folder / "probe.exr").read_bytes()).hexdigest()
+    # The mean is over the sphere: rows weigh by their solid angle.
+    edges = np.cos(np.pi * np.arange(17) / 16)
+    weights = (edges[:-1] - edges[1:]) / 2
+    expected = weights @ pixels.astype(float).mean(axis=1)
+    assert values["mean"] == pytest.approx(expected.tolist(), rel=0.01)
+
+
+def test_probe_for_people(folder):
+    name, pairs = lines(done("info", "probe.exr"))
+    assert name == "probe.exr"
+    assert pairs["kind"] == "probe"
+    assert pairs["layout"] == "latlong"
+    assert pairs["width"] == "32"
+    assert "orientation" not in pairs
+    assert len(pairs["mean"].split(", ")) == 3
+
+
+def test_cubes_have_an_orientation(folder):
+    write_exr("cube.exr", np.ones((24, 4, 3), np.float32))
+    write_exr("strip.exr", np.ones((4, 24, 3), np.float32))
+    for name, orientation in [("cube.exr", "openexr"), ("strip.exr", "gl")]:
+        assert json.loads(done("info", name, "--json"))["orientation"] == orientation
+    values = json.loads(done("info", "strip.exr", "--orientation", "openexr", "--json"))
+    assert values["orientation"] == "openexr"
+
+
+def test_warnings_go_to_stderr_and_into_json(folder):
+    pixels = noise()
+    pixels[0, 0, 1] = -2
+    write_exr("negative.exr", pixels)
+    human = process("info", "negative.exr")
+    assert human.code == 0
+    assert human.err == (
+        "Warning: negative.exr: 1 pixels with negative radiance were clamped to 0 (minimum -2)\n"
+    )
+    assert "Warning" not in human.out
+    values = json.loads(run("info", "negative.exr", "--json").out)
+    assert values["warnings"] == ["1 pixels with negative radiance were clamped to 0 (minimum -2)"]
+    assert values["minimum"][1] == 0
+
+
+def test_quiet_prints_nothing(folder):
+    write_exr("black.exr", np.zeros((8, 16, 3), np.float32))
+    assert run("info", "black.exr").err == "Warning: black.exr: the probe is black\n"
+    result = run("info", "black.exr", "--quiet")
+    assert (result.code, result.out, result.err) == (0, "", "")
+    assert run("info", "missing.exr", "--quiet").err != ""
+
+
+def test_a_newer_map_is_not_taken_for_a_probe(folder):
+    pixels = np.ones((6, 1, 3), np.float32)
+    write_exr("new.exr", pixels, **{"shrm:representation": "shrm", "shrm:version": 9})
+    assert_refused(run("info", "new.exr"), 1, "new.exr", "newer shrm (format 9)", "update shrm")
+
+
+@pytest.mark.parametrize("kind", ["missing", "directory", "empty", "text", "cut map", "cut probe"])
+def test_bad_files(folder, kind):
+    """As a process: OpenImageIO would print what nobody fetched when it ends."""
+    bad = folder / "bad.exr"
+    if kind == "directory":
+        bad.mkdir()
+    elif kind == "empty":
+        bad.touch()
+    elif kind == "text":
+        bad.write_text("no image")
+    elif kind == "cut map":
+        done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", bad)
+        bad.write_bytes(bad.read_bytes()[:-2000])
+    elif kind == "cut probe":
+        bad.write_bytes((folder / "probe.exr").read_bytes()[:-100])
+    before = snapshot(folder)
+    assert_refused(process("info", "bad.exr"), 1, "bad.exr: ")
+    assert snapshot(folder) == before

@@ -1,0 +1,152 @@
+"""Signals in the middle of writing, and two writers at once.
+
+The child writes half of its temporary file, says so, and waits: signals always hit there.
+"""
+
+import os
+import signal
+import sys
+
+import pytest
+
+from tests.cli.helpers import MAIN, noise, process, read_exr, run, snapshot, start, write_exr
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+
+# A shell without job control starts processes with SIGINT ignored; a terminal does not.
+HALF_WRITTEN = f"""
+import os, signal, time, OpenEXR
+signal.signal(signal.SIGINT, signal.default_int_handler)
+write = OpenEXR.File.write
+def write_half(self, name):
+    write(self, name)
+    os.truncate(name, os.path.getsize(name) // 2)
+    print("half", flush=True)
+    time.sleep(20)
+OpenEXR.File.write = write_half
+{MAIN}"""
+
+# Waits with a whole temporary until as many processes have theirs as its first argument says.
+TOGETHER = f"""
+import signal, sys, time, OpenEXR
+from pathlib import Path
+signal.alarm(30)  # the other one may have failed
+writers = int(sys.argv.pop(1))
+write = OpenEXR.File.write
+def write_together(self, name):
+    write(self, name)
+    while len(list(Path(name).parent.glob(".*.shrm-*"))) < writers:
+        time.sleep(0.005)
+    Path(name + ".seen").touch()
+    while len(list(Path(name).parent.glob("*.seen"))) < writers:
+        time.sleep(0.005)
+OpenEXR.File.write = write_together
+{MAIN}"""
+
+WRITE = ("prefilter", "probe.exr", "--brdf", "phong", "-o", "out.exr")
+
+
+@pytest.fixture(params=[None, "old"], ids=["no old file", "old file"])
+def folder(tmp_path, monkeypatch, request):
+    """Current folder with a probe, and an old output or none."""
+    write_exr(tmp_path / "probe.exr", noise())
+    if request.param is not None:
+        (tmp_path / "out.exr").write_text(request.param)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def struck(folder, number, command=WRITE):
+    """What a process said that was sent a signal in mid-write."""
+    before = snapshot(folder)
+    with start(*command, code=HALF_WRITTEN) as child:
+        assert child.stdout.readline() == "half\n"
+        (temporary,) = snapshot(folder).keys() - before.keys()
+        assert temporary.startswith(".")
+        assert (folder / temporary).stat().st_size > 0
+        child.send_signal(number)
+        out, err = child.communicate(timeout=30)
+    return child.returncode, out, err
+
+
+def test_sigint_exits_130_and_leaves_nothing(folder):
+    before = snapshot(folder)
+    code, out, err = struck(folder, signal.SIGINT)
+    assert (code, out) == (130, "")
+    assert err.strip() == "Error: interrupted"
+    assert snapshot(folder) == before
+
+
+def test_sigterm_leaves_nothing(folder):
+    before = snapshot(folder)
+    assert struck(folder, signal.SIGTERM) == (128 + signal.SIGTERM, "", "")
+    assert snapshot(folder) == before
+
+
+def test_sigkill_leaves_the_old_file_and_the_next_run_cleans_up(folder):
+    before = snapshot(folder)
+    code, _, _ = struck(folder, signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    after = snapshot(folder)
+    (left_over,) = after.keys() - before.keys()
+    assert after.items() - {(left_over, after[left_over])} == before.items()
+    other = run(*WRITE[:-1], "another.exr")
+    assert other.code == 0
+    assert (folder / left_over).exists()  # it is not that run's business
+    assert run(*WRITE).code == 0
+    assert sorted(snapshot(folder)) == ["another.exr", "out.exr", "probe.exr"]
+    assert (folder / "out.exr").read_bytes() == (folder / "another.exr").read_bytes()
+
+
+def test_probes_are_written_whole_too(folder):
+    before = snapshot(folder)
+    command = ("probe", "furnace", "--size", "8", "-o", "out.exr")
+    assert struck(folder, signal.SIGINT, command)[0] == 130
+    assert snapshot(folder) == before
+
+
+def test_sigint_while_it_computes(folder):
+    before = snapshot(folder)
+    code = f"""
+import signal, time, shrm_cli.bake
+signal.signal(signal.SIGINT, signal.default_int_handler)
+def bake(*_, **__):
+    print("baking", flush=True)
+    time.sleep(20)
+shrm_cli.bake.bake = bake
+{MAIN}"""
+    with start(*WRITE, code=code) as child:
+        assert child.stdout.readline() == "baking\n"
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    assert (child.returncode, out, err.strip()) == (130, "", "Error: interrupted")
+    assert snapshot(folder) == before
+
+
+def test_two_writers_leave_one_whole_file(folder):
+    """Neither removes the other's temporary, and the last one wins."""
+    sizes = (16, 32)
+    children = [start("2", *WRITE, "--size", size, code=TOGETHER) for size in sizes]
+    for child in children:
+        with child:
+            _, err = child.communicate(timeout=60)
+            assert (child.returncode, err) == (0, "")
+    names = [name for name in snapshot(folder) if not name.endswith(".seen")]
+    assert sorted(names) == ["out.exr", "probe.exr"]
+    size = read_exr("out.exr")[1]["sh000.R"].shape[1]
+    assert size in sizes
+    assert process(*WRITE[:-1], "alone.exr", "--size", size).code == 0
+    assert (folder / "out.exr").read_bytes() == (folder / "alone.exr").read_bytes()
+
+
+def test_a_running_writer_keeps_its_temporary(folder):
+    """A run to the same target meets the half-written file of another, and leaves it alone."""
+    with start(*WRITE, code=HALF_WRITTEN) as child:
+        assert child.stdout.readline() == "half\n"
+        assert run(*WRITE).code == 0
+        assert len([name for name in os.listdir(folder) if ".shrm-" in name]) == 1
+        whole = (folder / "out.exr").read_bytes()
+        child.send_signal(signal.SIGINT)
+        child.communicate(timeout=30)
+    assert sorted(snapshot(folder)) == ["out.exr", "probe.exr"]
+    assert (folder / "out.exr").read_bytes() == whole

@@ -1,0 +1,201 @@
+"""`shrm` itself: help, versions, exit codes, and what becomes of errors."""
+
+import os
+import re
+import signal
+import tomllib
+
+import pytest
+from click.testing import CliRunner
+
+from shrm_cli import __version__, errors
+from shrm_cli.cli.main import cli
+from tests.cli.helpers import MAIN, ROOT, assert_refused, done, process, run, start
+
+COMMANDS = ["prefilter", "render", "info", "brdf", "probe"]
+# Reports what a run has imported, after its own output.
+REPORTING = """
+import atexit, sys
+heavy = {"numpy", "OpenImageIO", "OpenEXR", "tqdm", "click"}
+atexit.register(lambda: print("loaded", *sorted(heavy & sys.modules.keys())))
+"""
+
+
+def test_help_lists_every_command():
+    text = done("--help")
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} +\w", text, re.M)
+    assert text == done("-h")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_list_says_what_each_command_says_of_itself(command):
+    """The list is written by hand, so that no command needs to be loaded for it."""
+    listed = re.search(rf"^  {command} +(\w.*)$", done("--help"), re.M)[1].rstrip(".")
+    own = cli.get_command(None, command).get_short_help_str(200)
+    assert listed.split()[0] == own.split()[0]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], *([c, "--help"] for c in COMMANDS)]
+)
+def test_help_imports_nothing_heavy(arguments):
+    result = process(*arguments, code=REPORTING + MAIN)
+    assert (result.code, result.err) == (0, "")
+    assert result.out.splitlines()[-1] == "loaded click"
+
+
+def test_reporting_of_imports_works():
+    result = process("brdf", "lambertian", "--quiet", code=REPORTING + MAIN)
+    assert result.out == "loaded click numpy\n"
+
+
+def test_version():
+    assert done("--version") == f"shrm, version {__version__}\n"
+    assert re.fullmatch(r"\d+\.\d+\.\d+", __version__)
+
+
+def test_without_arguments_it_helps():
+    result = run()
+    assert result.err + result.out == done("--help")
+    assert result.code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["prefliter"], ["'prefliter'", "Did you mean 'prefilter'?"]),
+        (["xyz"], ["'xyz'", "shrm --help"]),
+        (["--bogus"], ["--bogus", "shrm --help"]),
+        (["prefilter"], ["PROBE", "shrm prefilter --help"]),
+        (["prefilter", "x.exr"], ["--brdf", "shrm prefilter --help"]),
+        (["prefilter", "x.exr", "--siez", "3"], ["--siez", "--size"]),
+        (["prefilter", "x.exr", "--brdf"], ["--brdf", "argument"]),
+        (["prefilter", "x.exr", "y.exr", "--brdf", "phong"], ["y.exr"]),
+        (["info"], ["FILE", "shrm info --help"]),
+        (["info", "x", "--threads", "0"], ["--threads", "1<=x<=1024"]),
+    ],
+)
+def test_wrong_usage_is_one_line_and_code_2(arguments, parts):
+    assert_refused(run(*arguments), 2, *parts)
+
+
+def test_works_under_clicks_own_runner():
+    result = CliRunner().invoke(cli, ["brdf", "phong", "--eps", "0.01"])
+    assert result.exit_code == 0
+    assert "F = 12" in result.output
+    assert CliRunner().invoke(cli, ["brdf", "--eps", "2"]).exit_code == 2
+    failed = CliRunner().invoke(cli, ["brdf", "phnog"])
+    assert isinstance(failed.exception, errors.BrdfError)
+
+
+@pytest.mark.parametrize(
+    "name", ["ProbeError", "BrdfError", "OrderError", "MapError", "OutputError"]
+)
+def test_every_error_of_ours_is_one_line_and_code_1(monkeypatch, name):
+    def fail(*_):
+        raise getattr(errors, name)("x.exr: two\nlines;   do this")
+
+    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    result = run("brdf", "phong")
+    assert (result.code, result.out, result.err) == (1, "", "Error: x.exr: two lines; do this\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (MemoryError(), "out of memory; lower --size or the orders"),
+        (
+            ZeroDivisionError("by\nzero"),
+            "internal error, please report it (ZeroDivisionError: by zero); "
+            "shrm --debug ... tells more",
+        ),
+    ],
+)
+def test_other_errors_show_no_traceback(monkeypatch, error, message):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    result = run("brdf", "phong")
+    assert (result.code, result.out, result.err) == (1, "", f"Error: {message}\n")
+    with pytest.raises(type(error)):
+        run("--debug", "brdf", "phong")
+
+
+def test_debug_shows_the_traceback_of_a_process():
+    result = process("--debug", "brdf", "phnog")
+    assert result.code == 1
+    assert result.err.startswith("Traceback")
+    assert "BrdfError: no BRDF is called 'phnog'" in result.err
+    assert process("brdf", "phnog").err == "Error: no BRDF is called 'phnog'; did you mean phong?\n"
+
+
+def test_interrupted_is_130(monkeypatch):
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("shrm_cli.brdf.spec.parse_spec", fail)
+    result = run("brdf", "phong")
+    assert (result.code, result.out, result.err) == (130, "", "\nError: interrupted\n")
+
+
+def test_a_reader_that_goes_away_is_no_news():
+    """As in ``shrm brdf | head -0``."""
+    with start("brdf") as child:
+        child.stdout.close()
+        child.wait(timeout=30)
+        assert child.stderr.read() == ""
+        assert child.returncode == 1
+
+
+@pytest.mark.parametrize(("count", "images"), [("3", "3"), (None, None)])
+def test_threads_limits_every_pool(count, images):
+    """BLAS stays at one thread: shared products round differently."""
+    code = f"""
+import atexit, os
+names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS")
+atexit.register(lambda: print(*(os.environ.get(name) for name in names)))
+{MAIN}"""
+    options = ["--threads", count] if count else []
+    result = process("brdf", "lambertian", "--quiet", *options, code=code)
+    assert result.out == f"1 1 1 {images}\n"
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="no /proc to count threads with")
+def test_threads_reach_the_libraries(tmp_path):
+    """Read, multiply and write, then let the system count the threads that are left."""
+    code = f"""
+import atexit, os
+atexit.register(lambda: print(len(os.listdir("/proc/self/task"))))
+{MAIN}"""
+
+    def threads(count):
+        options = ["-o", tmp_path / "m.exr", "--quiet", "--threads", count]
+        result = process("prefilter", tmp_path / "p.exr", "--brdf", "phong", *options, code=code)
+        return int(result.out)
+
+    done("probe", "studio", "-o", tmp_path / "p.exr", "--size", 512)
+    assert threads(1) <= 2  # the main thread waits for a pool of one
+    assert 8 < threads(16) <= 17
+
+
+def test_pyproject_installs_main():
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    module, name = scripts["shrm"].split(":")
+    code = f"from {module} import {name}; {name}()"
+    assert process("--version", code=code).out == f"shrm, version {__version__}\n"
+
+
+def test_sigterm_unwinds():
+    code = f"""
+import os, signal, shrm_cli.brdf.spec as spec
+def fail(*_):
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        print("cleaned up", flush=True)
+spec.parse_spec = fail
+{MAIN}"""
+    result = process("brdf", "phong", code=code)
+    assert (result.code, result.out, result.err) == (128 + signal.SIGTERM, "cleaned up\n", "")

@@ -1,0 +1,387 @@
+"""`shrm prefilter`: the file it writes, opened with OpenEXR alone, and what it reports."""
+
+import hashlib
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from shrm_cli.exr import read_map
+from tests import brute_force, oracles
+from tests.cli.helpers import (
+    assert_refused,
+    done,
+    noise,
+    polynomial_light,
+    process,
+    read_exr,
+    run,
+    snapshot,
+    write_exr,
+)
+
+P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
+NAME = "probe.microfacet.shrm.exr"
+COMMAND = ("prefilter", "probe.exr", "--brdf", "microfacet", "--eps", "0.03")
+STANDARD = {
+    "compression", "dataWindow", "displayWindow", "lineOrder", "pixelAspectRatio",
+    "screenWindowCenter", "screenWindowWidth", "type",
+}  # fmt: skip
+OURS = {
+    "shrm:representation", "shrm:version", "shrm:frame", "shrm:center", "shrm:F", "shrm:P",
+    "shrm:epsilon", "shrm:brdf_energy_captured", "shrm:predicted_error", "shrm:brdf",
+    "shrm:probe", "shrm:probe_sha256",
+}  # fmt: skip
+KEYS = [
+    "file", "representation", "frame", "center", "size", "sampling", "order_f", "order_p",
+    "epsilon", "brdf_energy_captured", "predicted_error", "error_bound", "brdf", "probe",
+    "probe_sha256", "precision", "warnings",
+]  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with a smooth probe, 64 x 32."""
+    light = polynomial_light(oracles.latlong_pixels(64, 32)).astype(np.float32)
+    write_exr(tmp_path / "probe.exr", light)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def names(order_p):
+    """Channel names by hand: sh000.R to sh008.B for P = 2."""
+    return {f"sh{index:03d}.{colour}" for index in range((order_p + 1) ** 2) for colour in "RGB"}
+
+
+def stacked(channels, order_p):
+    """Coefficients (6N, N, (P+1)^2, 3) of a file's channels."""
+    planes = [
+        np.stack([channels[f"sh{k:03d}.{c}"].astype(float) for c in "RGB"], axis=-1)
+        for k in range((order_p + 1) ** 2)
+    ]
+    return np.stack(planes, axis=2)
+
+
+def test_works_as_typed_in_the_issue(folder):
+    result = process(*COMMAND)
+    assert (result.code, result.err) == (0, "")
+    assert result.out.startswith(f"{NAME}: global SHRM, 6 x 32 x 32 texels of 9 coefficients, half")
+    assert "F = 11, P = 2" in result.out
+    assert sorted(snapshot(folder)) == ["probe.exr", NAME]
+
+
+def test_header_says_what_the_conventions_list(folder):
+    done(*COMMAND)
+    header, channels = read_exr(NAME)
+    assert header.keys() == STANDARD | OURS
+    assert channels.keys() == names(2)
+    for pixels in channels.values():
+        assert pixels.shape == (6 * 32, 32)
+        assert pixels.dtype == np.float16
+    assert header["compression"] == OpenEXR.ZIP_COMPRESSION
+    assert header["type"] == OpenEXR.scanlineimage
+    exactly = {
+        "shrm:representation": "shrm",
+        "shrm:version": 1,
+        "shrm:frame": "global",
+        "shrm:center": "reflection",
+        "shrm:F": 11,
+        "shrm:P": 2,
+        "shrm:probe": "probe.exr",
+        "shrm:probe_sha256": hashlib.sha256((folder / "probe.exr").read_bytes()).hexdigest(),
+    }
+    for name, value in exactly.items():
+        assert header[name] == value
+        assert type(header[name]) is type(value)
+    assert json.loads(header["shrm:brdf"]) == {"name": "microfacet", "parameters": {"sigma": 0.2}}
+    assert type(header["shrm:epsilon"]) is float
+    assert header["shrm:epsilon"] == pytest.approx(0.03)
+    assert type(header["shrm:brdf_energy_captured"]) is float
+    assert 0.97 <= header["shrm:brdf_energy_captured"] < 0.98
+    assert type(header["shrm:predicted_error"]) is float
+    assert 0 < header["shrm:predicted_error"] < 0.1
+
+
+@pytest.mark.parametrize("sampling", ["center", "border"])
+@pytest.mark.parametrize("frame", ["global", "local"])
+def test_coefficients_are_the_integral(folder, frame, sampling):
+    """Every channel, at its texel, in its frame: summed over V they are the reflected light."""
+    done(
+        "prefilter", "probe.exr", "--brdf", "microfacet:sigma=0.5", "-o", "out.exr", "--size", 8,
+        "--order-f", 4, "--order-p", 10, "--precision", "float", "--eps", 0.9,
+        "--frame", frame, "--map-sampling", sampling,
+    )  # fmt: skip
+    header, channels = read_exr("out.exr")
+    assert (header["shrm:frame"], header["shrm:F"], header["shrm:P"]) == (frame, 4, 10)
+    assert header.get("envmap") == (OpenEXR.ENVMAP_CUBE if sampling == "border" else None)
+    assert channels.keys() == names(10)
+    coefficients = stacked(channels, 10)
+    assert coefficients.shape == (48, 8, 121, 3)
+    texels = oracles.cube_texels(8, sampling).reshape(48, 8, 3)
+    light, weights = brute_force.sphere_rule(256)
+    radiance = polynomial_light(light)
+    rho_hat = brute_force.microfacet(0.5)
+    rng = np.random.default_rng(3)
+    for row, column in zip(rng.permutation(48)[:12], rng.integers(0, 8, 12), strict=True):
+        reflection, view = texels[row, column], brute_force.unit(rng, 1)[0]
+        if reflection @ view < -0.5:  # grazing, where P would have to be larger
+            view = -view
+        expected = brute_force.reflected(rho_hat, reflection, view, light, weights, radiance)
+        own = view @ local_frame(reflection) if frame == "local" else view
+        found = oracles.real_harmonics(10, own) @ coefficients[row, column]
+        np.testing.assert_allclose(found, expected, rtol=6e-3)
+
+
+def local_frame(center):
+    """Columns of Rz(beta) Ry(alpha)."""
+    theta, phi = np.arccos(center[2]), np.arctan2(center[1], center[0])
+    return oracles.turn("z", phi) @ oracles.turn("y", theta)
+
+
+@pytest.mark.parametrize("frame", ["global", "local"])
+def test_half_is_the_rounded_float(folder, frame):
+    rest = ("prefilter", "probe.exr", "--brdf", "microfacet", "--frame", frame)
+    done(*rest, "--precision", "half", "-o", "half.exr")
+    done(*rest, "--precision", "float", "-o", "float.exr")
+    halves, floats = read_exr("half.exr")[1], read_exr("float.exr")[1]
+    assert halves.keys() == floats.keys()
+    for name, values in floats.items():
+        assert values.dtype == np.float32
+        assert halves[name].dtype == np.float16
+        np.testing.assert_array_equal(halves[name], values.astype(np.float16))
+
+
+def test_our_reader_finds_the_same_values(folder):
+    done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", "out.exr", "--precision", "float")
+    np.testing.assert_array_equal(
+        read_map("out.exr").coefficients, stacked(read_exr("out.exr")[1], 2)
+    )
+
+
+@pytest.mark.parametrize(
+    ("spec", "frame", "center", "indices"),
+    [
+        ("lambertian", "global", "normal", {0}),
+        ("phong:exponent=8", "local", "reflection", {0}),
+        ("microfacet", "local", "reflection", set(range(9))),
+    ],
+)
+def test_center_and_channels_of_each_brdf(folder, spec, frame, center, indices):
+    done("prefilter", "probe.exr", "--brdf", spec, "--frame", frame, "-o", "out.exr")
+    header, channels = read_exr("out.exr")
+    assert header["shrm:center"] == center
+    assert channels.keys() == {f"sh{index:03d}.{c}" for index in indices for c in "RGB"}
+
+
+def test_furnace_by_value(folder):
+    write_exr("furnace.exr", np.full((16, 32, 3), (1.0, 2.0, 0.5), np.float32))
+    done("prefilter", "furnace.exr", "--brdf", "lambertian:albedo=0.5", "--precision", "float")
+    channels = read_exr("furnace.lambertian-albedo-0.5.shrm.exr")[1]
+    for colour, radiance in zip("RGB", (1.0, 2.0, 0.5), strict=True):
+        # Y_00 = 1 / sqrt(4 pi).
+        reflected = channels[f"sh000.{colour}"] / np.sqrt(4 * np.pi)
+        np.testing.assert_allclose(reflected, 0.5 * radiance, rtol=2e-6)
+
+
+def test_chromaticities_pass_through(folder):
+    write_exr("p3.exr", noise(), chromaticities=P3)
+    done("prefilter", "p3.exr", "--brdf", "lambertian", "-o", "out.exr")
+    header, _ = read_exr("out.exr")
+    assert header.keys() == STANDARD | OURS | {"chromaticities"}
+    np.testing.assert_allclose(header["chromaticities"], P3, rtol=1e-6)
+
+
+def test_sampling_is_of_both_probe_and_map_unless_one_is_named(folder):
+    border = polynomial_light(oracles.latlong_pixels(64, 32, "border"))
+    write_exr("border.exr", border.astype(np.float32))
+
+    def values(probe, *options):
+        rest = ("--brdf", "lambertian", "-o", "out.exr", "--precision", "float")
+        done("prefilter", probe, *rest, *options)
+        header, channels = read_exr("out.exr")
+        return channels["sh000.R"], "envmap" in header
+
+    center_map, tagged = values("probe.exr")
+    assert not tagged
+    border_map, tagged = values("probe.exr", "--map-sampling", "border")
+    assert tagged
+    assert np.abs(border_map - center_map).max() > 0.02
+    assert np.abs(values("border.exr")[0] - center_map).max() > 0.01
+    for probe, options, expected in [
+        ("probe.exr", ("--sampling", "center"), center_map),
+        ("border.exr", ("--probe-sampling", "border"), center_map),
+        ("border.exr", ("--sampling", "border"), border_map),
+        ("border.exr", ("--sampling", "border", "--map-sampling", "center"), center_map),
+        ("probe.exr", ("--sampling", "border", "--probe-sampling", "center"), border_map),
+    ]:
+        found, tagged = values(probe, *options)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+        assert tagged is (expected is border_map)
+
+
+def test_runs_are_identical_whatever_the_threads(folder):
+    digests = set()
+    for options in [[], [], ["--threads", 1], ["--threads", 2], ["--threads", 7]]:
+        result = process(*COMMAND, "--quiet", *options)
+        assert (result.code, result.err) == (0, "")
+        digests.add(hashlib.sha256((folder / NAME).read_bytes()).hexdigest())
+    assert len(digests) == 1
+
+
+def test_bytes_do_not_depend_on_the_folder(folder):
+    (folder / "there").mkdir()
+    done(*COMMAND)
+    done("prefilter", folder / "probe.exr", *COMMAND[2:], "-o", "there/x.exr")
+    assert (folder / "there/x.exr").read_bytes() == (folder / NAME).read_bytes()
+
+
+def test_eps_chooses_the_orders(folder):
+    rough = json.loads(done(*COMMAND[:4], "--eps", 0.2, "--json"))
+    fine = json.loads(done(*COMMAND[:4], "--eps", 0.01, "--json"))
+    assert rough["order_f"] < 11 < fine["order_f"]
+    assert rough["brdf_energy_captured"] >= 0.8
+    assert fine["brdf_energy_captured"] >= 0.99
+
+
+def test_orders_and_size_can_be_forced(folder):
+    result = run(*COMMAND, "--order-f", 3, "--order-p", 1, "--size", 12, "--json")
+    assert result.code == 0
+    assert result.err.startswith(f"Warning: {NAME}: the orders asked for capture ")
+    assert "less than --eps 0.03 wants" in result.err
+    values = json.loads(result.out)
+    assert (values["order_f"], values["order_p"], values["size"]) == (3, 1, 12)
+    header, channels = read_exr(NAME)
+    assert (header["shrm:F"], header["shrm:P"]) == (3, 1)
+    assert channels.keys() == names(1)
+    assert channels["sh000.R"].shape == (72, 12)
+    enough = run(*COMMAND, "--order-f", 20, "--order-p", 5)
+    assert (enough.code, enough.err) == (0, "")
+
+
+@pytest.mark.parametrize(("orders", "side"), [((0, 0), 16), ((6, 0), 16), ((7, 0), 32)])
+def test_default_size_follows_f(folder, orders, side):
+    options = ["--order-f", orders[0], "--order-p", orders[1], "-o", "out.exr", "--eps", 0.99]
+    assert run("prefilter", "probe.exr", "--brdf", "phong", *options).code == 0
+    assert read_exr("out.exr")[1]["sh000.R"].shape == (6 * side, side)
+
+
+def test_bright_light_goes_to_float_and_says_so(folder):
+    write_exr("sun.exr", np.full((8, 16, 3), 1e5, np.float32))
+    result = run("prefilter", "sun.exr", "--brdf", "lambertian", "-o", "out.exr")
+    assert result.code == 0
+    assert result.err.startswith("Warning: out.exr: written as 32-bit float")
+    assert result.err.count("\n") == 1
+    assert result.out.startswith("out.exr: global SHRM")
+    pixels = read_exr("out.exr")[1]["sh000.G"]
+    assert pixels.dtype == np.float32
+    np.testing.assert_allclose(pixels, 1e5 * np.sqrt(4 * np.pi), rtol=1e-5)
+    asked = run("prefilter", "sun.exr", "--brdf", "lambertian", "--precision", "float")
+    assert (asked.code, asked.err) == (0, "")
+
+
+def test_half_that_overflows_is_refused(folder):
+    write_exr("sun.exr", np.full((8, 16, 3), 1e5, np.float32))
+    before = snapshot(folder)
+    result = run("prefilter", "sun.exr", "--brdf", "lambertian", "--precision", "half")
+    assert_refused(result, 1, "sun.lambertian.shrm.exr", "overflows half", "--precision auto")
+    assert snapshot(folder) == before
+
+
+def test_half_holds_up_to_its_largest_value(folder):
+    """65519 rounds to half's 65504, 65520 to infinity."""
+    for radiance, fits in [(65519.0, True), (65521.0, False)]:
+        level = np.float32(radiance / np.sqrt(4 * np.pi))
+        write_exr("edge.exr", np.full((8, 16, 3), level, np.float32))
+        options = ["--brdf", "lambertian", "--precision", "half", "-o", f"{fits}.exr"]
+        assert (run("prefilter", "edge.exr", *options).code == 0) is fits
+    assert read_exr("True.exr")[1]["sh000.R"].max() == 65504
+
+
+def test_json_is_alone_on_stdout_with_stable_keys(folder):
+    pixels = noise()
+    pixels[3, 4] = -1
+    write_exr("negative.exr", pixels)
+    result = process("prefilter", "negative.exr", *COMMAND[2:], "--json")
+    assert result.code == 0
+    values = json.loads(result.out)
+    assert list(values) == KEYS
+    assert values["file"] == "negative.microfacet.shrm.exr"
+    assert values["epsilon"] == 0.03
+    assert values["predicted_error"] <= values["error_bound"]
+    assert values["brdf"] == {"name": "microfacet", "parameters": {"sigma": 0.2}}
+    (warning,) = values["warnings"]
+    assert warning == (
+        "negative.exr: 1 pixels with negative radiance were clamped to 0 (minimum -1)"
+    )
+    assert result.err == f"Warning: {warning}\n"
+    header, _ = read_exr(values["file"])
+    for key in ("frame", "center", "probe", "probe_sha256"):
+        assert values[key] == header[f"shrm:{key}"]
+    for key in ("epsilon", "brdf_energy_captured", "predicted_error"):
+        assert values[key] == pytest.approx(header[f"shrm:{key}"], rel=1e-6)
+
+
+def test_quiet_prints_nothing(folder):
+    write_exr("black.exr", np.zeros((8, 16, 3), np.float32))
+    assert "Warning" in run("prefilter", "black.exr", *COMMAND[2:]).err
+    result = process("prefilter", "black.exr", *COMMAND[2:], "--quiet", "--order-f", "2")
+    assert (result.code, result.out, result.err) == (0, "", "")
+
+
+def test_an_old_output_is_replaced(folder):
+    (folder / NAME).write_text("old")
+    done(*COMMAND)
+    assert read_exr(NAME)[0]["shrm:F"] == 11
+    assert sorted(snapshot(folder)) == ["probe.exr", NAME]
+
+
+@pytest.mark.parametrize(
+    ("probe", "spec", "expected"),
+    [
+        ("a.b.exr", "phong:exponent=32", "a.b.phong-exponent-32.shrm.exr"),
+        ("sub/x.exr", "microfacet", "x.microfacet.shrm.exr"),
+        ("prö be.exr", "lambertian", "prö be.lambertian.shrm.exr"),
+    ],
+)
+def test_default_output_is_named_after_probe_and_brdf(folder, probe, spec, expected):
+    (folder / "sub").mkdir()
+    write_exr(probe, noise())
+    done("prefilter", probe, "--brdf", spec, "--eps", 0.1)
+    assert read_exr(expected)[0]["shrm:probe"] == probe.split("/")[-1]
+
+
+def test_six_files_are_one_probe(folder):
+    for face in ("+X", "-X", "+Y", "-Y", "+Z", "-Z"):
+        write_exr(f"sky_{face}.exr", np.ones((4, 4, 3), np.float32))
+    values = json.loads(done("prefilter", "sky_%.exr", "--brdf", "lambertian", "--json"))
+    assert values["file"] == "sky.lambertian.shrm.exr"
+    assert values["probe"] == "sky_%.exr"
+
+
+@pytest.mark.parametrize(
+    ("options", "in_file"),
+    [
+        (["--mirror"], lambda x, y, z: (-x, y, z)),
+        (["--yaw", 90], lambda x, y, z: (-z, y, x)),
+        (["--up", "z"], lambda x, y, z: (x, -z, y)),
+        (["--clamp", 1e9], lambda x, y, z: (x, y, z)),
+    ],
+)
+def test_reading_options_reach_the_probe(folder, options, in_file):
+    """As if the light had been written turned, by hand: the file's direction for the world's."""
+    x, y, z = np.moveaxis(oracles.latlong_pixels(64, 32), -1, 0)
+    light = polynomial_light(np.stack(in_file(x, y, z), axis=-1))
+    write_exr("turned.exr", light.astype(np.float32))
+    rest = ("--brdf", "microfacet", "--precision", "float", "-o")
+    done("prefilter", "turned.exr", *rest, "by_hand.exr")
+    done("prefilter", "probe.exr", *rest, "by_option.exr", *options)
+    expected, found = (read_exr(name)[1] for name in ("by_hand.exr", "by_option.exr"))
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, atol=2e-5)
+
+
+def test_clamp_is_reported(folder):
+    result = run("prefilter", "probe.exr", "--brdf", "lambertian", "--clamp", 1)
+    assert result.code == 0
+    assert "pixels were clamped, which removed " in result.err

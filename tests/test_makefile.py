@@ -1,0 +1,314 @@
+"""`make`: in a copy of the project whose .venv holds a stand-in for `shrm`, or the real one."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+BRDFS = "microfacet:sigma=0.3 phong:exponent=8"
+LABELS = ("microfacet-sigma-0.3", "phong-exponent-8")
+
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+# Writes down how it was called and writes its last argument; fails on files that say so.
+STAND_IN = """#!/bin/sh
+echo "$@" >>calls
+for output; do :; done
+if grep -q broken "$2"; then
+    echo "Error: $2: broken; mend it" >&2
+    exit 1
+fi
+echo "$@" >"$output"
+"""
+
+# The same, but no call returns before a second one has begun.
+SIDE_BY_SIDE = """#!/bin/sh
+for output; do :; done
+echo >"started.$$"
+for try in $(seq 500); do
+    if [ "$(ls started.* | wc -l)" -gt 1 ]; then
+        echo >"$output"
+        exit 0
+    fi
+    sleep 0.01
+done
+echo 'Error: alone for five seconds' >&2
+exit 1
+"""
+
+REAL = f"""#!/bin/sh
+PYTHONPATH={shlex.quote(str(ROOT))} exec {shlex.quote(sys.executable)} -c \
+  'from shrm_cli.cli.main import main; main()' "$@"
+"""
+
+
+class Project:
+    """A copy of what `make` needs, set up without a network."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        shutil.copy(ROOT / "Makefile", folder)
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        for name in ("probes", "shrm_cli", "tests"):
+            (folder / name).mkdir()
+        (folder / ".venv" / "bin").mkdir(parents=True)
+        self.install(STAND_IN)
+        for name in "ab":
+            self.write(f"probes/{name}.exr", "light")
+        for stamp in (".made", ".installed"):
+            (folder / ".venv" / stamp).touch()
+
+    def install(self, script):
+        command = self.folder / ".venv" / "bin" / "shrm"
+        command.write_text(script)
+        command.chmod(0o755)
+
+    def write(self, name, text):
+        # Files of the same tick of the clock would be as old as each other.
+        time.sleep(0.02)
+        (self.folder / name).write_text(text)
+
+    def make(self, *arguments):
+        """Run make, free of what an outer make says in the environment."""
+        ours = (
+            "MAKE",
+            "MFLAGS",
+            "GNUMAKEFLAGS",
+            "PROBES",
+            "BRDFS",
+            "EPS",
+            "SHRM",
+            "VENV",
+            "PYTHON",
+        )
+        names = [name for name in os.environ if not name.startswith(ours)]
+        return subprocess.run(
+            ["make", *arguments],
+            cwd=self.folder,
+            env={name: os.environ[name] for name in names} | {"LC_ALL": "C"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+
+    def batch(self, *arguments, probes="probes/a.exr probes/b.exr", brdfs=BRDFS):
+        return self.make("batch", f"PROBES={probes}", f"BRDFS={brdfs}", *arguments)
+
+    def calls(self):
+        """How `shrm` was called since the last time, in alphabetical order."""
+        log = self.folder / "calls"
+        lines = log.read_text().splitlines() if log.exists() else []
+        log.unlink(missing_ok=True)
+        return sorted(lines)
+
+    def built(self):
+        return sorted(path.name for path in (self.folder / "build").glob("[!.]*"))
+
+    def times(self):
+        return {path.name: path.stat().st_mtime_ns for path in (self.folder / "build").iterdir()}
+
+
+@pytest.fixture
+def project(tmp_path):
+    return Project(tmp_path)
+
+
+@pytest.fixture
+def baked(project):
+    """All four pairs are there, and their calls forgotten."""
+    assert project.batch().returncode == 0
+    project.calls()
+    return project
+
+
+def outputs(*names, labels=LABELS):
+    """Maps and pictures of probes with each BRDF."""
+    stems = [f"{name}.{label}.shrm" for name in names for label in labels]
+    return sorted(f"{stem}.{suffix}" for stem in stems for suffix in ("exr", "png"))
+
+
+def prefilter(name, brdf, label, eps="0.03"):
+    target = f"build/{name}.{label}.shrm.exr"
+    return f"prefilter probes/{name}.exr --brdf {brdf} --eps {eps} -o {target}"
+
+
+def pairs(names, brdfs=BRDFS):
+    return [(name, *each) for name in names for each in zip(brdfs.split(), LABELS, strict=True)]
+
+
+def render(name, label, flags=""):
+    stem = f"build/{name}.{label}.shrm"
+    return " ".join(f"render {stem}.exr {flags} -o {stem}.png".split())
+
+
+def both(names, eps="0.03"):
+    """The calls that bake and render every pair of some probes."""
+    calls = [prefilter(name, brdf, label, eps) for name, brdf, label in pairs(names)]
+    calls += [render(name, label) for name, _, label in pairs(names)]
+    return sorted(calls)
+
+
+def test_help_is_what_make_does_by_itself(project):
+    result = project.make()
+    assert (result.returncode, result.stderr) == (0, "")
+    for target in ("demo", "test", "bench", "probes", "batch", "install", "clean"):
+        assert f"make {target} " in result.stdout
+    assert project.make("help").stdout == result.stdout
+    assert project.calls() == []
+
+
+def test_batch_bakes_and_renders_every_pair(project):
+    result = project.batch()
+    assert result.returncode == 0
+    assert project.calls() == both("ab")
+    assert project.built() == outputs("a", "b")
+
+
+def test_running_again_does_nothing(baked):
+    before = baked.times()
+    assert baked.batch().returncode == 0
+    assert baked.calls() == []
+    assert baked.times() == before
+
+
+def test_a_changed_probe_is_baked_again_alone(baked):
+    baked.write("probes/a.exr", "other light")
+    assert baked.batch().returncode == 0
+    assert baked.calls() == both("a")
+
+
+def test_a_missing_picture_is_rendered_again_alone(baked):
+    (baked.folder / "build" / f"b.{LABELS[0]}.shrm.png").unlink()
+    assert baked.batch().returncode == 0
+    assert baked.calls() == [render("b", LABELS[0])]
+
+
+def test_another_brdf_adds_its_pairs(baked):
+    assert baked.batch(brdfs=f"{BRDFS} lambertian").returncode == 0
+    assert {call.split(" -o ")[1] for call in baked.calls()} == {
+        f"build/{name}" for name in outputs("a", "b", labels=["lambertian"])
+    }
+
+
+def test_another_tolerance_bakes_everything_again(baked):
+    assert baked.batch("EPS=0.1").returncode == 0
+    assert baked.calls() == both("ab", eps="0.1")
+    assert baked.batch("EPS=0.1").returncode == 0
+    assert baked.calls() == []
+
+
+def test_other_flags_of_prefilter_bake_everything_again(baked):
+    assert baked.batch("PREFILTER_FLAGS=--size 64").returncode == 0
+    calls = baked.calls()
+    assert len(calls) == 8
+    assert sum("--eps 0.03 --size 64 -o" in call for call in calls) == 4
+
+
+def test_other_flags_of_render_only_render_again(baked):
+    assert baked.batch("RENDER_FLAGS=--exposure 1").returncode == 0
+    expected = [render(name, label, "--exposure 1") for name, _, label in pairs("ab")]
+    assert baked.calls() == sorted(expected)
+
+
+@pytest.mark.parametrize("jobs", ["-j1", "-j4"])
+def test_a_broken_probe_fails_the_run_but_not_the_others(project, jobs):
+    project.write("probes/a.exr", "broken")
+    result = project.batch(jobs)
+    assert result.returncode != 0
+    assert result.stderr.count("Error: probes/a.exr: broken; mend it") == 2
+    assert "Some pairs failed" in result.stdout
+    assert "Maps and pictures are in" not in result.stdout
+    assert project.built() == outputs("b")
+    project.calls()
+    project.write("probes/a.exr", "light")
+    assert project.batch(jobs).returncode == 0
+    assert project.calls() == both("a")
+
+
+def test_a_missing_probe_fails_the_run_but_not_the_others(project):
+    result = project.batch(probes="probes/a.exr probes/no.exr")
+    assert result.returncode != 0
+    assert "probes/no.exr" in result.stderr
+    assert project.built() == outputs("a")
+
+
+def test_jobs_run_side_by_side(project):
+    project.install(SIDE_BY_SIDE)
+    result = project.batch("-j4")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert project.built() == outputs("a", "b")
+
+
+def test_probes_of_the_same_name_are_refused(project):
+    (project.folder / "more").mkdir()
+    project.write("more/a.exr", "light")
+    result = project.batch(probes="probes/a.exr more/a.exr")
+    assert result.returncode != 0
+    assert "same name" in result.stderr
+    assert project.calls() == []
+
+
+def test_wildcards_name_probes(project):
+    assert project.batch(probes="probes/*.exr").returncode == 0
+    assert project.calls() == both("ab")
+
+
+@pytest.mark.parametrize("nothing", [{"probes": ""}, {"brdfs": ""}, {"probes": "no/*.exr"}])
+def test_no_pair_is_no_success(project, nothing):
+    result = project.batch(**nothing)
+    assert result.returncode != 0
+    assert result.stderr != ""
+    assert project.calls() == []
+
+
+def test_defaults_are_every_shipped_probe_and_four_brdfs(project):
+    assert project.make("batch").returncode == 0
+    calls = [call.split() for call in project.calls()]
+    baked = {(call[1], call[3]) for call in calls if call[0] == "prefilter"}
+    assert {probe for probe, _ in baked} == {"probes/a.exr", "probes/b.exr"}
+    assert len(baked) == 8
+
+
+def test_clean_removes_what_was_built(baked):
+    assert baked.make("clean").returncode == 0
+    assert not (baked.folder / "build").exists()
+    assert (baked.folder / ".venv").exists()
+    assert (baked.folder / "probes" / "a.exr").exists()
+    assert baked.make("distclean").returncode == 0
+    assert not (baked.folder / ".venv").exists()
+
+
+def test_an_old_python_is_refused_with_what_to_do(project):
+    shutil.rmtree(project.folder / ".venv")
+    result = project.make("install", "PYTHON=false")
+    assert result.returncode != 0
+    assert "shrm needs Python 3.11 or newer; name one: make PYTHON=" in result.stdout
+    assert not (project.folder / ".venv").exists()
+
+
+def test_demo_and_batch_with_the_real_command(project):
+    project.install(REAL)
+    shutil.copy(ROOT / "probes" / "studio.exr", project.folder / "probes")
+    light = np.random.default_rng(0).uniform(0, 1, (8, 16)).astype(np.float32)
+    for name in ("a", "b"):
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        path = project.folder / "probes" / f"{name}.exr"
+        OpenEXR.File(header, dict.fromkeys("RGB", light)).write(str(path))
+    demo = project.make("demo")
+    assert (demo.returncode, demo.stderr) == (0, "")
+    picture = project.folder / "build" / "demo" / "studio.microfacet.png"
+    assert f"The picture is {picture}" in demo.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    result = project.batch("-j4", "RENDER_FLAGS=--size 32")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert project.built() == sorted(["demo", *outputs("a", "b")])
+    with OpenEXR.File(str(project.folder / "build" / "b.phong-exponent-8.shrm.exr")) as file:
+        assert "exponent" in file.header()["shrm:brdf"]
