@@ -92,7 +92,6 @@ def read_map(path: str | os.PathLike[str]) -> Shrm:
         raise MapError(f"{path}: its channels are not those of an SHRM of order P = {order_p}")
     pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
     if pixels is None:
-        source.geterror()
         raise MapError(f"{path}: damaged or truncated; make it again with shrm prefilter")
     coefficients = np.zeros((6 * size, size, len(wanted)), dtype=np.float32)
     stored = [k for k, name in enumerate(wanted) if name in names]

@@ -72,7 +72,6 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
-        _follow_umask(temporary)
         os.replace(temporary, target)
     except OSError as error:
         reason = error.strerror or error
@@ -82,13 +81,6 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-
-
-def _follow_umask(path: Path) -> None:
-    """Give an existing file the permissions of a newly made one."""
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(path, 0o666 & ~mask)
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:

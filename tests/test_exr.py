@@ -2,6 +2,7 @@
 
 import json
 import os
+import stat
 import struct
 import sys
 
@@ -366,6 +367,17 @@ for path in sys.argv[1:]:
     names = ("cut.exr", "text.exr", "missing.exr", ".")
     result = process(*(tmp_path / name for name in names), code=code)
     assert (result.out.split(), result.err) == (["refused"] * 4, "")
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_permissions_follow_the_umask(tmp_path, mask, mode):
+    (tmp_path / "a.exr").touch(mode=0o400)
+    before = os.umask(mask)
+    try:
+        write_image(tmp_path / "a.exr", np.ones((2, 4, 3)))
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a.exr").stat().st_mode) == mode
 
 
 def test_image_is_written_whole(tmp_path):

@@ -73,17 +73,6 @@ def test_a_block_that_writes_nothing_is_an_error(tmp_path):
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
-def test_permissions_follow_the_umask(tmp_path, mask, mode):
-    before = os.umask(mask)
-    try:
-        write(tmp_path / "a.exr")
-        assert os.umask(mask) == mask
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "a.exr").stat().st_mode) == mode
-
-
 def test_left_overs_of_dead_processes_are_removed(tmp_path):
     dead = tmp_path / f".a.shrm-{gone()}-00112233.exr"
     kept = [

@@ -96,6 +96,8 @@ def _one_line(error: BaseException) -> str:
         return str(error)
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'standard output'}: {error.strerror}"
     what = f"{type(error).__name__}: {error}"
     return f"internal error, please report it ({what}); shrm --debug ... tells more"
 

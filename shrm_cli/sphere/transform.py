@@ -5,12 +5,10 @@ from numpy.typing import NDArray
 
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.grids import LATLONG_AXES, Sampling, colatitude_weights, longitude_weights
-from shrm_cli.sphere.harmonics import index, legendre_degrees, real_harmonics
+from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.rotation import transform_coefficients
 
 Array = NDArray[np.floating]
-
-_TABLE_BYTES = 2**26
 
 
 class LatLongAnalysis:
@@ -92,30 +90,6 @@ def _waves(multiples: NDArray[np.integer], divisor: int, order: int) -> tuple[Ar
     turns = np.arange(2 * divisor) * (np.pi / divisor)
     at = np.outer(multiples, np.arange(order + 1)) % (2 * divisor)
     return np.cos(turns)[at], np.sin(turns)[at]
-
-
-def analyze_samples(directions: Array, weights: Array, values: Array, order: int) -> Array:
-    """Coefficients of scattered samples: ``sum_k w_k f(d_k) Y_lm(d_k)`` (eq. 5.20).
-
-    Parameters
-    ----------
-    directions : ndarray, shape (n, 3)
-    weights : ndarray, shape (n,)
-        Solid angle of each sample.
-    values : ndarray, shape (n, channels)
-    order : int
-
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, channels)
-    """
-    result = np.zeros(((order + 1) ** 2, values.shape[1]))
-    step = max(1, _TABLE_BYTES // (8 * (order + 1) ** 2))
-    for start in range(0, len(values), step):
-        part = slice(start, start + step)
-        basis = real_harmonics(order, directions[part])
-        result += basis.T @ (values[part] * weights[part, None])
-    return result
 
 
 def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") -> Array:

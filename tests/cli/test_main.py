@@ -3,6 +3,8 @@
 import os
 import re
 import signal
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -10,7 +12,7 @@ from click.testing import CliRunner
 
 from shrm_cli import __version__, errors
 from shrm_cli.cli.main import cli
-from tests.cli.helpers import MAIN, ROOT, assert_refused, done, process, run, start
+from tests.cli.helpers import MAIN, ROOT, assert_refused, done, environment, process, run, start
 
 COMMANDS = ["prefilter", "render", "info", "brdf", "probe"]
 # Reports what a run has imported, after its own output.
@@ -105,6 +107,8 @@ def test_every_error_of_ours_is_one_line_and_code_1(monkeypatch, name):
     ("error", "message"),
     [
         (MemoryError(), "out of memory; lower --size or the orders"),
+        (OSError(28, "No space left on device"), "standard output: No space left on device"),
+        (PermissionError(13, "Permission denied", "x.exr"), "x.exr: Permission denied"),
         (
             ZeroDivisionError("by\nzero"),
             "internal error, please report it (ZeroDivisionError: by zero); "
@@ -147,6 +151,20 @@ def test_a_reader_that_goes_away_is_no_news():
         child.wait(timeout=30)
         assert child.stderr.read() == ""
         assert child.returncode == 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full to print to")
+def test_results_that_cannot_be_printed_are_an_error():
+    with open("/dev/full", "w") as full:
+        child = subprocess.run(
+            [sys.executable, "-c", MAIN, "brdf"],
+            env=environment(),
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert child.returncode == 1
+    assert child.stderr == "Error: standard output: No space left on device\n"
 
 
 @pytest.mark.parametrize(("count", "images"), [("3", "3"), (None, None)])

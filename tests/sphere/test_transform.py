@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.special import eval_legendre
 
-from shrm_cli.sphere.transform import LatLongAnalysis, analyze_angular, analyze_samples
+from shrm_cli.sphere.transform import LatLongAnalysis, analyze_angular
 from tests import oracles
 from tests.oracles import EPS
 
@@ -183,18 +183,6 @@ def test_an_analysis_without_rows_has_no_coefficients():
     analysis = LatLongAnalysis(16, 8, 3)
     with pytest.raises(ValueError, match="no rows"):
         analysis.coefficients()
-
-
-@pytest.mark.parametrize("order", [0, 3, 40])
-def test_scattered_samples_of_a_quadrature_rule(rng, order):
-    """Order 40 has more samples than one block holds."""
-    directions, weights = oracles.sphere_rule(max(2 * order, 120))
-    (first, first_values), (second, second_values) = (
-        zonal_sum(rng, directions, order) for _ in range(2)
-    )
-    values = np.stack([first_values, second_values], axis=-1)
-    found = analyze_samples(directions, weights, values, order)
-    np.testing.assert_allclose(found, np.stack([first, second], axis=-1), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("sampling", ["center", "border"])
