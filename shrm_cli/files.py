@@ -2,19 +2,30 @@
 
 import contextlib
 import os
+import platform
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
 
 _MARK = ".shrm-"
+_HOST = 40
 _STEM = 40  # characters of the target's name in the temporary's: names have 255 bytes at most
 
 
 def check_target(
-    target: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()
+    target: str | os.PathLike[str],
+    inputs: Iterable[str | os.PathLike[str]] = (),
+    suffixes: tuple[str, ...] = (),
 ) -> None:
     """Check, before the work, that an output can be written and is none of the inputs.
+
+    Parameters
+    ----------
+    target : path-like
+    inputs : iterable of path-like
+    suffixes : tuple of str, optional
+        What the target's name may end with, in lower case; anything by default.
 
     Raises
     ------
@@ -25,6 +36,8 @@ def check_target(
     except (OSError, UnicodeError) as error:  # such as a name too long
         reason = getattr(error, "strerror", None) or "its name is not UTF-8"
         raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
+    if suffixes and Path(target).suffix.lower() not in suffixes:
+        raise OutputError(f"{target}: what is written is {suffixes[0]}; name it so")
 
 
 def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
@@ -64,7 +77,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         In place of an OSError of the block, such as a full disk.
     """
     target = Path(target)
-    prefix = f".{target.stem[:_STEM]}{_MARK}"
+    # With the machine's name: a farm's machines share folders, but not process numbers.
+    prefix = f".{target.stem[:_STEM]}{_MARK}{platform.node()[:_HOST]}-"
     _remove_abandoned(target.parent, prefix, target.suffix)
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
     try:
@@ -84,7 +98,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:
-    """Remove temporary files of this target whose processes are gone."""
+    """Remove temporary files of this target whose processes, on this machine, are gone."""
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
             name = path.name

@@ -1,6 +1,7 @@
 """Outputs appear whole or not at all, and never in the place of something else."""
 
 import os
+import platform
 import stat
 import subprocess
 import sys
@@ -9,6 +10,8 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files import check_target, replacing
+
+HOST = platform.node()
 
 
 def gone():
@@ -74,14 +77,15 @@ def test_a_block_that_writes_nothing_is_an_error(tmp_path):
 
 
 def test_left_overs_of_dead_processes_are_removed(tmp_path):
-    dead = tmp_path / f".a.shrm-{gone()}-00112233.exr"
+    dead = tmp_path / f".a.shrm-{HOST}-{gone()}-00112233.exr"
     kept = [
-        f".a.shrm-{os.getpid()}-00112233.exr",  # of a process that runs
-        ".a.shrm-1-00112233.exr",
-        f".ab.shrm-{gone()}-00112233.exr",  # of another target
-        f".a.shrm-{gone()}-00112233.png",
-        ".a.shrm-notes-x.exr",
-        f"a.shrm-{gone()}-00112233.exr",
+        f".a.shrm-{HOST}-{os.getpid()}-00112233.exr",  # of a process that runs
+        f".a.shrm-{HOST}-1-00112233.exr",
+        f".ab.shrm-{HOST}-{gone()}-00112233.exr",  # of another target
+        f".a.shrm-{HOST}-{gone()}-00112233.png",
+        f".a.shrm-{HOST}-notes-x.exr",
+        f".a.shrm-elsewhere-{gone()}-00112233.exr",
+        f"a.shrm-{HOST}-{gone()}-00112233.exr",
     ]
     for name in [dead.name, *kept]:
         (tmp_path / name).write_text("half")
@@ -148,3 +152,9 @@ def test_inputs_are_not_overwritten(tmp_path, monkeypatch):
             check_target(one, [other, two])
     check_target("real.exr", [other, "missing.exr"])
     check_target("new.exr", [real, other])
+
+
+def test_names_must_end_as_the_content_wants(tmp_path):
+    check_target(tmp_path / "a.EXR", suffixes=(".exr",))
+    with pytest.raises(OutputError, match=r"a\.png: what is written is \.exr"):
+        check_target(tmp_path / "a.png", suffixes=(".exr",))

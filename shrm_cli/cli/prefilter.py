@@ -92,7 +92,7 @@ def prefilter(
     brdf = parse_spec(spec)
     source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
     target = output or f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
-    check_target(target, [file.path for file in source.files])
+    check_target(target, [file.path for file in source.files], (".exr",))
     with progress_bar("reading", quiet) as progress:
         made = bake(
             source,

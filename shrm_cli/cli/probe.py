@@ -19,7 +19,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    check_target(value)
+    check_target(value, suffixes=(".exr",))
     return value
 
 

@@ -178,7 +178,10 @@ def sha256(paths: list[Path]) -> str:
 def _check_file(path: Path) -> None:
     """Refuse what would block, mislead, or make noise when an image library opens it."""
     try:
+        str(path).encode()  # image libraries take no other names
         status = os.stat(path)
+    except UnicodeEncodeError:
+        raise ProbeError(f"{path}: its name is not UTF-8; rename it") from None
     except FileNotFoundError:
         raise ProbeError(f"{path}: no such file; check its name") from None
     except (OSError, ValueError) as error:

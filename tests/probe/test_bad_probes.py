@@ -394,3 +394,11 @@ def test_one_file_as_six(tmp_path):
         open_probe(path, ReadOptions(layout="faces"))
     line = str(caught.value)
     assert line.startswith(f"{path}: write %")
+
+
+def test_a_name_that_is_not_utf8(tmp_path):
+    name = os.fsencode(tmp_path) + b"/b\xff.exr"
+    with open(name, "wb") as stream:
+        stream.write(b"anything")
+    with pytest.raises(ProbeError, match="its name is not UTF-8; rename it"):
+        open_probe(os.fsdecode(name))
