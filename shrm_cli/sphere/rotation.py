@@ -1,6 +1,6 @@
 """Rotating the coefficients of functions on the sphere."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -64,31 +64,34 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
 def _tilts(order: int, beta: float) -> Iterable[Array]:
     """Matrices of Ry(b) between real harmonics, degree by degree."""
     if beta == np.pi / 2:  # exchanging axes: every lat-long, every cube
-        if order <= _CACHED_ORDER:
-            return _cached_right_angles(order)
-        return (_right_angle_tilt(d) for d in right_angle_degrees(order))
+        return _cached_tilts(order) if order <= _CACHED_ORDER else _right_angle_tilts(order)
     return (_real_tilt(d, degree) for degree, d in small_d_degrees(order, beta))
 
 
 @lru_cache(maxsize=4)
-def _cached_right_angles(order: int) -> list[Array]:
-    return [_right_angle_tilt(d) for d in right_angle_degrees(order)]
+def _cached_tilts(order: int) -> list[Array]:
+    return list(_right_angle_tilts(order))
 
 
-def _right_angle_tilt(quadrant: Array) -> Array:
-    """Matrix of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
+def _right_angle_tilts(order: int) -> Iterator[Array]:
+    """Matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
 
     Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
     """
-    degree = len(quadrant) - 1
-    k = np.arange(degree + 1)
-    factor = np.where(k == 0, 1.0, np.sqrt(2)) * (-1.0) ** k
-    values = quadrant * (factor[:, None] * factor)
-    odd = ((degree + k[:, None] + k) % 2).astype(bool)
-    result = np.zeros((2 * degree + 1, 2 * degree + 1))
-    result[degree:, degree:] = np.where(odd, 0.0, values)
-    result[:degree, :degree] = np.where(odd, values, 0.0)[:0:-1, :0:-1]
-    return result
+    m = np.arange(order + 1)
+    factor = np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
+    weights = factor[:, None] * factor
+    odd = (m[:, None] + m) % 2
+    by_parity = weights * (1 - odd), weights * odd
+    for degree, quadrant in enumerate(right_angle_degrees(order)):
+        size = degree + 1
+        cosine, sine = by_parity[degree % 2], by_parity[1 - degree % 2]
+        result = np.zeros((2 * degree + 1, 2 * degree + 1))
+        np.multiply(quadrant, cosine[:size, :size], out=result[degree:, degree:])
+        np.multiply(
+            quadrant[:0:-1, :0:-1], sine[degree:0:-1, degree:0:-1], out=result[:degree, :degree]
+        )
+        yield result
 
 
 def rotate_to_frames(
