@@ -28,7 +28,8 @@ from tests.cli.helpers import (
 HUGE = (200_000, 100_000)
 # Permissions do not bind root; what follows is imported while its files can still be read.
 UNPRIVILEGED = """
-import difflib, os, shrm_cli.bake, shrm_cli.cli.prefilter, shrm_cli.exr, shrm_cli.probe.probe
+import difflib, os, shrm_cli.bake, shrm_cli.exr, shrm_cli.probe.probe
+import shrm_cli.cli.main, shrm_cli.cli.prefilter
 if os.geteuid() == 0:
     os.setgroups([])
     os.setresgid(65534, 65534, 65534)
