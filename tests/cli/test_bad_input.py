@@ -28,8 +28,9 @@ from tests.cli.helpers import (
 HUGE = (200_000, 100_000)
 # Permissions do not bind root; what follows is imported while its files can still be read.
 UNPRIVILEGED = """
-import difflib, os, shrm_cli.bake, shrm_cli.exr, shrm_cli.probe.probe
-import shrm_cli.cli.main, shrm_cli.cli.prefilter
+import difflib, importlib, os, pkgutil, shrm_cli
+for module in pkgutil.walk_packages(shrm_cli.__path__, "shrm_cli."):
+    importlib.import_module(module.name)
 if os.geteuid() == 0:
     os.setgroups([])
     os.setresgid(65534, 65534, 65534)
