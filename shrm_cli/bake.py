@@ -7,7 +7,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Frame, Shrm
+from shrm_cli.maps.shrm import Frame, Shrm, check_size
 from shrm_cli.orders import Orders, choose_orders, error_bound, predicted_error
 from shrm_cli.probe.lighting import Progress, project
 from shrm_cli.probe.probe import Probe
@@ -80,9 +80,12 @@ def bake(
 
     Raises
     ------
-    OrderError, ProbeError, BrdfError
+    OrderError, ProbeError, BrdfError, MapError
     """
+    if order_f is not None and not brdf.zonal:
+        check_size(order_f, order_p or 0, size)
     orders, coefficients = choose_orders(brdf, tolerance, order_f, order_p)
+    check_size(orders.order_f, orders.order_p, size)
     lighting = project(probe, coefficients.order_f, progress)
     f, p = orders.order_f, orders.order_p
     power = lighting.power()

@@ -23,7 +23,6 @@ from shrm_cli.orders import MAX_ORDER_F, MAX_ORDER_P
 Array = NDArray[np.floating]
 
 VERSION = 1
-PRECISIONS = ("auto", "half", "float")
 
 _HALF_MAX = float(np.finfo(np.float16).max)
 _FLOAT_MAX = float(np.finfo(np.float32).max)

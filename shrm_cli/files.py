@@ -77,7 +77,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         In place of an OSError of the block, such as a full disk.
     """
     target = Path(target)
-    # With the machine's name: a farm's machines share folders, but not process numbers.
+    # With the machine's name: machines share folders, but not process numbers.
     prefix = f".{target.stem[:_STEM]}{_MARK}{platform.node()[:_HOST]}-"
     _remove_abandoned(target.parent, prefix, target.suffix)
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")

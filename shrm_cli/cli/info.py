@@ -22,17 +22,16 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
     if is_map(file):
         values = _describe_map(file)
     else:
-        values, warnings = _describe_probe(file, make_read_options(sampling, reading))
+        values, found = _describe_probe(file, make_read_options(sampling, reading))
+        warnings = [f"{file}: {line}" for line in found]
     if as_json:
         print_json({"file": file, **values, "warnings": warnings})
-        return
-    if quiet:
-        return
-    width = max(len(key) for key in values)
-    click.echo(file)
-    for key, value in values.items():
-        click.echo(f"  {key.replace('_', ' '):<{width}}  {_text(value)}")
-    warn([f"{file}: {line}" for line in warnings], quiet)
+    elif not quiet:
+        width = max(len(key) for key in values)
+        click.echo(file)
+        for key, value in values.items():
+            click.echo(f"  {key.replace('_', ' '):<{width}}  {_text(value)}")
+    warn(warnings, quiet)
 
 
 def _describe_map(file: str) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def report_options(command: Command) -> Command:
                 callback=_limit_threads,
                 expose_value=False,
                 is_eager=True,
-                help="Limit of every pool of threads.  [default: all processors]",
+                help="Threads for image files; arithmetic takes one.  [default: all processors]",
             ),
         ],
     )

@@ -91,7 +91,8 @@ def prefilter(
 
     brdf = parse_spec(spec)
     source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
-    target = output or f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
+    default = f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
+    target = default if output is None else output
     check_target(target, [file.path for file in source.files], (".exr",))
     with progress_bar("reading", quiet) as progress:
         made = bake(
@@ -110,6 +111,8 @@ def prefilter(
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if pixel_type == "float" and precision == "auto":
         warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
+    if order_p is not None and order_p > made.orders.order_p:
+        warnings.append(f"{target}: {brdf.name} does not depend on the view, so P = 0 only")
     if made.orders.captured < 1 - tolerance:
         warnings.append(
             f"{target}: the orders asked for capture {made.orders.captured:.2%} of the BRDF's "

@@ -15,6 +15,7 @@ from shrm_cli.cli.options import (
     progress_bar,
     read_options,
     report_options,
+    warn,
 )
 from shrm_cli.cli.types import AzimuthElevation
 
@@ -132,11 +133,13 @@ def render(
             attributes = _attributes(loaded, settings, viewer.azimuth)
             pixel_type = write_picture(target, pixels, precision, attributes)
             written.append({"file": target, "azimuth": viewer.azimuth, "pixels": pixel_type})
+    warnings = [] if probe is None else [f"{background}: {w}" for w in probe.report.warnings()]
     if as_json:
-        print_json({"files": written, **settings})
+        print_json({"files": written, **settings, "warnings": warnings})
     elif not quiet:
         for each in written:
             click.echo(f"{each['file']}: {width} x {height}, {each['pixels']}")
+    warn(warnings, quiet)
 
 
 class _RowCounter:

@@ -57,8 +57,10 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
 
 
 def _blocks(rings: int, order_f: int, order_p: int) -> Iterator[slice]:
-    """Blocks of rings whose table of small-d values stays within bounds."""
-    bytes_a_ring = 8 * (2 * order_f + 1) * (2 * order_p + 1) * (order_f + 1)
+    """Blocks of rings whose small-d values and waves stay within bounds."""
+    table = (2 * order_f + 1) * (2 * order_p + 1) * (order_f + 1)
+    waves = 2 * (order_f + order_p + 1) * (order_p + 1) ** 2 * 3
+    bytes_a_ring = 8 * (table + 2 * waves)
     step = max(1, _TABLE_BYTES // bytes_a_ring)
     for start in range(0, rings, step):
         yield slice(start, start + step)

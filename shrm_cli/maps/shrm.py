@@ -25,6 +25,8 @@ Frame = Literal["global", "local"]
 MIN_SIZE, MAX_SIZE = 4, 4096
 MAX_VALUES = 2**30
 """Coefficients in a map: 4 GB as 32-bit floats."""
+MAX_SERIES = 2**26
+"""Coefficients of a map's harmonic series: 0.5 GB, several times over while they are made."""
 
 _SMALLEST_CHOICE = 16
 _TEXELS_AT_ONCE = 2**14
@@ -34,6 +36,28 @@ def choose_size(order_f: int) -> int:
     """Texels along a face's edge: 10 F around the equator (section 5.5.2), as a power of two."""
     needed = max(10 * order_f / 4, _SMALLEST_CHOICE)
     return int(min(2 ** int(np.ceil(np.log2(needed))), MAX_SIZE))
+
+
+def check_size(order_f: int, order_p: int, size: int | None = None) -> None:
+    """Check that a map of these orders can be computed and kept in memory.
+
+    Raises
+    ------
+    MapError
+    """
+    series = (order_f + order_p + 1) ** 2 * (order_p + 1) ** 2 * 3
+    if series > MAX_SERIES:
+        raise MapError(
+            f"orders F = {order_f} and P = {order_p} make {series:,} coefficients, more than "
+            f"{MAX_SERIES:,}; lower --order-f and --order-p, or raise --eps"
+        )
+    size = choose_size(order_f) if size is None else size
+    values = 6 * size**2 * (order_p + 1) ** 2 * 3
+    if values > MAX_VALUES:
+        raise MapError(
+            f"a map of size {size} and order P = {order_p} holds {values:,} coefficients, more "
+            f"than {MAX_VALUES:,}; lower --size or the orders"
+        )
 
 
 @dataclass(frozen=True)
@@ -120,12 +144,7 @@ class Shrm:
             If the map would be too large to be kept in memory.
         """
         size = choose_size(brdf.shape[0] - 1) if size is None else size
-        count = 6 * size**2 * brdf.shape[1] ** 2 * 3
-        if count > MAX_VALUES:
-            raise MapError(
-                f"a map of size {size} and order P = {brdf.shape[1] - 1} holds {count:,} "
-                f"coefficients, more than {MAX_VALUES:,}; lower --size or the orders"
-            )
+        check_size(brdf.shape[0] - 1, brdf.shape[1] - 1, size)
         series = reflected_coefficients(np.asarray(lighting), brdf)
         planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
         stacked = planes.reshape(*series.shape[1:], 6 * size, size)

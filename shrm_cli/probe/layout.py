@@ -76,7 +76,7 @@ def check_shape(name: str, layout: Layout, width: int, height: int) -> None:
             f"{name}: {width} x {height} cannot be {layout}, which is {wanted}; give the --layout "
             "that it has, or crop it"
         )
-    if height < (3 if layout == "angular" else 2):
+    if height < {"angular": 3, "latlong": 2}.get(layout, 1):  # faces may be single texels
         raise ProbeError(
             f"{name}: {width} x {height} is too small to hold a {layout} probe; use a larger one"
         )

@@ -385,3 +385,10 @@ def test_clamp_is_reported(folder):
     result = run("prefilter", "probe.exr", "--brdf", "lambertian", "--clamp", 1)
     assert result.code == 0
     assert "pixels were clamped, which removed " in result.err
+
+
+def test_an_order_that_the_brdf_does_not_have_is_told(folder):
+    result = run("prefilter", "probe.exr", "--brdf", "phong", "--order-p", 3, "-o", "m.exr")
+    assert result.code == 0
+    assert "phong does not depend on the view, so P = 0 only" in result.err
+    assert read_map("m.exr").order_p == 0

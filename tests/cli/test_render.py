@@ -296,3 +296,15 @@ def test_rows_are_counted_for_the_progress_bar(folder, monkeypatch):
     monkeypatch.setattr("shrm_cli.cli.render.progress_bar", Bar)
     done("spot.exr", "a.microfacet.shrm.exr", "--frames", 2, "--size", 16)
     assert seen == [(16, 64), (32, 64), (48, 64), (64, 64)]
+
+
+def test_warnings_of_the_background_are_told(folder):
+    pixels = np.ones((8, 16, 3), np.float32)
+    pixels[2, 3] = -1
+    write_image("negative.exr", pixels, "float")
+    arguments = ["spot.exr", "-o", "x.png", "--size", "16", "--background", "negative.exr"]
+    result = CliRunner().invoke(render, arguments)
+    assert result.exit_code == 0
+    assert result.stderr.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+    quiet = CliRunner().invoke(render, [*arguments, "--quiet"])
+    assert (quiet.stdout, quiet.stderr) == ("", "")

@@ -8,7 +8,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.exr import read_map, write_map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Shrm, choose_size
+from shrm_cli.maps.shrm import Shrm, check_size, choose_size
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import real_harmonics
 from tests.brute_force import band_limited, reflected, sphere_rule, unit
@@ -161,3 +161,9 @@ def test_shapes_are_checked():
         Shrm(np.zeros((5, 1, 1, 3)), "global", "reflection", INFO)
     with pytest.raises(ValueError, match="square"):
         Shrm(np.zeros((6, 1, 3, 3)), "global", "reflection", INFO)
+
+
+def test_orders_are_bounded_before_anything_is_computed():
+    with pytest.raises(MapError, match="F = 512 and P = 32 make"):
+        check_size(512, 32, 16)
+    check_size(465, 2)

@@ -68,11 +68,18 @@ def test_layouts_that_do_not_fit_are_refused(name, width, height):
 
 @pytest.mark.parametrize(
     ("name", "width", "height"),
-    [("angular", 2, 2), ("faces", 1, 1), ("latlong", 2, 1), ("strip", 6, 1)],
+    [("angular", 2, 2), ("latlong", 2, 1)],
 )
 def test_images_that_are_too_small_are_refused(name, width, height):
     with pytest.raises(ProbeError, match="too small"):
         layout.check_shape("a.exr", name, width, height)
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height"), [("openexr", 1, 6), ("faces", 1, 1), ("strip", 6, 1)]
+)
+def test_faces_may_be_single_texels(name, width, height):
+    layout.check_shape("a.exr", name, width, height)
 
 
 def test_cubes_whose_faces_would_not_be_whole_are_refused():
