@@ -85,8 +85,7 @@ def choose_orders(
         )
     p = _least(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
     # A forced P may be too small for the tolerance: then F keeps all but that much of its part.
-    goal = min(1 - tolerance, (1 - tolerance) * captured[-1, p])
-    goal = 1 - tolerance if enough[-1, p] else goal
+    goal = (1 - tolerance) * (1 if enough[-1, p] else captured[-1, p])
     f = _least(captured[:, p] >= goal) if order_f is None else order_f
     return Orders(f, p, tolerance, float(captured[f, p])), coefficients
 

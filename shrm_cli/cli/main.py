@@ -85,7 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
         # The reader of our output has gone; there is nobody left to tell.
         sys.stderr.close()
         sys.exit(1)
-    except (ShrmError, MemoryError, Exception) as error:
+    except Exception as error:
         if "--debug" in arguments:
             raise
         _fail(_one_line(error), 1)
