@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.sphere.grids import gauss_legendre
-from shrm_cli.sphere.harmonics import complex_from_real, legendre_table
+from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
 from shrm_cli.sphere.wigner import small_d_degrees
 
 Array = NDArray[np.floating]
@@ -41,7 +41,7 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
     order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
     if order_p == 0:
         # d^l_m0 is a harmonic: B~_00 = sum_lm L_lm rho_hat_l00 Lambda_l Y_lm (eq. 5.7).
-        degree = np.repeat(np.arange(order_f + 1), 2 * np.arange(order_f + 1) + 1)
+        degree = degrees(order_f)
         scale = np.sqrt(4 * np.pi / (2 * degree + 1))[:, None]
         return (lighting[: len(degree)] * brdf[degree, 0, 0] * scale)[:, None]
     band = order_f + order_p

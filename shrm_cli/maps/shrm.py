@@ -14,7 +14,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import reflect, to_angles
 from shrm_cli.sphere.grids import Sampling
-from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.rotation import rotate_to_frames
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -22,7 +22,7 @@ from shrm_cli.sphere.synthesis import synthesize_cube
 Array = NDArray[np.floating]
 Frame = Literal["global", "local"]
 
-MIN_SIZE, MAX_SIZE = 4, 4096
+MAX_SIZE = 4096
 MAX_VALUES = 2**30
 """Coefficients in a map: 4 GB as 32-bit floats."""
 MAX_SERIES = 2**26
@@ -99,7 +99,7 @@ class Shrm:
 
     @property
     def order_p(self) -> int:
-        return int(np.sqrt(self.coefficients.shape[2])) - 1
+        return order_of(self.coefficients.shape[2])
 
     @property
     def azimuth_free(self) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.sphere.synthesis import integrate_cube
 from shrm_cli.sphere.transform import LatLongAnalysis, analyze_angular
@@ -31,13 +32,12 @@ class Lighting:
     energy: Array
 
     def __post_init__(self) -> None:
-        count = int(np.sqrt(len(self.coefficients)))
-        if self.coefficients.shape != (count**2, 3) or self.energy.shape != (3,):
+        if self.coefficients.shape != ((self.order + 1) ** 2, 3) or self.energy.shape != (3,):
             raise ValueError(f"lighting coefficients of shape {self.coefficients.shape}")
 
     @property
     def order(self) -> int:
-        return int(np.sqrt(len(self.coefficients))) - 1
+        return order_of(len(self.coefficients))
 
     def power(self) -> Array:
         """``sum_m |L_lm|^2`` of each degree and channel, shape (order+1, 3)."""

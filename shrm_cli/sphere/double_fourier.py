@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.harmonics import legendre_table
+from shrm_cli.sphere.harmonics import legendre_table, order_of
 
 Array = NDArray[np.floating]
 
@@ -35,7 +35,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     ndarray, shape (2, order+1, order+1, maps)
         ``[A or B, m, k]``.
     """
-    count = int(np.sqrt(len(coefficients)))
+    count = order_of(len(coefficients)) + 1
     maps = coefficients.shape[1]
     columns = np.zeros((count, count, 2, maps))
     for m, at, sine in _by_m(count):

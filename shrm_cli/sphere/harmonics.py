@@ -4,6 +4,7 @@ Orthonormal over the sphere, no Condon-Shortley phase, polynomials of world (x, 
 axis +Z: ``Y_1,-1 = 0.488603 y``, ``Y_10 = 0.488603 z``, ``Y_11 = 0.488603 x``.
 """
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,6 +16,11 @@ Array = NDArray[np.floating]
 def index(degree: int, m: int) -> int:
     """Linear index ``l (l+1) + m`` of a coefficient."""
     return degree * (degree + 1) + m
+
+
+def order_of(count: int) -> int:
+    """Largest degree of a vector of `count` = (order+1)^2 coefficients."""
+    return math.isqrt(count) - 1
 
 
 def degrees(order: int) -> NDArray[np.intp]:

@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.wigner import right_angle_degrees, small_d_degrees
 
 Array = NDArray[np.floating]
@@ -45,8 +46,8 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     """
     matrix = np.asarray(matrix, dtype=float)
     result = np.array(coefficients, dtype=float)
-    order = int(np.sqrt(len(result))) - 1
-    degree = np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
+    order = order_of(len(result))
+    degree = degrees(order)
     m = np.arange(len(result)) - degree * (degree + 1)
     if np.linalg.det(matrix) < 0:  # y -> -y comes first: the sine harmonics change sign
         matrix = matrix @ np.diag([1.0, -1.0, 1.0])
@@ -114,7 +115,7 @@ def rotate_to_frames(
     """
     source = np.asarray(coefficients)
     result = np.empty_like(source)
-    order = int(np.sqrt(len(source))) - 1
+    order = order_of(len(source))
     theta, phi = np.asarray(theta, dtype=float), np.asarray(phi, dtype=float)
     for degree, d in small_d_degrees(order, theta if inverse else -theta):
         rows = slice(degree**2, (degree + 1) ** 2)

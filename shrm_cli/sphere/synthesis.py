@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from shrm_cli.sphere.cube import FACES
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.grids import Sampling, nodes
+from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 
 Array = NDArray[np.floating]
@@ -63,7 +64,7 @@ def synthesize_cube(
     maps = coefficients.shape[1]
     result: Array = np.empty((maps, 6, size, size), dtype=dtype)
     turned = transform_coefficients(coefficients, _X_POLAR)
-    order = int(np.sqrt(len(coefficients))) - 1
+    order = order_of(len(coefficients))
     step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 8 * size * (order + 1)))
     for start in range(0, maps, step):
         part = slice(start, start + step)
