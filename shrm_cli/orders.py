@@ -143,6 +143,31 @@ def predicted_error(
     return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
 
 
+def truncated_lobe_error(
+    lighting_power: Array, coefficients: BrdfCoefficients, tail: BrdfCoefficients
+) -> float:
+    """Relative RMS error of the reflected light without the outer part of the BRDF's lobe.
+
+    The same integral as in `predicted_error`, of what was cut off instead of what lies beyond
+    some orders.
+
+    Parameters
+    ----------
+    lighting_power : ndarray, shape (>= order_f + 1, 3)
+    coefficients, tail : BrdfCoefficients
+        Of the whole BRDF and of the part that is missing, to the same order_f.
+
+    Returns
+    -------
+    float
+        0 for black light.
+    """
+    light = _convolution_measure(coefficients.order_f)[:, None]
+    light = light * lighting_power[: coefficients.order_f + 1]
+    whole = np.sum(light * coefficients.degree_energy)
+    return float(np.sqrt(np.sum(light * tail.degree_energy) / whole)) if whole > 0 else 0.0
+
+
 def error_bound(
     lighting_power: Array,
     lighting_energy: Array,

@@ -36,9 +36,10 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
 
 def _describe_map(file: str) -> dict[str, Any]:
     from shrm_cli.exr import read_map
+    from shrm_cli.maps.representations import map_count
 
     reflection_map = read_map(file)
-    known, order_p = reflection_map.info, reflection_map.order_p
+    known = reflection_map.info
     return {
         "kind": "map",
         "representation": reflection_map.representation,
@@ -46,12 +47,15 @@ def _describe_map(file: str) -> dict[str, Any]:
         "center": reflection_map.center,
         "size": reflection_map.size,
         "sampling": reflection_map.sampling,
-        "coefficients": order_p + 1 if reflection_map.azimuth_free else (order_p + 1) ** 2,
+        "maps": map_count(reflection_map),
+        "domain": known.domain,
         "order_f": known.order_f,
-        "order_p": order_p,
+        "order_p": known.order_p,
         "epsilon": known.tolerance,
         "brdf_energy_captured": known.captured,
         "predicted_error": known.predicted_error,
+        "added_error": known.added_error,
+        "fit_residual": known.fit_residual,
         "brdf": known.brdf,
         "probe": known.probe,
         "probe_sha256": known.probe_sha256,

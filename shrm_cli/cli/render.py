@@ -22,7 +22,7 @@ from shrm_cli.cli.types import AzimuthElevation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.maps.shrm import Shrm
+    from shrm_cli.maps.representations import Map
 
 
 def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
@@ -164,7 +164,7 @@ def _default_name(maps: Sequence[str], frames: int | None) -> str:
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
 
 
-def _attributes(maps: Sequence[Shrm], settings: dict[str, Any], azimuth: float) -> dict[str, Any]:
+def _attributes(maps: Sequence[Map], settings: dict[str, Any], azimuth: float) -> dict[str, Any]:
     """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
     probe = settings["background"]
     recipe = {

@@ -1,7 +1,9 @@
 """What a map remembers of how it was made; it travels in the file's attributes."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
+
+Domain = Literal["frequency", "angular"]
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,14 @@ class MapInfo:
         Name of the probe's file and the digest of its bytes.
     chromaticities : tuple of 8 float, optional
         Of the probe's primaries and white, passed through.
+    added_error : float
+        Relative RMS error that the representation adds to the SHRM that it was made from:
+        interpolating views, leaving out the azimuth, compressing.
+    fit_residual : float
+        Of an SHRM that was fitted to another representation: the relative RMS of what it left.
+    domain : {"frequency", "angular"}
+        Where it was prefiltered. In the angular domain `captured` is the part of the BRDF's
+        lobe that was integrated, and the orders only chose sizes.
     """
 
     order_f: int
@@ -35,3 +45,6 @@ class MapInfo:
     probe: str = ""
     probe_sha256: str = ""
     chromaticities: tuple[float, ...] | None = None
+    added_error: float = 0.0
+    fit_residual: float = 0.0
+    domain: Domain = "frequency"

@@ -11,7 +11,7 @@ from shrm_cli.brdf.base import Center
 from shrm_cli.errors import MapError
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import reflect, to_angles
 from shrm_cli.sphere.grids import Sampling
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
@@ -165,6 +165,22 @@ class Shrm:
                 flat[part].transpose(1, 2, 0), theta[part], phi[part], inverse=frame == "global"
             ).transpose(2, 0, 1)
         return replace(self, coefficients=turned.reshape(self.coefficients.shape), frame=frame)
+
+    def truncated(self, order_p: int | None) -> "Shrm":
+        """The same map without what is above an order P; None keeps all.
+
+        Its `info` holds what that adds to the relative RMS error.
+        """
+        if order_p is None or order_p >= self.order_p:
+            return self
+        kept = (order_p + 1) ** 2
+        texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
+        energy = np.einsum("ijkc,ijkc,ij->k", self.coefficients, self.coefficients, texels)
+        lost = float(np.sqrt(energy[kept:].sum() / energy.sum())) if energy.sum() > 0 else 0.0
+        info = replace(
+            self.info, order_p=order_p, added_error=float(np.hypot(self.info.added_error, lost))
+        )
+        return replace(self, coefficients=self.coefficients[:, :, :kept], info=info)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance, filtered between texels.

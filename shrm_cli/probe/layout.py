@@ -120,3 +120,31 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
         part = image[row * size : (row + 1) * size, column * size : (column + 1) * size]
         faces[face] = part[::-1, ::-1] if turned else part
     return reorient(faces, orientation).reshape(6 * size, size, -1)
+
+
+def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Array:
+    """A stacked cube of OpenEXR's orientation in any cube layout: the inverse of `stack_faces`.
+
+    Parameters
+    ----------
+    stack : ndarray, shape (6N, N, channels)
+    layout : Layout
+        Of a cube; ``"faces"`` gives the six files stacked.
+    orientation : {"openexr", "gl"}
+        Of the faces in the result.
+
+    Returns
+    -------
+    ndarray, shape (rows * N, columns * N, channels)
+        The corners of a cross are 0.
+    """
+    place = "openexr" if layout == "faces" else layout
+    columns, rows = _SHAPES[place]
+    size = stack.shape[1]
+    # Between the two orientations faces are only flipped: the way back is the way there.
+    faces = reorient(stack.reshape(len(FACES), size, size, -1), orientation)
+    image = np.zeros((rows * size, columns * size, faces.shape[-1]), dtype=stack.dtype)
+    for face, (column, row, turned) in enumerate(_PLACES[place]):
+        part = faces[face, ::-1, ::-1] if turned else faces[face]
+        image[row * size : (row + 1) * size, column * size : (column + 1) * size] = part
+    return image

@@ -285,10 +285,14 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
     )
 
 
-def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
+def face_paths(name: str) -> list[str]:
+    """Names of the six files that a name with ``%`` stands for, in the order of `FACES`."""
     folder, pattern = os.path.split(name)
-    paths = [os.path.join(folder, pattern.replace("%", face)) for face in FACES]
-    files = tuple(ImageFile.open(path, options.linearize) for path in paths)
+    return [os.path.join(folder, pattern.replace("%", face)) for face in FACES]
+
+
+def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
+    files = tuple(ImageFile.open(path, options.linearize) for path in face_paths(name))
     for file in files:
         if (file.width, file.height) != (files[0].width, files[0].height):
             raise ProbeError(

@@ -39,16 +39,17 @@ def latlong_angles(width: int, height: int, sampling: Sampling = "center") -> tu
 
 def latlong_directions(width: int, height: int, sampling: Sampling = "center") -> Array:
     """World directions of the pixels of a lat-long, shape (height, width, 3)."""
-    theta, longitude = latlong_angles(width, height, sampling)
-    sine = np.sin(theta)[:, None]
-    return np.stack(
-        [
-            sine * np.sin(longitude),
-            np.broadcast_to(np.cos(theta)[:, None], (height, width)),
-            sine * np.cos(longitude),
-        ],
-        axis=-1,
+    return latlong_points(nodes(width, sampling), nodes(height, sampling)[:, None])
+
+
+def latlong_points(across: ArrayLike, down: ArrayLike) -> Array:
+    """World directions at positions on a lat-long, each in [-1, 1], broadcastable: (..., 3)."""
+    theta = (np.asarray(down) + 1) * (np.pi / 2)
+    longitude = -np.asarray(across) * np.pi
+    x, y, z = np.broadcast_arrays(
+        np.sin(theta) * np.sin(longitude), np.cos(theta), np.sin(theta) * np.cos(longitude)
     )
+    return np.stack([x, y, z], axis=-1)
 
 
 def latlong_coordinates(directions: ArrayLike) -> tuple[Array, Array]:
@@ -124,12 +125,17 @@ def angular_directions(size: int, sampling: Sampling = "center") -> tuple[Array,
     inside : ndarray of bool, shape (size, size)
     """
     s = nodes(size, sampling)
-    radius = np.hypot(s[None, :], s[:, None])
-    angle = np.minimum(radius, 1.0) * np.pi
+    return angular_points(s, s[:, None]), np.hypot(s[None, :], s[:, None]) <= 1
+
+
+def angular_points(across: ArrayLike, down: ArrayLike) -> Array:
+    """Directions at positions on an angular map, broadcastable: (..., 3); -Z beyond the rim."""
+    across, down = np.broadcast_arrays(across, down)
+    radius = np.minimum(np.hypot(across, down), 1.0)
     # sin(pi r) / r, continued to pi at the centre.
-    ratio = np.pi * np.sinc(np.minimum(radius, 1.0))
-    directions = np.stack([-ratio * s[None, :], -ratio * s[:, None], np.cos(angle)], axis=-1)
-    return directions / np.linalg.norm(directions, axis=-1, keepdims=True), radius <= 1
+    ratio = np.pi * np.sinc(radius)
+    directions = np.stack([-ratio * across, -ratio * down, np.cos(radius * np.pi)], axis=-1)
+    return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
 
 def angular_coordinates(directions: ArrayLike) -> tuple[Array, Array]:

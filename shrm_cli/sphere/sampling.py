@@ -137,6 +137,28 @@ def sample_latlong(image: ArrayLike, directions: ArrayLike, sampling: Sampling) 
     return result
 
 
+def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
+    """Values of a centre-sampled lat-long by a cubic filter; the rest as `sample_latlong`.
+
+    For smooth images: it overshoots beside bright pixels.
+    """
+    image = np.asarray(image)
+    height, width = image.shape[:2]
+    across, down = latlong_coordinates(directions)
+    columns, along = _cubic(_index(across, width, "center"))
+    rows, below = _cubic(_index(down, height, "center"))
+    result: Array = np.zeros((*across.shape, image.shape[2]), dtype=image.dtype)
+    for i in range(4):
+        row = rows + i
+        turned = np.where((row < 0) | (row >= height), width // 2, 0)
+        row = np.where(row < 0, -1 - row, np.minimum(row, 2 * height - 1 - row))
+        line = np.zeros_like(result)
+        for j in range(4):
+            line += along[j][..., None] * image[row, (columns + j + turned) % width]
+        result += below[i][..., None] * line
+    return result
+
+
 def sample_angular(image: ArrayLike, directions: ArrayLike, sampling: Sampling) -> Array:
     """Bilinear values of an angular map, shape (N, N, channels), at directions (..., 3).
 

@@ -9,9 +9,9 @@ import pytest
 from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
 
 MAP_KEYS = [
-    "file", "kind", "representation", "frame", "center", "size", "sampling", "coefficients",
-    "order_f", "order_p", "epsilon", "brdf_energy_captured", "predicted_error", "brdf", "probe",
-    "probe_sha256", "chromaticities", "warnings",
+    "file", "kind", "representation", "frame", "center", "size", "sampling", "maps", "domain",
+    "order_f", "order_p", "epsilon", "brdf_energy_captured", "predicted_error", "added_error",
+    "fit_residual", "brdf", "probe", "probe_sha256", "chromaticities", "warnings",
 ]  # fmt: skip
 PROBE_KEYS = [
     "file", "kind", "layout", "width", "height", "sampling", "format", "minimum", "maximum",
@@ -40,7 +40,7 @@ def test_map_as_json(folder):
     values = json.loads(done("info", "m.exr", "--json"))
     assert list(values) == MAP_KEYS
     assert values["kind"] == "map"
-    assert values["coefficients"] == (values["order_p"] + 1) ** 2
+    assert values["maps"] == (values["order_p"] + 1) ** 2
     assert values["chromaticities"] is None
     assert values["warnings"] == []
     # What prefilter said is what info says, under the same names.
@@ -70,7 +70,7 @@ def test_map_for_people(folder):
 ])  # fmt: skip
 def test_stored_coefficients_are_counted(folder, spec, frame, count):
     done("prefilter", "probe.exr", "--brdf", spec, "--frame", frame, "-o", "m.exr")
-    assert json.loads(done("info", "m.exr", "--json"))["coefficients"] == count
+    assert json.loads(done("info", "m.exr", "--json"))["maps"] == count
 
 
 def test_probe_as_json(folder):

@@ -1,0 +1,170 @@
+"""The parts and channels of a file -> maps of every representation."""
+
+import json
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+from shrm_cli.exr.attributes import has_map_attributes, map_info, read_attributes
+from shrm_cli.exr.container import open_image, open_map, part_specs, read_pixels
+from shrm_cli.exr.layout import Arrangement
+from shrm_cli.exr.names import COLOURS, component_channels, part_names, shrm_channels
+from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.explicit import ExplicitMap
+from shrm_cli.maps.representations import EXPLICIT, Map
+from shrm_cli.maps.shrm import MAX_SIZE, MAX_VALUES, Shrm
+
+Array = NDArray[np.floating]
+
+
+def read_map(path: str | os.PathLike[str]) -> Map:
+    """Read a map that `write_map` wrote.
+
+    Raises
+    ------
+    MapError
+        If the file is missing, damaged, or no map.
+    """
+    stored = _open(path)
+    name = stored.attributes["representation"]
+    if name in EXPLICIT:
+        return _read_explicit(stored, EXPLICIT[name])
+    if stored.specs[0].get_string_attribute("shrm:pca_matrix"):
+        return _read_compressed(stored)
+    return _read_shrm(stored)
+
+
+def is_map(path: str | os.PathLike[str]) -> bool:
+    """Whether a readable image carries the attributes of a map."""
+    source = open_image(path) if Path(path).is_file() else None
+    return source is not None and has_map_attributes(source.spec())
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """An opened file: its parts, the attributes of the first, and how they are laid out."""
+
+    path: str | os.PathLike[str]
+    source: Any
+    specs: list[Any]
+    attributes: dict[str, Any]
+    arrangement: Arrangement
+    size: int
+
+    def common(self) -> dict[str, Any]:
+        """Arguments of every map's constructor."""
+        return {
+            "center": self.attributes["center"],
+            "info": map_info(self.attributes, self.specs[0]),
+            "sampling": self.arrangement.sampling,
+        }
+
+    def stack(self, part: int, names: list[str]) -> Array:
+        """Channels of a part as an OpenEXR cube, shape (6N, N, len(names))."""
+        held = list(self.specs[part].channelnames)
+        pixels = read_pixels(self.path, self.source, part)
+        wanted = pixels[..., [held.index(name) for name in names]]
+        return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
+
+
+def _open(path: str | os.PathLike[str]) -> _Stored:
+    source = open_map(path)
+    first = source.spec()
+    attributes = read_attributes(path, first)
+    width, height = first.width, first.height
+    parts = max(first.get_int_attribute("oiio:subimages"), 1)
+    values = parts * first.nchannels * width * height
+    if values > MAX_VALUES:
+        raise MapError(f"{path}: {values:,} values are too many to load")
+    sampling = "border" if first.get_int_attribute("oiio:sampleborder") else "center"
+    layout = attributes["layout"]
+    if layout in ("faces", "angular"):
+        raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
+    arrangement = Arrangement(layout, attributes["orientation"], attributes["sampling"] or sampling)  # type: ignore[arg-type]
+    size = arrangement.cube_size(width, height)
+    if size is None or size > MAX_SIZE:
+        what = "a cube of 1:6" if layout == "openexr" else layout
+        raise MapError(f"{path}: {width} x {height} is not {what}")
+    specs = list(part_specs(source))
+    if any((spec.width, spec.height) != (width, height) for spec in specs):
+        raise MapError(f"{path}: its parts differ in size; make it again")
+    return _Stored(path, source, specs, attributes, arrangement, size)
+
+
+def _check_channels(stored: _Stored, part: int, names: list[str], what: str) -> None:
+    spec = stored.specs[part]
+    numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
+    if sorted(spec.channelnames) != sorted(names) or not numbers <= {"half", "float"}:
+        raise MapError(f"{stored.path}: its channels are not those of {what}")
+
+
+def _read_shrm(stored: _Stored) -> Shrm:
+    order_p = stored.attributes["P"]
+    every, zonal = shrm_channels(order_p), shrm_channels(order_p, zonal=True)
+    is_zonal = stored.attributes["frame"] == "local" and stored.specs[0].nchannels == len(zonal)
+    names = zonal if is_zonal else every
+    if stored.specs[0].nchannels * len(every) / len(names) * 6 * stored.size**2 > MAX_VALUES:
+        raise MapError(f"{stored.path}: its coefficients are too many to load")
+    _check_channels(stored, 0, names, f"an SHRM of order P = {order_p}")
+    coefficients = np.zeros((6 * stored.size, stored.size, len(every)), dtype=np.float32)
+    coefficients[..., [every.index(name) for name in names]] = stored.stack(0, names)
+    shaped = coefficients.reshape(*coefficients.shape[:2], -1, 3)
+    return Shrm(shaped, stored.attributes["frame"], **stored.common())
+
+
+def _read_compressed(stored: _Stored) -> CompressedShrm:
+    order_p = stored.attributes["P"]
+    matrix = _matrix(stored.specs[0].get_string_attribute("shrm:pca_matrix"))
+    if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
+        raise MapError(
+            f"{stored.path}: its attribute shrm:pca_matrix is not K x {(order_p + 1) ** 2} "
+            "numbers; make it again"
+        )
+    names = component_channels(len(matrix))
+    _check_channels(stored, 0, names, f"an SHRM compressed to {len(matrix)} components")
+    if matrix.shape[1] * 18 * stored.size**2 > MAX_VALUES:
+        raise MapError(f"{stored.path}: its coefficients are too many to load")
+    components = stored.stack(0, names).reshape(6 * stored.size, stored.size, -1, 3)
+    return CompressedShrm(components, matrix, stored.attributes["frame"], **stored.common())
+
+
+def _matrix(text: str) -> Array | None:
+    """A matrix of finite numbers from JSON; None from anything else."""
+    try:
+        values = np.array(json.loads(text), dtype=float)
+    except (ValueError, TypeError, RecursionError, OverflowError):
+        return None
+    return values if values.ndim == 2 and values.size and np.isfinite(values).all() else None
+
+
+def _read_explicit(stored: _Stored, kind: type[ExplicitMap]) -> ExplicitMap:
+    count = len(stored.specs)
+    names = [_part_name(spec) for spec in stored.specs]
+    try:
+        kind.check_count(count)
+    except ValueError:
+        wanted: list[str] = []
+    else:
+        wanted = part_names(kind, count)
+    if sorted(names) != sorted(wanted):
+        raise MapError(
+            f"{stored.path}: its parts are not those of a {kind.representation} map; make it again"
+        )
+    if stored.attributes["frame"] != kind.frame:
+        raise MapError(f"{stored.path}: a {kind.representation} map is {kind.frame}; make it again")
+    images = np.empty((count, 3, 6 * stored.size, stored.size), dtype=np.float32)
+    for index, name in enumerate(wanted):
+        part = names.index(name)
+        _check_channels(stored, part, list(COLOURS), f"a {kind.representation} map")
+        images[index] = np.moveaxis(stored.stack(part, list(COLOURS)), -1, 0)
+    return kind(images.transpose(0, 2, 3, 1), **stored.common())
+
+
+def _part_name(spec: Any) -> str:
+    return re.sub(r"[^ -~]", "?", spec.get_string_attribute("oiio:subimagename"))

@@ -1,0 +1,128 @@
+"""Maps of every representation -> the parts and channels of a file."""
+
+import json
+import os
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+from shrm_cli.exr.attributes import common_header
+from shrm_cli.exr.container import Part, write_parts
+from shrm_cli.exr.layout import Arrangement
+from shrm_cli.exr.names import COLOURS, component_channels, part_names, shrm_channels
+from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.explicit import ExplicitMap
+from shrm_cli.maps.kautz_mccool import KautzMcCool
+from shrm_cli.maps.representations import Map
+from shrm_cli.maps.shrm import Shrm
+from shrm_cli.probe.layout import Layout
+from shrm_cli.sphere.cube import Orientation
+
+Array = NDArray[np.floating]
+
+
+def write_map(
+    path: str | os.PathLike[str],
+    reflection_map: Map,
+    precision: str = "auto",
+    layout: Layout = "openexr",
+    orientation: Orientation = "openexr",
+) -> str:
+    """Write a map, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+    reflection_map : Map
+    precision : {"auto", "half", "float"}
+        ``auto`` is half unless a value exceeds its range.
+    layout, orientation
+        Of the images: OpenEXR's stacked cube by default.
+
+    Returns
+    -------
+    str
+        The pixel type written, ``"half"`` or ``"float"``.
+
+    Raises
+    ------
+    OutputError
+        If half would overflow, or the file cannot be written.
+    MapError
+        If a local map is to be resampled: local axes turn about +-Z from texel to texel.
+    """
+    arrangement = Arrangement(layout, orientation, reflection_map.sampling)
+    if layout == "latlong" and reflection_map.frame == "local" and not _is_zonal(reflection_map):
+        raise MapError(
+            f"{path}: a local map cannot be resampled as a lat-long; take --frame global"
+        )
+    parts = _encode(reflection_map)
+    if not arrangement.is_plain:
+        parts = [_arranged(part, arrangement) for part in parts]
+    elif arrangement.sampling == "border":
+        parts = [
+            Part(part.channels, {**part.header, "envmap": OpenEXR.ENVMAP_CUBE}) for part in parts
+        ]
+    return write_parts(path, parts, precision)
+
+
+def _is_zonal(reflection_map: Map) -> bool:
+    """Whether what a local map holds does not depend on how its frames turn about C."""
+    if isinstance(reflection_map, Shrm):
+        return reflection_map.azimuth_free
+    return isinstance(reflection_map, KautzMcCool)
+
+
+def _encode(reflection_map: Map) -> list[Part]:
+    if isinstance(reflection_map, ExplicitMap):
+        return _encode_explicit(reflection_map)
+    header = common_header(reflection_map, reflection_map.order_p)
+    if isinstance(reflection_map, CompressedShrm):
+        rows = [[float(str(np.float32(x))) for x in row] for row in reflection_map.matrix]
+        header |= {"shrm:version": 2, "shrm:pca_matrix": json.dumps(rows)}
+        names = component_channels(reflection_map.count)
+        return [Part(_channels(names, reflection_map.components), header)]
+    channels = _channels(shrm_channels(reflection_map.order_p), reflection_map.coefficients)
+    if reflection_map.azimuth_free:
+        zonal = shrm_channels(reflection_map.order_p, zonal=True)
+        channels = {name: channels[name] for name in zonal}
+    return [Part(channels, header)]
+
+
+def _encode_explicit(reflection_map: ExplicitMap) -> list[Part]:
+    header = common_header(reflection_map, reflection_map.info.order_p)
+    kind, count = type(reflection_map), reflection_map.count
+    return [
+        Part({c: image[..., k] for k, c in enumerate(COLOURS)}, {"name": name, **header, **view})
+        for name, view, image in zip(
+            part_names(kind, count), _view_attributes(kind, count), reflection_map.images,
+            strict=True,
+        )
+    ]  # fmt: skip
+
+
+def _channels(names: list[str], values: Array) -> dict[str, Array]:
+    """Planes of values (6N, N, maps, 3) by name."""
+    flat = [values[..., index, k] for index in range(values.shape[2]) for k in range(3)]
+    return dict(zip(names, flat, strict=True))
+
+
+def _view_attributes(kind: type[ExplicitMap], count: int) -> list[dict[str, Any]]:
+    if issubclass(kind, KautzMcCool):
+        return [{"shrm:theta_o": float(theta)} for theta in kind.view_angles(count)]
+    return [{"shrm:view": tuple(map(float, view))} for view in kind.sample_views(count)]
+
+
+def _arranged(part: Part, arrangement: Arrangement) -> Part:
+    image = arrangement.apply(np.stack(list(part.channels.values()), axis=-1))
+    header = {
+        **part.header,
+        "shrm:version": 2,
+        "shrm:layout": arrangement.layout,
+        "shrm:orientation": arrangement.orientation,
+        "shrm:sampling": arrangement.sampling,
+    }
+    return Part({name: image[..., k] for k, name in enumerate(part.channels)}, header)

@@ -1,0 +1,99 @@
+"""The table of representations: what `--to` names, and how each is made from an SHRM."""
+
+from dataclasses import dataclass
+
+from shrm_cli.errors import MapError
+from shrm_cli.maps.cabral import Cabral
+from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.explicit import ExplicitMap
+from shrm_cli.maps.kautz_mccool import KautzMcCool
+from shrm_cli.maps.light_field import LightField
+from shrm_cli.maps.shrm import Frame, Shrm
+
+EXPLICIT: dict[str, type[ExplicitMap]] = {
+    model.representation: model for model in (Cabral, KautzMcCool, LightField)
+}
+REPRESENTATIONS = (Shrm.representation, *EXPLICIT)
+
+Map = Shrm | CompressedShrm | ExplicitMap
+
+
+@dataclass(frozen=True)
+class Compression:
+    """How far an SHRM is compressed by its principal components.
+
+    Attributes
+    ----------
+    count : int, optional
+        Components to keep.
+    tolerance : float
+        Without `count`: the relative RMS error that may be added.
+    """
+
+    count: int | None = None
+    tolerance: float = 0.0
+
+
+def represent(
+    shrm: Shrm,
+    representation: str,
+    view_count: int | None = None,
+    compression: Compression | None = None,
+) -> Map:
+    """An SHRM in another representation.
+
+    Parameters
+    ----------
+    shrm : Shrm
+    representation : str
+        One of `REPRESENTATIONS`.
+    view_count : int, optional
+        Samples along an axis of the view of an explicit map.
+    compression : Compression, optional
+        Of an SHRM.
+
+    Raises
+    ------
+    MapError
+        If the result would be too large.
+    """
+    if representation in EXPLICIT:
+        return EXPLICIT[representation].from_shrm(shrm, view_count)
+    if compression is None:
+        return shrm
+    return CompressedShrm.from_shrm(shrm, compression.count, compression.tolerance)
+
+
+def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = None) -> Shrm:
+    """The SHRM that a map holds, or that fits it best.
+
+    Parameters
+    ----------
+    reflection_map : Map
+    frame : {"global", "local"}
+    order_p : int, optional
+        Of the result; that of the map by default. An SHRM can only lose orders.
+
+    Raises
+    ------
+    MapError
+        If the map does not determine so high an order.
+    """
+    if isinstance(reflection_map, ExplicitMap):
+        return reflection_map.to_shrm(order_p).to_frame(frame)
+    if isinstance(reflection_map, CompressedShrm):
+        reflection_map = reflection_map.expand()
+    if order_p is not None and order_p > reflection_map.order_p:
+        raise MapError(
+            f"an SHRM of order P = {reflection_map.order_p} has nothing of order {order_p}; "
+            "lower --order-p"
+        )
+    return reflection_map.truncated(order_p).to_frame(frame)
+
+
+def map_count(reflection_map: Map) -> int:
+    """How many RGB cubes a map stores."""
+    if not isinstance(reflection_map, Shrm):
+        return reflection_map.count
+    every = reflection_map.order_p + 1
+    return every if reflection_map.azimuth_free else every**2

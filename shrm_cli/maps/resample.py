@@ -1,0 +1,58 @@
+"""Maps on cubes of another size or sampling."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.explicit import ExplicitMap
+from shrm_cli.maps.representations import Map
+from shrm_cli.maps.shrm import Shrm, check_size
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.grids import Sampling
+from shrm_cli.sphere.sampling import CubeSampler
+
+Array = NDArray[np.floating]
+
+
+def resample(reflection_map: Map, size: int | None, sampling: Sampling | None) -> Map:
+    """A map on a cube of another size or sampling, filtered as `radiance` filters it.
+
+    Parameters
+    ----------
+    reflection_map : Map
+    size : int, optional
+        Texels along a face's edge.
+    sampling : {"center", "border"}, optional
+
+    Raises
+    ------
+    MapError
+        If the result would be too large.
+    """
+    size = reflection_map.size if size is None else size
+    sampling = sampling or reflection_map.sampling
+    if (size, sampling) == (reflection_map.size, reflection_map.sampling):
+        return reflection_map
+    directions = cube_directions(size, sampling)
+    if isinstance(reflection_map, ExplicitMap):
+        reflection_map.check_memory(size, reflection_map.count)
+        images = [
+            CubeSampler(image, reflection_map.sampling)(directions)
+            for image in reflection_map.images
+        ]
+        return replace(reflection_map, images=np.stack(images), sampling=sampling)
+    if isinstance(reflection_map, CompressedShrm):
+        whole = resample(reflection_map.expand(), size, sampling)
+        assert isinstance(whole, Shrm)
+        again = CompressedShrm.from_shrm(whole, reflection_map.count)
+        return replace(again, info=reflection_map.info)
+    check_size(reflection_map.info.order_f, reflection_map.order_p, size)
+    # Local frames turn from texel to texel; only global coefficients can be filtered.
+    source = reflection_map.to_frame("global").coefficients
+    flat = source.reshape(*source.shape[:2], -1)
+    moved = CubeSampler(flat, reflection_map.sampling)(directions)
+    shaped = moved.reshape(*moved.shape[:2], *source.shape[2:])
+    result = replace(reflection_map, coefficients=shaped, frame="global", sampling=sampling)
+    return result.to_frame(reflection_map.frame)
