@@ -16,6 +16,10 @@ from shrm_cli.errors import ShrmError
 _COMMANDS = {
     "prefilter": "Prefilter a light probe for a BRDF.",
     "render": "Render a sphere from reflection maps.",
+    "compare": "Set maps, and the truth, side by side.",
+    "convert": "Convert maps and probes.",
+    "reference": "Render the correct sphere, by brute force.",
+    "analyze": "Analyse the orders and the accuracy of a BRDF.",
     "info": "Print what a file is.",
     "brdf": "List the BRDFs, or explain one.",
     "probe": "Make a light probe.",

@@ -11,15 +11,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import threads
+from shrm_cli.cli.types import Components
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from shrm_cli.maps.representations import Compression
     from shrm_cli.probe.probe import ReadOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
+REPRESENTATIONS = ("shrm", "cabral", "kautz-mccool", "lightfield")
+LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
 
 
 def _apply(command: Command, options: list[Callable[[Command], Command]]) -> Command:
@@ -58,7 +61,7 @@ def read_options(command: Command) -> Command:
     return _apply(
         command,
         [
-            click.option("--layout", type=click.Choice(_LAYOUTS), help="Layout of the probe."),
+            click.option("--layout", type=click.Choice(LAYOUTS), help="Layout of the probe."),
             click.option(
                 "--orientation",
                 type=click.Choice(["openexr", "gl"]),
@@ -98,6 +101,51 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
         raise click.BadParameter("must be a finite number of degrees", param_hint="'--yaw'")
     policy = PixelPolicy(values.pop("fix_nonfinite"), clamp)
     return ReadOptions(sampling=sampling, pixels=policy, **values)  # type: ignore[arg-type]
+
+
+def view_options(command: Command) -> Command:
+    """--slices, --views, --compress; pass the values on to `view_count` and `compression`."""
+    return _apply(
+        command,
+        [
+            click.option(
+                "--slices", type=click.IntRange(1, 1024), metavar="T",
+                help="Angles theta_o of a kautz-mccool map.  [default: 10 P]",
+            ),
+            click.option(
+                "--views", type=click.IntRange(1, 128), metavar="T",
+                help="A lightfield has T x T views.  [default: 10 P]",
+            ),
+            click.option(
+                "--compress", type=Components(),
+                help="Keep K principal components of an SHRM, or as many as an error X needs.",
+            ),
+        ],
+    )  # fmt: skip
+
+
+def view_count(representation: str, slices: int | None, views: int | None) -> int | None:
+    """Samples along an axis of the view, from the option that belongs to the representation."""
+    for option, value, owner in (
+        ("--slices", slices, "kautz-mccool"),
+        ("--views", views, "lightfield"),
+    ):
+        if value is not None and representation != owner:
+            raise click.BadParameter(f"is for --to {owner}", param_hint=f"'{option}'")
+    return slices or views
+
+
+def compression(
+    representation: str, components: tuple[int | None, float] | None
+) -> Compression | None:
+    """What --compress asks for."""
+    from shrm_cli.maps.representations import Compression
+
+    if components is None:
+        return None
+    if representation != "shrm":
+        raise click.BadParameter("is for --to shrm", param_hint="'--compress'")
+    return Compression(*components)
 
 
 def warn(lines: list[str], quiet: bool) -> None:

@@ -7,11 +7,15 @@ from typing import Any
 import click
 
 from shrm_cli.cli.options import (
+    REPRESENTATIONS,
+    compression,
     make_read_options,
     print_json,
     progress_bar,
     read_options,
     report_options,
+    view_count,
+    view_options,
     warn,
 )
 from shrm_cli.cli.types import Fraction
@@ -26,8 +30,8 @@ _SAMPLINGS = click.Choice(["center", "border"])
     help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
 )  # fmt: skip
 @click.option(
-    "--to", "representation", type=click.Choice(["shrm"]), default="shrm", show_default=True,
-    help="Representation to write.",
+    "--to", "representation", type=click.Choice(REPRESENTATIONS), default="shrm",
+    show_default=True, help="Representation to write.",
 )  # fmt: skip
 @click.option(
     "--eps", "tolerance", type=Fraction(), metavar="X", default=0.03, show_default=True,
@@ -35,6 +39,15 @@ _SAMPLINGS = click.Choice(["center", "border"])
 )  # fmt: skip
 @click.option("--order-f", type=click.IntRange(0, 512), help="Order F to use instead.")
 @click.option("--order-p", type=click.IntRange(0, 32), help="Order P to use instead.")
+@view_options
+@click.option(
+    "--domain", type=click.Choice(["frequency", "angular"]), default="frequency",
+    show_default=True, help="Where to prefilter explicit maps; angular takes minutes.",
+)  # fmt: skip
+@click.option(
+    "--source-height", type=click.IntRange(2, 8192), metavar="H",
+    help="In the angular domain: average the probe down to 2H x H first.",
+)  # fmt: skip
 @click.option(
     "--frame", type=click.Choice(["global", "local"]), default="global", show_default=True,
     help="Axes of the view in the map: the world's, or each texel's own.",
@@ -48,7 +61,7 @@ _SAMPLINGS = click.Choice(["center", "border"])
 )  # fmt: skip
 @click.option(
     "-o", "--output", type=click.Path(),
-    help="File to write.  [default: PROBE.BRDF.shrm.exr in the current folder]",
+    help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
 )  # fmt: skip
 @click.option(
     "--sampling", type=_SAMPLINGS,
@@ -65,6 +78,11 @@ def prefilter(
     tolerance: float,
     order_f: int | None,
     order_p: int | None,
+    slices: int | None,
+    views: int | None,
+    compress: tuple[int | None, float] | None,
+    domain: str,
+    source_height: int | None,
     frame: str,
     size: int | None,
     precision: str,
@@ -79,41 +97,50 @@ def prefilter(
     """Prefilter the light probe PROBE for a BRDF.
 
     The orders F and P are the least that keep the BRDF's energy within --eps; the error that
-    they make in the reflected light is predicted and printed.
+    they make in the reflected light is predicted and printed. In the angular domain --eps is
+    the part of the BRDF's lobe that may be left out.
     """
     import numpy as np
 
-    from shrm_cli.bake import bake
+    from shrm_cli.bake import bake, bake_angular
     from shrm_cli.brdf.spec import file_label, parse_spec
     from shrm_cli.exr import write_map
     from shrm_cli.files import check_target
     from shrm_cli.probe.probe import open_probe
 
+    _check_options(representation, domain, source_height, frame, (order_f, order_p))
+    count, components = (
+        view_count(representation, slices, views),
+        compression(representation, compress),
+    )
     brdf = parse_spec(spec)
     source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
     default = f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
     target = default if output is None else output
     check_target(target, [file.path for file in source.files], (".exr",))
-    with progress_bar("reading", quiet) as progress:
-        made = bake(
-            source,
-            brdf,
-            tolerance,
-            order_f=order_f,
-            order_p=order_p,
-            size=size,
-            frame=frame,  # type: ignore[arg-type]
-            sampling=map_sampling or sampling or "center",  # type: ignore[arg-type]
-            dtype=np.float32,
-            progress=progress,
-        )
+    common: dict[str, Any] = {
+        "representation": representation,
+        "view_count": count,
+        "size": size,
+        "sampling": map_sampling or sampling or "center",
+    }
+    with progress_bar("reading" if domain == "frequency" else "integrating", quiet) as progress:
+        if domain == "angular":
+            made = bake_angular(
+                source, brdf, tolerance, source_height=source_height, progress=progress, **common
+            )
+        else:
+            made = bake(
+                source, brdf, tolerance, order_f, order_p, frame=frame,  # type: ignore[arg-type]
+                dtype=np.float32, compression=components, progress=progress, **common,
+            )  # fmt: skip
     pixel_type = write_map(target, made.map, precision)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if pixel_type == "float" and precision == "auto":
         warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
     if order_p is not None and order_p > made.orders.order_p:
         warnings.append(f"{target}: {brdf.name} does not depend on the view, so P = 0 only")
-    if made.orders.captured < 1 - tolerance:
+    if domain == "frequency" and made.orders.captured < 1 - tolerance:
         warnings.append(
             f"{target}: the orders asked for capture {made.orders.captured:.2%} of the BRDF's "
             f"energy, less than --eps {tolerance:g} wants"
@@ -131,16 +158,52 @@ def _stem(probe: str) -> str:
     return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
 
 
+def _check_options(
+    representation: str,
+    domain: str,
+    source_height: int | None,
+    frame: str,
+    orders: tuple[int | None, int | None],
+) -> None:
+    if representation != "shrm" and frame == "local":
+        raise click.BadParameter("is for --to shrm", param_hint="'--frame'")
+    if domain == "angular":
+        if representation == "shrm":
+            raise click.BadParameter(
+                "an SHRM is made in the frequency domain only; take --to cabral, kautz-mccool or "
+                "lightfield",
+                param_hint="'--domain'",
+            )
+        if orders != (None, None):
+            raise click.UsageError("--order-f and --order-p are for --domain frequency")
+    elif source_height is not None:
+        raise click.BadParameter("is for --domain angular", param_hint="'--source-height'")
+
+
 def _report(result: dict[str, Any]) -> str:
-    size, order_f, order_p = result["size"], result["order_f"], result["order_p"]
-    return "\n".join(
-        [
-            f"{result['file']}: {result['frame']} SHRM, 6 x {size} x {size} texels of "
-            f"{(order_p + 1) ** 2} coefficients, {result['precision']}",
-            f"  orders         F = {order_f}, P = {order_p}",
-            f"  BRDF energy    {result['brdf_energy_captured']:.2%} captured, "
-            f"{1 - result['epsilon']:.2%} asked",
-            f"  RMS error      {result['predicted_error']:.2%} of the reflected light predicted, "
-            f"{result['error_bound']:.2%} at most",
-        ]
+    size, maps, bound = result["size"], result["maps"], result["error_bound"]
+    what = (
+        f"SHRM, 6 x {size} x {size} texels of {maps} coefficients"
+        if result["representation"] == "shrm"
+        else f"{result['representation']} map, {maps} cubes of 6 x {size} x {size} texels"
     )
+    lines = [
+        f"{result['file']}: {result['frame']} {what}, {result['precision']}",
+        f"  orders         F = {result['order_f']}, P = {result['order_p']}",
+        f"  BRDF energy    {result['brdf_energy_captured']:.2%} captured, "
+        f"{1 - result['epsilon']:.2%} asked",
+        f"  RMS error      {result['predicted_error']:.2%} of the reflected light predicted"
+        + ("" if bound is None else f", {bound:.2%} at most"),
+    ]
+    if result["domain"] == "angular":
+        lines[2] = f"  BRDF energy    {result['brdf_energy_captured']:.2%} in the truncated lobe"
+    if result["added_error"]:
+        lines.append(f"  and            {result['added_error']:.2%} from {_added_by(result)}")
+    return "\n".join(lines)
+
+
+def _added_by(result: dict[str, Any]) -> str:
+    return {
+        "shrm": "leaving out principal components",
+        "kautz-mccool": "leaving out the azimuth, and interpolation between slices",
+    }.get(result["representation"], "interpolation between views")

@@ -68,6 +68,34 @@ class Radiance(click.ParamType):  # type: ignore[type-arg]
         return numbers
 
 
+class Components(click.ParamType):  # type: ignore[type-arg]
+    """How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
+
+    name = "pca:K|pca:X"
+
+    def convert(
+        self,
+        value: str | tuple[int | None, float],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[int | None, float]:
+        """A number of components, or None and the tolerance."""
+        if isinstance(value, tuple):
+            return value
+        method, _, text = value.partition(":")
+        if method == "pca" and text.isascii() and text.isdigit() and int(text[:9]) > 0:
+            return int(text[:9]), 0.0
+        numbers = _numbers(text)
+        if method != "pca" or len(numbers) != 1 or not 0 < numbers[0] < 1:
+            self.fail(
+                f"{value!r} is not pca:K with a number K of components, or pca:X with an error X "
+                "between 0 and 1",
+                param,
+                ctx,
+            )
+        return None, numbers[0]
+
+
 def _numbers(text: str) -> tuple[float, ...]:
     """Split a comma-separated list of finite numbers; empty if any part is not one."""
     try:

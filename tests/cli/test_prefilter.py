@@ -34,9 +34,9 @@ OURS = {
     "shrm:probe", "shrm:probe_sha256",
 }  # fmt: skip
 KEYS = [
-    "file", "representation", "frame", "center", "size", "sampling", "order_f", "order_p",
-    "epsilon", "brdf_energy_captured", "predicted_error", "error_bound", "brdf", "probe",
-    "probe_sha256", "precision", "warnings",
+    "file", "representation", "frame", "center", "size", "sampling", "maps", "domain", "order_f",
+    "order_p", "epsilon", "brdf_energy_captured", "predicted_error", "added_error",
+    "error_bound", "brdf", "probe", "probe_sha256", "precision", "warnings",
 ]  # fmt: skip
 
 

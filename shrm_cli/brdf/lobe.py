@@ -1,0 +1,199 @@
+"""The lobe of a BRDF about its central direction C: its width, and its mean over the azimuth."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, grey, scaled
+from shrm_cli.sphere.directions import from_angles
+from shrm_cli.sphere.grids import gauss_legendre
+
+_ANGLES = 768
+_ZONAL_ANGLES = 2**15
+_VIEWS = 48
+_AZIMUTHS = 48
+_MEAN_ANGLES = 2048
+_MEAN_AZIMUTHS = 96
+_SAMPLES_AT_ONCE = 2**17
+_NOTHING = 1e-30
+
+
+def cuts_horizon(brdf: Brdf) -> bool:
+    """Whether light from below the surface (N.L < 0) is not reflected."""
+    return brdf.has_horizon or not brdf.includes_cosine
+
+
+def lobe_angle(brdf: Brdf, tolerance: float) -> float:
+    """Angle about C within which all but a fraction `tolerance` of the lobe lies (eq. 5.30).
+
+    It solves ``int_0^angle u sin(theta_i) dtheta_i = (1 - tolerance) int_0^pi u ...`` where
+    ``u(theta_i)`` is rho_hat, its channels added, integrated over all azimuths and all views
+    (sin(theta_o) dtheta_o from 0 to pi).
+
+    Parameters
+    ----------
+    brdf : Brdf
+    tolerance : float
+        In 0 .. 1.
+
+    Returns
+    -------
+    float
+        Radians, in 0 .. pi. For Phong ``cos(angle) = tolerance^(1 / (s + 1))``.
+    """
+    cells = _ZONAL_ANGLES if brdf.zonal else _ANGLES
+    # Narrow lobes need narrow cells: their width grows in proportion to the square root of theta.
+    edges = np.pi * np.linspace(0, 1, cells + 1) ** 2
+    middles = np.pi * ((np.arange(cells) + 0.5) / cells) ** 2
+    if brdf.zonal:
+        lobe = _zonal_lobe(brdf, middles).sum(axis=-1)
+    else:
+        cosines, weights = gauss_legendre(_VIEWS)
+        means = azimuthal_means(brdf, middles, np.arccos(cosines), _AZIMUTHS)
+        lobe = np.einsum("ioc,o->i", means, weights)
+    parts = lobe * (np.cos(edges[:-1]) - np.cos(edges[1:]))
+    sums = np.concatenate([[0.0], np.cumsum(parts)])
+    if sums[-1] == 0:
+        return 0.0
+    return float(np.interp((1 - tolerance) * sums[-1], sums, edges))
+
+
+def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -> Array:
+    """Mean of rho_hat over the azimuth about C between light and view.
+
+    Where the BRDF cuts at the horizon, the rule of Gauss and Legendre covers the azimuths above
+    it only, so the jump there costs no accuracy.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    theta_i, theta_o : ndarray, shapes (n,) and (k,)
+        Angles of light and view from C, radians.
+    azimuths : int
+        Nodes of the rule.
+
+    Returns
+    -------
+    ndarray, shape (n, k, 3)
+    """
+    nodes, weights = gauss_legendre(azimuths)
+    # The view lies in the plane of azimuth 0; about the mirror direction N halves its angle.
+    tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
+    view = from_angles(theta_o - tilt, 0.0)[:, None, :]
+    result = np.empty((len(theta_i), len(theta_o), 3))
+    rows = max(_SAMPLES_AT_ONCE // (len(theta_o) * azimuths), 1)
+    for start in range(0, len(theta_i), rows):
+        polar = theta_i[start : start + rows, None]
+        above = np.full((len(polar), len(theta_o)), np.pi)
+        if cuts_horizon(brdf):
+            # N.L = cos(tilt) cos(theta_i) + sin(tilt) sin(theta_i) cos(phi) = 0
+            height, swing = np.cos(tilt) * np.cos(polar), np.sin(tilt) * np.sin(polar)
+            above = np.arctan2(np.sqrt(np.maximum(swing**2 - height**2, 0)), -height)
+        phi = (nodes + 1) / 2 * above[..., None]
+        light = _tilted(from_angles(polar[..., None], phi), tilt[:, None])
+        samples = brdf.transfer(light, view)
+        means = np.einsum("iopc,p->ioc", samples, weights / 2)
+        result[start : start + rows] = means * (above / np.pi)[..., None]
+    return result
+
+
+def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
+    """The lobe for one angle between C and the view, as a function of C.L alone.
+
+    Averaging over the azimuth makes the radially symmetric BRDFs of Kautz and McCool.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    view_theta : float
+        Angle theta_o' between C and the view, radians.
+
+    Returns
+    -------
+    cosines : ndarray, shape (n,)
+        ``C.L = 1 - 2 t^2``, falling from 1 to -1; ``t = sin(theta_i' / 2)`` is equidistant.
+    values : ndarray, shape (n, 3)
+
+    References
+    ----------
+    Kautz and McCool 2000, Approximation of glossy reflection with prefiltered environment maps.
+    """
+    chords = np.linspace(0, 1, _MEAN_ANGLES)
+    theta_i = 2 * np.arcsin(chords)
+    if brdf.zonal:
+        values = _zonal_lobe(brdf, theta_i)
+    else:
+        values = azimuthal_means(brdf, theta_i, np.array([view_theta]), _MEAN_AZIMUTHS)[:, 0]
+    return 1 - 2 * chords**2, values
+
+
+def interpolate_mean(cosines: Array, means: Array) -> Array:
+    """Values of `azimuthal_mean` between its samples.
+
+    Parameters
+    ----------
+    cosines : ndarray, shape (...)
+        C.L.
+    means : ndarray, shape (n, 3)
+        The result's precision is theirs.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Grey means give a broadcast view.
+    """
+    # They are equidistant in the sine of half the angle.
+    position = np.sqrt(np.clip((1 - cosines) / 2, 0, 1)) * (len(means) - 1)
+    index = position.astype(np.int32)
+    position -= index
+    steps = np.diff(means, axis=0, append=means[-1:])
+    if (means == means[:, :1]).all():
+        return grey(means[index, 0] + position * steps[index, 0])
+    return np.stack([means[index, c] + position * steps[index, c] for c in range(3)], axis=-1)
+
+
+def zonal_support(brdf: Brdf) -> float:
+    """Angle (radians) beyond which a zonal lobe is less than 1e-30 of its peak, 90 degrees at most.
+
+    There is nothing left for single precision but denormal numbers, which are slow.
+    """
+    theta = np.linspace(0, np.pi / 2, _MEAN_ANGLES)
+    lobe = _zonal_lobe(brdf, theta).max(axis=-1)
+    seen = np.nonzero(lobe > _NOTHING * lobe.max())[0]
+    return float(theta[min(seen[-1] + 1, len(theta) - 1)]) if len(seen) else 0.0
+
+
+def lobe_tail(brdf: Brdf, angle: float) -> Brdf:
+    """The part of a BRDF's lobe that lies more than `angle` (radians) away from C."""
+    bound = np.cos(angle)
+
+    class Tail(Brdf):
+        """What a lobe truncated at an angle lacks."""
+
+        name = f"{brdf.name} beyond {np.degrees(angle):g} degrees"
+        summary = "what a truncated lobe lacks"
+        source = brdf.source
+        center = brdf.center
+        includes_cosine = True
+        has_horizon = brdf.has_horizon or not brdf.includes_cosine
+        zonal = brdf.zonal
+
+        def evaluate(self, light: Array, view: Array) -> Array:
+            cosine = light[..., 2]
+            if brdf.center == "reflection":  # R = (-Vx, -Vy, Vz)
+                cosine = cosine * view[..., 2]
+                cosine = cosine - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
+            return scaled(brdf.transfer(light, view), cosine < bound)
+
+    return Tail()
+
+
+def _zonal_lobe(brdf: Brdf, theta: Array) -> Array:
+    """A zonal BRDF at angles from C, shape (n, 3): the view may be C itself, and N too."""
+    return brdf.transfer(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))
+
+
+def _tilted(light: Array, tilt: Array) -> Array:
+    """Directions (..., 3) about C in the frame of a normal tilted by angles (...)."""
+    cosine, sine = np.cos(tilt), np.sin(tilt)
+    x, y, z = np.moveaxis(light, -1, 0)
+    parts = cosine * x - sine * z, y, sine * x + cosine * z
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)

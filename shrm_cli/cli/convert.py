@@ -1,0 +1,249 @@
+"""`shrm convert`: maps to other representations, maps and probes to other layouts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from shrm_cli.cli.options import (
+    LAYOUTS,
+    REPRESENTATIONS,
+    compression,
+    make_read_options,
+    print_json,
+    progress_bar,
+    read_options,
+    report_options,
+    view_count,
+    view_options,
+    warn,
+)
+
+_TARGETS = [*REPRESENTATIONS, *LAYOUTS, "faces"]
+_SAMPLINGS = click.Choice(["center", "border"])
+
+
+@click.command()
+@click.argument("source", metavar="IN", type=click.Path())
+@click.option(
+    "--to", "target", type=click.Choice(_TARGETS), required=True,
+    help="Representation (of a map), or layout of the images (of a map or a probe).",
+)  # fmt: skip
+@click.option("-o", "--output", type=click.Path(), help="File to write.  [default: IN.TO.exr]")
+@click.option(
+    "--frame", type=click.Choice(["global", "local"]),
+    help="Axes of the view in an SHRM.  [default: those of IN]",
+)  # fmt: skip
+@click.option(
+    "--order-p", type=click.IntRange(0, 32),
+    help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
+)  # fmt: skip
+@view_options
+@click.option(
+    "--size", type=click.IntRange(1, 8192),
+    help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
+)  # fmt: skip
+@click.option(
+    "--to-orientation", type=click.Choice(["openexr", "gl"]),
+    help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
+)  # fmt: skip
+@click.option("--to-sampling", type=_SAMPLINGS, help="Where the edge pixels to write lie.")
+@click.option(
+    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
+    show_default=True, help="Pixel type; auto is float where half would overflow.",
+)  # fmt: skip
+@click.option("--sampling", type=_SAMPLINGS, help="Where the edge pixels of a probe lie.")
+@read_options
+@report_options
+def convert(
+    source: str,
+    target: str,
+    output: str | None,
+    frame: str | None,
+    order_p: int | None,
+    slices: int | None,
+    views: int | None,
+    compress: tuple[int | None, float] | None,
+    size: int | None,
+    to_orientation: str | None,
+    to_sampling: str | None,
+    precision: str,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    """Convert IN, a map or a light probe.
+
+    A map becomes another representation, exactly at its samples; an SHRM is fitted to explicit
+    maps, and what the fit leaves is told. Maps and probes are laid out anew. The options from
+    --sampling to --clamp say how a probe is to be read.
+
+    \b
+      shrm convert probe.microfacet.shrm.exr --to cabral
+      shrm convert probe.exr --to hcross --size 256
+    """
+    from shrm_cli.exr import is_map
+    from shrm_cli.files import check_target
+
+    result_path = output or _default_name(source, target)
+    count, components = (
+        view_count(target, slices, views),
+        compression(target, compress),
+    )
+    if target in LAYOUTS or target == "faces":
+        _refuse_options(f"--to {target}", frame=frame, order_p=order_p)
+    if is_map(source):
+        check_target(result_path, [source], (".exr",))
+        result, warnings = _convert_map(
+            source, result_path, target, frame, order_p, (count, components), size,
+            to_orientation, to_sampling, precision,
+        )  # fmt: skip
+    else:
+        if target in REPRESENTATIONS:
+            raise click.BadParameter(
+                f"{source} is no map; a probe becomes {target} by shrm prefilter",
+                param_hint="'--to'",
+            )
+        options = make_read_options(sampling, reading)
+        with progress_bar("converting", quiet) as progress:
+            result, warnings = _convert_probe(
+                source, result_path, target, size, to_orientation, to_sampling, precision,
+                options, progress,
+            )  # fmt: skip
+    if as_json:
+        print_json({**result, "warnings": warnings})
+    elif not quiet:
+        click.echo(_report(result))
+    warn(warnings, quiet)
+
+
+def _convert_map(
+    source: str,
+    path: str,
+    target: str,
+    frame: str | None,
+    order_p: int | None,
+    views: tuple[int | None, Any],
+    size: int | None,
+    orientation: str | None,
+    sampling: str | None,
+    precision: str,
+) -> tuple[dict[str, Any], list[str]]:
+    from shrm_cli.exr import read_map, write_map
+    from shrm_cli.maps.representations import as_shrm, map_count, represent
+    from shrm_cli.maps.resample import resample
+
+    found = read_map(source)
+    made = resample(found, size, sampling)  # type: ignore[arg-type]
+    layout = "openexr"
+    if target in REPRESENTATIONS:
+        if target != "shrm":
+            _refuse_options(f"--to {target}", frame=frame)
+        kept = "local" if found.frame == "local" and found.representation == "shrm" else "global"
+        shrm = as_shrm(made, frame or kept, order_p)  # type: ignore[arg-type]
+        made = represent(shrm, target, *views)
+    else:
+        layout = target
+    chosen = orientation or ("openexr" if layout in ("openexr", "latlong") else "gl")
+    pixels = write_map(path, made, precision, layout, chosen)  # type: ignore[arg-type]
+    result = {
+        "file": path,
+        "kind": "map",
+        "representation": made.representation,
+        "frame": made.frame,
+        "size": made.size,
+        "sampling": made.sampling,
+        "maps": map_count(made),
+        "order_p": made.info.order_p,
+        "layout": layout,
+        "orientation": chosen,
+        "predicted_error": made.info.predicted_error,
+        "added_error": made.info.added_error,
+        "fit_residual": made.info.fit_residual,
+        "precision": pixels,
+    }
+    return result, []
+
+
+def _convert_probe(
+    source: str,
+    path: str,
+    target: str,
+    size: int | None,
+    orientation: str | None,
+    sampling: str | None,
+    precision: str,
+    options: Any,
+    progress: Any,
+) -> tuple[dict[str, Any], list[str]]:
+    import numpy as np
+
+    from shrm_cli.exr import probe_attributes, write_images
+    from shrm_cli.files import check_target
+    from shrm_cli.probe.probe import face_paths, open_probe
+    from shrm_cli.probe.resample import relay
+
+    probe = open_probe(source, options)
+    sampled = sampling or "center"
+    if target == "faces" and "%" not in Path(path).name:
+        raise click.BadParameter(
+            f"{path}: six files need % in place of +X, -X, ...", param_hint="'--output'"
+        )
+    files = face_paths(path) if target == "faces" else [path]
+    for file in files:
+        check_target(file, [each.path for each in probe.files], (".exr",))
+    chosen = orientation or ("openexr" if target in ("openexr", "latlong", "angular") else "gl")
+    image = relay(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
+    envmap = target if sampled == "border" and target in ("openexr", "latlong") else None
+    pictures = np.split(image, 6) if target == "faces" else [image]
+    pixels = write_images(
+        files, pictures, precision, probe_attributes(probe.chromaticities, envmap)
+    )
+    result = {
+        "kind": "probe",
+        "files": files,
+        "layout": target,
+        "orientation": chosen,
+        "sampling": sampled,
+        "width": pictures[0].shape[1],
+        "height": pictures[0].shape[0],
+        "precision": pixels,
+    }
+    return result, [f"{source}: {line}" for line in probe.report.warnings()]
+
+
+def _refuse_options(owner: str, **values: Any) -> None:
+    for name, value in values.items():
+        if value is not None:
+            option = f"--{name.replace('_', '-')}"
+            raise click.BadParameter(f"says nothing with {owner}", param_hint=f"'{option}'")
+
+
+def _default_name(source: str, target: str) -> str:
+    stem = Path(source).stem
+    base, dot, last = stem.rpartition(".")
+    family = REPRESENTATIONS if target in REPRESENTATIONS else LAYOUTS
+    if dot and last in family:
+        stem = base
+    return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
+
+
+def _report(result: dict[str, Any]) -> str:
+    if result["kind"] == "probe":
+        files = ", ".join(result["files"])
+        return (
+            f"{files}: {result['layout']} probe, {result['width']} x {result['height']}, "
+            f"{result['precision']}"
+        )
+    size, kind = result["size"], result["representation"]
+    lines = [
+        f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "
+        f"{size} texels as {result['layout']}, {result['precision']}"
+    ]
+    for key, text in (("added_error", "added by its form"), ("fit_residual", "left by the fit")):
+        if result[key]:
+            lines.append(f"  RMS error      {result[key]:.3g} {text}")
+    return "\n".join(lines)

@@ -1,0 +1,319 @@
+"""Reflected light by angular integration: one sum over the probe's pixels for each point.
+
+The truth that everything is measured against, and the traditional way to prefilter. A point is
+a pair of a normal and a view. Points are taken in small groups of neighbours, the pixels of the
+source in tiles of neighbours, and a group is multiplied with those tiles only that may light it.
+The result does not depend on how both are cut, but the time does.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli import threads
+from shrm_cli.brdf.base import Brdf, scaled
+from shrm_cli.brdf.lobe import (
+    azimuthal_mean,
+    cuts_horizon,
+    interpolate_mean,
+    lobe_angle,
+    zonal_support,
+)
+from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.directions import local_frame, reflect, to_angles
+from shrm_cli.sphere.grids import (
+    angular_directions,
+    colatitude_weights,
+    latlong_directions,
+    longitude_weights,
+)
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.integer]
+Progress = Callable[[int, int], object]
+Cap = tuple[Array, float]
+Evaluate = Callable[[Array, Indices], Array]
+
+_SAMPLES_AT_ONCE = 2**15  # a handful of arrays of them fit into the L2 cache
+_POINTS_AT_ONCE = 64
+_TILE_ROWS = 8  # and twice as many columns
+_GROUP_SIZES = 4, 32
+_ROUNDING = 1e-5
+_TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Source:
+    """A probe as many small lights, in tiles of neighbours.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (tiles, 3, m)
+        Unit, world axes.
+    light : ndarray, shape (tiles, m, 3)
+        Radiance times solid angle.
+    axes : ndarray, shape (tiles, 3)
+    angles : ndarray, shape (tiles,)
+        Cones around the tiles: axis, half angle in radians.
+    pixels : int
+        In all; tiles that cross the image's edge hold black ones besides.
+    """
+
+    directions: Array
+    light: Array
+    axes: Array
+    angles: Array
+    pixels: int
+
+    @classmethod
+    def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Source":
+        """The pixels of a probe, or of the lat-long of some height that it is averaged down to."""
+        if height is None:
+            directions, light = _pixels(probe)
+        else:
+            from shrm_cli.probe.resample import resample_latlong
+
+            directions = latlong_directions(2 * height, height)
+            weights = colatitude_weights(height)[:, None] * longitude_weights(2 * height)
+            light = resample_latlong(probe, height) * weights[..., None]
+        pixels = light.shape[0] * light.shape[1]
+        directions, light = _tiles(directions, "edge"), _tiles(light, "constant")
+        lit = light.any(axis=(1, 2))
+        directions, light = directions[lit], light[lit]
+        axes = directions.mean(axis=1)
+        axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), _TINY)
+        cosines = np.einsum("tmk,tk->tm", directions, axes).min(axis=1)
+        angles = np.arccos(np.clip(cosines, -1, 1))
+        directions = np.ascontiguousarray(directions.swapaxes(1, 2), dtype=dtype)
+        return cls(directions, light.astype(dtype), axes.astype(dtype), angles, pixels)
+
+
+def _pixels(probe: Probe) -> tuple[Array, Array]:
+    """World directions and radiance times solid angle of a probe's pixels, (H, W, 3) each."""
+    if probe.grid == "latlong":
+        directions = latlong_directions(probe.width, probe.height, probe.sampling)
+    elif probe.grid == "cube":
+        directions = cube_directions(probe.width, probe.sampling)
+    else:
+        directions = angular_directions(probe.width, probe.sampling)[0]
+    blocks = [pixels * weights[..., None] for _, pixels, weights in probe.blocks()]
+    return directions @ probe.matrix.T, np.concatenate(blocks)
+
+
+def _tiles(image: Array, mode: Literal["constant", "edge"]) -> Array:
+    """An image in tiles, shape (tiles, pixels, 3), padded as np.pad does."""
+    rows, columns = _TILE_ROWS, 2 * _TILE_ROWS
+    missing = ((0, -image.shape[0] % rows), (0, -image.shape[1] % columns), (0, 0))
+    image = np.pad(image, missing, mode=mode)
+    tiles = image.reshape(image.shape[0] // rows, rows, -1, columns, 3).swapaxes(1, 2)
+    return tiles.reshape(-1, rows * columns, 3)
+
+
+class Reference:
+    """Reflected light by angular integration; answers `radiance` as every map does.
+
+    Parameters
+    ----------
+    probe : Probe
+    brdf : Brdf
+    source_height : int, optional
+        Average the probe down to a lat-long of this height first.
+    tolerance : float, optional
+        Truncate the lobe where it holds all but this fraction (eq. 5.30). None: all of it.
+    dtype : float32 or float64
+        Precision of the integrand. Sums over tiles are float64.
+    progress : callable, optional
+        Called with the number of points done, and of points in all.
+
+    Attributes
+    ----------
+    source : Source
+    angle : float
+        Where the lobe is truncated, radians from C; pi where it is not.
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        brdf: Brdf,
+        source_height: int | None = None,
+        tolerance: float | None = None,
+        dtype: type = np.float32,
+        progress: Progress | None = None,
+    ) -> None:
+        self.brdf = brdf
+        self.angle = np.pi if tolerance is None else lobe_angle(brdf, tolerance)
+        self.dtype = dtype
+        self.progress = progress
+        self._reach = min(self.angle, zonal_support(brdf)) if brdf.zonal else self.angle
+        self.source = Source.of(probe, source_height, dtype)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Reflected radiance.
+
+        Parameters
+        ----------
+        normals, views : array_like, shape (..., 3), broadcastable
+            Unit, world axes.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., 3)
+        """
+        brdf, truncated = self.brdf, self.angle < np.pi
+        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
+        shape = np.broadcast_shapes(normals.shape, views.shape)
+        normals = np.broadcast_to(normals, shape).reshape(-1, 3)
+        views = np.broadcast_to(views, shape).reshape(-1, 3)
+        centers = reflect(views, normals) if brdf.center == "reflection" else normals
+        if brdf.zonal:  # it depends on C.L alone, so N and V may be C
+            normals = views = centers
+        rows = np.swapaxes(local_frame(*to_angles(normals)), -1, -2)
+        local_views = np.einsum("nij,nj->ni", rows, views).astype(self.dtype)
+        if truncated and not brdf.zonal:  # the last row is C
+            rows = np.concatenate([rows, centers[:, None]], axis=1)
+        caps = []
+        if self._reach < np.pi:
+            caps.append((centers, self._reach))
+        if cuts_horizon(brdf):
+            caps.append((normals, np.pi / 2))
+        bound = self.dtype(np.cos(self.angle))
+
+        def evaluate(cosines: Array, points: Indices) -> Array:
+            light = np.moveaxis(cosines[:, :3], 1, -1)
+            values = brdf.transfer(light, local_views[points][:, :, None])
+            return scaled(values, cosines[:, -1] >= bound) if truncated else values
+
+        return self._integrate(rows, caps, evaluate).reshape(shape)
+
+    def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
+        """Light integrated with the lobe's mean over the azimuth (Kautz and McCool).
+
+        Parameters
+        ----------
+        centers : array_like, shape (..., 3)
+            Central directions, unit, world axes.
+        view_theta : float
+            Angle theta_o' between them and the view, radians.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., 3)
+            The mean of the reflected radiance over all views at that angle from the centre.
+        """
+        centers = np.asarray(centers, dtype=float)
+        points = centers.reshape(-1, 3)
+        _, means = azimuthal_mean(self.brdf, view_theta)
+        means = means.astype(self.dtype)
+        bound = self.dtype(np.cos(self.angle))
+
+        def evaluate(cosines: Array, points: Indices) -> Array:
+            cosine = cosines[:, 0]
+            return scaled(interpolate_mean(cosine, means), cosine >= bound)
+
+        caps = [(points, self._reach)]
+        return self._integrate(points[:, None], caps, evaluate).reshape(centers.shape)
+
+    def _integrate(self, rows: Array, caps: list[Cap], evaluate: Evaluate) -> Array:
+        """Sum over the source at every point.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (points, k, 3)
+            Vectors whose cosines with the directions to the light `evaluate` needs.
+        caps : list of (ndarray of shape (points, 3), float)
+            Each point is lit from within all its caps, given by axes and an angle, radians.
+        evaluate : callable
+            From cosines, shape (pairs, k, group, m), and the indices of their points, (pairs,
+            group), to the transfer function, (pairs, group, m, 3); a pair is one of a group of
+            points and a tile of m pixels.
+
+        Returns
+        -------
+        ndarray, shape (points, 3)
+        """
+        source = self.source
+        result = np.zeros((len(rows), 3))
+        if len(rows) == 0:
+            return result
+        rows = rows.astype(self.dtype)
+        axes: list[Array] = [axis.astype(self.dtype) for axis, _ in caps]
+        limits = [
+            np.cos(np.minimum(angle + source.angles, np.pi)).astype(self.dtype) - _ROUNDING
+            for _, angle in caps
+        ]
+        groups = _neighbours(axes[0] if caps else rows[:, 0], self._group_size(len(rows)))
+        at_once = max(_POINTS_AT_ONCE // groups.shape[1], 1)
+        step = max(_SAMPLES_AT_ONCE // (groups.shape[1] * source.light.shape[1]), 1)
+
+        def work(start: int) -> tuple[Indices, Array]:
+            points = groups[start : start + at_once]
+            near = np.ones((*points.shape, len(source.axes)), dtype=bool)
+            for axis, limit in zip(axes, limits, strict=True):
+                near &= axis[points] @ source.axes.T >= limit
+            pairs = np.nonzero(near.any(axis=1))
+            # Planes of cosines are contiguous if the points vary faster than the k rows.
+            own_rows = rows[points].swapaxes(1, 2).reshape(len(points), -1, 3)
+            sums = np.zeros((*points.shape, 3))
+            for first in range(0, len(pairs[0]), step):
+                group, tile = (which[first : first + step] for which in pairs)
+                cosines = own_rows[group] @ source.directions[tile]
+                cosines = cosines.reshape(len(group), rows.shape[1], points.shape[1], -1)
+                parts = _light(evaluate(cosines, points[group]), source.light[tile])
+                starts = np.nonzero(np.diff(group, prepend=-1))[0]
+                sums[group[starts]] += np.add.reduceat(parts, starts, axis=0, dtype=float)
+            return points, sums
+
+        done = 0
+        with ThreadPoolExecutor(threads.count() or os.cpu_count()) as pool:
+            try:
+                for points, sums in pool.map(work, range(0, len(groups), at_once)):
+                    result[points] = sums
+                    done = min(done + points.size, len(rows))
+                    if self.progress is not None:
+                        self.progress(done, len(rows))
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+        return result
+
+    def _group_size(self, count: int) -> int:
+        """Points in a group: as many as keep it small beside the lobe, if they fill a sphere."""
+        size = count * (min(self._reach, np.pi / 2) / 10) ** 2
+        return int(np.clip(size, *_GROUP_SIZES))
+
+
+def _neighbours(directions: Array, size: int) -> Indices:
+    """Directions in groups of neighbours: halves, and halves of these, along the longest side.
+
+    Returns
+    -------
+    ndarray of int, shape (groups, at most size)
+        Indices; the last direction fills up.
+    """
+    count = len(directions)
+    levels = max(int(np.ceil(np.log2(max(count, 1) / size))), 0)
+    members = -(-count // 2**levels)
+    groups = np.minimum(np.arange(members * 2**levels), count - 1)[None]
+    for _ in range(levels):
+        points = directions[groups]
+        axis = np.argmax(np.ptp(points, axis=1), axis=-1)
+        along = np.take_along_axis(points, axis[:, None, None], axis=2)[..., 0]
+        half = groups.shape[1] // 2
+        order = np.argpartition(along, half, axis=1)
+        groups = np.take_along_axis(groups, order, axis=1).reshape(-1, half)
+    return groups
+
+
+def _light(values: Array, light: Array) -> Array:
+    """Sum of values (pairs, group, tile, 3) times light (pairs, tile, 3): (pairs, group, 3)."""
+    if values.strides[-1] == 0:
+        return values[..., 0].astype(light.dtype, copy=False) @ light
+    parts = [values[..., c] @ light[..., c, None] for c in range(3)]
+    return np.concatenate(parts, axis=-1)

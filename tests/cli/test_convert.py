@@ -1,0 +1,249 @@
+"""`shrm convert`, by what it writes."""
+
+import json
+
+import numpy as np
+import OpenEXR
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.exr import read_map
+from tests import oracles
+from tests.cli.helpers import (
+    assert_refused,
+    done,
+    noise,
+    polynomial_light,
+    read_exr,
+    run,
+    snapshot,
+    write_exr,
+)
+
+EXPLICIT = ["cabral", "kautz-mccool", "lightfield"]
+CUBE = {"openexr": (1, 6), "strip": (6, 1), "hcross": (4, 3), "vcross": (3, 4)}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with a smooth probe, and its map `m.shrm.exr`, P = 2."""
+    light = polynomial_light(oracles.latlong_pixels(64, 32)).astype(np.float32)
+    write_exr(tmp_path / "probe.exr", light)
+    monkeypatch.chdir(tmp_path)
+    done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", "m.shrm.exr", "--size", "16")
+    return tmp_path
+
+
+def relative(found, expected):
+    """RMS of the difference over the RMS of what is expected."""
+    return np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2))
+
+
+@pytest.mark.parametrize("target", EXPLICIT)
+def test_a_map_prefiltered_or_converted_is_the_same(folder, target):
+    done("convert", "m.shrm.exr", "--to", target, "--precision", "float")
+    done(
+        "prefilter", "probe.exr", "--brdf", "microfacet", "--to", target, "--size", "16",
+        "-o", "direct.exr", "--precision", "float",
+    )  # fmt: skip
+    converted, direct = read_map(f"m.{target}.exr"), read_map("direct.exr")
+    # The SHRM in between was rounded to half.
+    assert relative(converted.images, direct.images) < 5e-4
+    assert converted.info.brdf == direct.info.brdf
+    assert converted.info.added_error == pytest.approx(direct.info.added_error, rel=1e-2)
+
+
+@pytest.mark.parametrize(("target", "bound"), [("cabral", 1e-3), ("lightfield", 1e-4)])
+def test_there_and_back(folder, target, bound):
+    done("convert", "m.shrm.exr", "--to", target, "-o", "there.exr")
+    report = json.loads(done("convert", "there.exr", "--to", "shrm", "-o", "back.exr", "--json"))
+    before, after = read_map("m.shrm.exr"), read_map("back.exr")
+    assert after.coefficients.shape == before.coefficients.shape
+    assert relative(after.coefficients, before.coefficients) < bound
+    # What the fit leaves is the rounding of the images to half, and it is stored.
+    assert 0 < report["fit_residual"] < 1e-3
+    assert after.info.fit_residual == pytest.approx(report["fit_residual"], rel=1e-6)
+
+
+def test_kautz_mccool_comes_back_without_azimuth(folder):
+    done("convert", "m.shrm.exr", "--to", "kautz-mccool", "-o", "there.exr")
+    done("convert", "there.exr", "--to", "shrm", "--frame", "local", "-o", "back.exr")
+    before, after = read_map("m.shrm.exr").to_frame("local"), read_map("back.exr")
+    zonal = [0, 2, 6]
+    assert relative(after.coefficients[:, :, zonal], before.coefficients[:, :, zonal]) < 1e-3
+    assert after.azimuth_free
+    # Interpolating between the slices adds a little to what the azimuth had.
+    lost = relative(after.coefficients, before.coefficients)
+    assert lost < after.info.added_error < 1.2 * lost
+
+
+def test_frames_there_and_back(folder):
+    done("convert", "m.shrm.exr", "--to", "shrm", "--frame", "local", "-o", "local.exr")
+    assert read_map("local.exr").frame == "local"
+    done("convert", "local.exr", "--to", "shrm", "-o", "kept.exr")
+    assert read_map("kept.exr").frame == "local"
+    done("convert", "local.exr", "--to", "shrm", "--frame", "global", "-o", "back.exr")
+    before, after = read_map("m.shrm.exr"), read_map("back.exr")
+    assert after.frame == "global"
+    assert relative(after.coefficients, before.coefficients) < 1e-3
+
+
+def test_lower_orders(folder):
+    report = json.loads(
+        done("convert", "m.shrm.exr", "--to", "shrm", "--order-p", "1", "-o", "low.exr", "--json")
+    )
+    before, after = read_map("m.shrm.exr"), read_map("low.exr")
+    assert np.array_equal(after.coefficients, before.coefficients[:, :, :4])
+    assert (after.info.order_p, report["order_p"], report["maps"]) == (1, 1, 4)
+    assert after.info.added_error > 0
+    result = run("convert", "m.shrm.exr", "--to", "shrm", "--order-p", "3", "-o", "high.exr")
+    assert_refused(result, 1, "order P = 2", "--order-p")
+
+
+def test_too_few_samples_for_an_order(folder):
+    done("convert", "m.shrm.exr", "--to", "cabral", "-o", "c.exr")
+    result = run("convert", "c.exr", "--to", "shrm", "--order-p", "3", "-o", "x.exr")
+    assert_refused(result, 1, "12 cabral images", "P = 2", "--order-p")
+
+
+def test_numbers_of_samples_and_components(folder):
+    done("convert", "m.shrm.exr", "--to", "kautz-mccool", "--slices", "7", "-o", "k.exr")
+    assert read_map("k.exr").count == 7
+    done("convert", "m.shrm.exr", "--to", "lightfield", "--views", "6", "-o", "l.exr")
+    assert read_map("l.exr").count == 36
+    done("convert", "m.shrm.exr", "--to", "shrm", "--compress", "pca:4", "-o", "c.exr")
+    small = read_map("c.exr")
+    assert (small.count, small.matrix.shape) == (4, (4, 9))
+    done("convert", "c.exr", "--to", "shrm", "-o", "whole.exr")
+    whole = read_map("whole.exr")
+    assert whole.coefficients.shape[2] == 9
+    assert whole.info.added_error == small.info.added_error > 0
+    done("convert", "m.shrm.exr", "--to", "shrm", "--compress", "pca:0.3", "-o", "t.exr")
+    assert 1 <= read_map("t.exr").count < 9
+    assert read_map("t.exr").info.added_error <= 0.3
+
+
+@pytest.mark.parametrize("layout", list(CUBE))
+@pytest.mark.parametrize("orientation", ["openexr", "gl"])
+def test_maps_in_cube_layouts(folder, layout, orientation):
+    arguments = ["--to", layout, "--to-orientation", orientation, "-o", "there.exr"]
+    done("convert", "m.shrm.exr", *arguments)
+    header, channels = read_exr("there.exr")
+    columns, rows = CUBE[layout]
+    assert channels["sh000.R"].shape == (rows * 16, columns * 16)
+    done("convert", "there.exr", "--to", "openexr", "--to-orientation", "openexr", "-o", "b.exr")
+    assert np.array_equal(read_map("b.exr").coefficients, read_map("m.shrm.exr").coefficients)
+    plain = (layout, orientation) == ("openexr", "openexr")
+    assert ("shrm:layout" in header) == (not plain)
+
+
+def test_a_map_as_lat_long_shows_the_map(folder):
+    done("convert", "m.shrm.exr", "--to", "latlong")
+    source = oiio.ImageInput.open("m.shrm.latlong.exr")
+    assert (source.spec().width, source.spec().height) == (64, 32)
+    _, channels = read_exr("m.shrm.latlong.exr")
+    found = read_map("m.shrm.exr")
+    directions = oracles.latlong_pixels(64, 32)
+    expected = np.array(
+        [found._sampler(direction)[0] for direction in directions[5, ::7]]
+    )  # sh000.R
+    assert channels["sh000.R"][5, ::7] == pytest.approx(expected, rel=2e-3)
+    # And every reader takes it for what it is.
+    again = read_map("m.shrm.latlong.exr")
+    assert relative(again.coefficients, found.coefficients) < 5e-3
+    done("render", "m.shrm.latlong.exr", "--size", "16", "-o", "x.exr")
+
+
+def test_local_maps_are_no_lat_longs(folder):
+    done("convert", "m.shrm.exr", "--to", "shrm", "--frame", "local", "-o", "l.exr")
+    before = snapshot(folder)
+    assert_refused(run("convert", "l.exr", "--to", "latlong"), 1, "local", "--frame global")
+    assert snapshot(folder) == before
+
+
+@pytest.mark.parametrize("target", ["openexr", "strip", "hcross", "vcross", "faces"])
+def test_a_probe_there_and_back(folder, target):
+    write_exr(
+        "noise.exr", noise(16, 96).reshape(16, 6, 16, 3).transpose(1, 0, 2, 3).reshape(96, 16, 3)
+    )
+    name = "there_%.exr" if target == "faces" else "there.exr"
+    done("convert", "noise.exr", "--to", target, "-o", name, "--precision", "float")
+    done("convert", name, "--to", "openexr", "-o", "back.exr", "--precision", "float")
+    before, after = read_exr("noise.exr")[1], read_exr("back.exr")[1]
+    for c in "RGB":
+        assert np.array_equal(before[c], after[c])
+
+
+@pytest.mark.parametrize("sampling", ["center", "border"])
+def test_a_lat_long_as_a_cube(folder, sampling):
+    done("convert", "probe.exr", "--to", "openexr", "--size", "16", "--to-sampling", sampling)
+    header, channels = read_exr("probe.openexr.exr")
+    assert ("envmap" in header) == (sampling == "border")
+    if sampling == "border":
+        assert header["envmap"] == OpenEXR.ENVMAP_CUBE
+    s = (2 * np.arange(16) + 1) / 16 - 1 if sampling == "center" else np.linspace(-1, 1, 16)
+    # +Z: right is -X, down is -Y (ImfEnvmap.h).
+    points = np.stack(np.broadcast_arrays(-s[None, :], -s[:, None], 1.0), axis=-1)
+    points /= np.linalg.norm(points, axis=-1, keepdims=True)
+    expected = polynomial_light(points)
+    for k, c in enumerate("RGB"):
+        assert channels[c][64:80] == pytest.approx(expected[..., k], abs=0.02)
+
+
+def test_yaw_and_layout_of_a_probe_are_read(folder):
+    done("convert", "probe.exr", "--to", "latlong", "--yaw", "90", "-o", "turned.exr")
+    before, after = read_exr("probe.exr")[1], read_exr("turned.exr")[1]
+    # From +Z towards +X, a quarter to the left.
+    assert after["R"] == pytest.approx(np.roll(before["R"], -16, axis=1), rel=2e-3)
+
+
+def test_a_probe_is_no_map(folder):
+    result = run("convert", "probe.exr", "--to", "cabral")
+    assert_refused(result, 2, "probe.exr", "no map", "shrm prefilter")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--to", "cabral", "--slices", "4"], ("--slices", "kautz-mccool")),
+        (["--to", "cabral", "--views", "4"], ("--views", "lightfield")),
+        (["--to", "cabral", "--frame", "local"], ("--frame",)),
+        (["--to", "latlong", "--order-p", "1"], ("--order-p",)),
+        (["--to", "cabral", "--compress", "pca:2"], ("--compress", "shrm")),
+        (["--to", "shrm", "--compress", "pca:0"], ("--compress", "pca:K")),
+        (["--to", "shrm", "--compress", "svd:2"], ("--compress", "pca:K")),
+        (["--to", "shrm", "--compress", "pca:nan"], ("--compress", "pca:K")),
+        (["--to", "ball"], ("--to",)),
+    ],
+)
+def test_options_that_do_not_fit(folder, arguments, words):
+    before = snapshot(folder)
+    assert_refused(run("convert", "m.shrm.exr", *arguments), 2, *words)
+    assert snapshot(folder) == before
+
+
+def test_too_many_components(folder):
+    result = run("convert", "m.shrm.exr", "--to", "shrm", "--compress", "pca:10", "-o", "x.exr")
+    assert_refused(result, 1, "10 components", "1 .. 9")
+
+
+def test_maps_as_angular_maps_are_refused(folder):
+    assert_refused(run("convert", "m.shrm.exr", "--to", "angular"), 1, "angular", "latlong")
+
+
+def test_inputs_are_kept(folder):
+    before = snapshot(folder)
+    result = run("convert", "m.shrm.exr", "--to", "latlong", "-o", "m.shrm.exr")
+    assert_refused(result, 1, "m.shrm.exr", "overwrite the input")
+    result = run("convert", "probe.exr", "--to", "strip", "-o", "probe.exr")
+    assert_refused(result, 1, "probe.exr", "overwrite the input")
+    assert_refused(run("convert", "none.exr", "--to", "strip"), 1, "none.exr", "no such file")
+    assert_refused(run("convert", "probe.exr", "--to", "faces", "-o", "x.exr"), 2, "%")
+    assert snapshot(folder) == before
+
+
+def test_the_same_bytes_twice(folder):
+    for target in [*EXPLICIT, "latlong"]:
+        for name in ("one.exr", "two.exr"):
+            done("convert", "m.shrm.exr", "--to", target, "-o", name)
+        assert (folder / "one.exr").read_bytes() == (folder / "two.exr").read_bytes()
