@@ -1,0 +1,419 @@
+"""`shrm compare`: numbers, the picture, what is told, and bad input."""
+
+import json
+import math
+import os
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.exr import read_map, write_image, write_map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.shrm import Shrm
+from shrm_cli.render.camera import Viewer, sphere_coverage
+from shrm_cli.render.image import encode_srgb
+from shrm_cli.render.sphere import render_sphere
+from tests.brute_force import latlong_samples, phong, reflected
+from tests.cli.helpers import (
+    MAIN,
+    assert_refused,
+    done,
+    noise,
+    polynomial_light,
+    process,
+    run,
+    snapshot,
+    write_exr,
+)
+from tests.oracles import latlong_pixels
+from tests.render.materials import furnace
+
+P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
+SPEC = "phong:exponent=8"
+SMALL = ["--size", 16, "--no-picture"]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A probe, and maps of it: fine and coarse, yawed, of another BRDF; another probe's map."""
+    folder = tmp_path_factory.mktemp("compare")
+    directions = latlong_pixels(32, 16)
+    write_exr(folder / "room.exr", polynomial_light(directions).astype(np.float32))
+    write_exr(folder / "noise.exr", noise())
+    fine = ["--eps", 0.001, "--size", 32, "--precision", "float"]
+    for name, probe, spec, *options in [
+        ("fine", "room", SPEC, *fine),
+        ("coarse", "room", SPEC, "--order-f", 1),
+        ("yawed", "room", SPEC, "--yaw", 90, *fine),
+        ("matte", "room", "lambertian", *fine),
+        ("noisy", "noise", SPEC),
+    ]:
+        output = folder / f"{name}.map.exr"
+        result = run("prefilter", folder / f"{probe}.exr", "--brdf", spec, "-o", output, *options)
+        assert result.code == 0, result.err
+    return folder
+
+
+@pytest.fixture
+def folder(files, tmp_path, monkeypatch):
+    """Current folder with the files."""
+    for path in files.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def strict(text):
+    """JSON as its standard has it, without NaN and infinities."""
+
+    def refuse(name):
+        raise AssertionError(name)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def told(*arguments):
+    """JSON of a command that may warn."""
+    result = run("compare", *arguments, "--json")
+    assert result.code == 0, result.err
+    return strict(result.out)
+
+
+def read(path):
+    image = oiio.ImageBuf(str(path))
+    return image.get_pixels(image.spec().format)
+
+
+def by_formula(name, other, view, size):
+    """RMSE, relative RMSE, maximum and PSNR of pictures of two maps."""
+    right = np.arange(size) + 0.5 - size / 2
+    weights = sphere_coverage(size, *np.meshgrid(right, right))[..., None]
+    inside = weights[..., 0] > 0
+    found, expected = (
+        (render_sphere(read_map(path), Viewer(*view), size) / np.maximum(weights, 1e-300))[inside]
+        for path in (other, name)
+    )
+    weights = weights[inside] / weights.sum() / 3
+    rmse = math.sqrt((weights * (found - expected) ** 2).sum())
+    scale = math.sqrt((weights * expected**2).sum())
+    largest = np.abs(found - expected).max()
+    return [rmse, rmse / scale, largest, 20 * math.log10(expected.max() / rmse)]
+
+
+def test_a_map_compared_with_itself_says_zero(folder):
+    value = strict(done("compare", "fine.map.exr", "fine.map.exr", *SMALL, "--json"))
+    zero = {"rmse": 0, "relative_rmse": 0, "maximum": 0, "psnr": None}
+    maps = [{"file": "fine.map.exr", **zero}]
+    assert value["baseline"] == "fine.map.exr"
+    assert value["views"] == [
+        {"view": view, "maps": maps} for view in ([0, 0], [120, 20], [240, -20])
+    ]
+    assert value["summary"] == maps
+    assert value["picture"] is None
+    assert value["warnings"] == []
+
+
+def test_a_yawed_probes_map_is_not_the_same(folder):
+    (summary,) = told("fine.map.exr", "yawed.map.exr", *SMALL)["summary"]
+    assert summary["relative_rmse"] > 0.1
+    assert summary["psnr"] < 30
+
+
+def test_numbers_of_each_view(folder):
+    options = ["--view", "30,10", "--view", "-100,-50", "--size", 40, "--exposure", 3]
+    value = told("fine.map.exr", "coarse.map.exr", "yawed.map.exr", *options)
+    assert (value["size"], value["probe"]) == (40, None)
+    assert [each["view"] for each in value["views"]] == [[30, 10], [-100, -50]]
+    keys = ["rmse", "relative_rmse", "maximum", "psnr"]
+    for each in value["views"]:
+        assert [row["file"] for row in each["maps"]] == ["coarse.map.exr", "yawed.map.exr"]
+        for row in each["maps"]:
+            expected = by_formula("fine.map.exr", row["file"], each["view"], 40)
+            np.testing.assert_allclose([row[key] for key in keys], expected, rtol=1e-5)
+    for index, row in enumerate(value["summary"]):
+        squares = [each["maps"][index]["rmse"] ** 2 for each in value["views"]]
+        assert row["rmse"] == pytest.approx(math.sqrt(sum(squares) / 2))
+        assert row["maximum"] == max(each["maps"][index]["maximum"] for each in value["views"])
+
+
+def test_table(folder):
+    write_map("one.exr", furnace((1, 1, 1)), "float")
+    write_map("two.exr", furnace((1, 1, 1.5)), "float")
+    write_map("a.black.one.exr", furnace((0, 0, 0)), "float")
+    views = ["--view", "0,0", "--view", "-33.5,10"]
+    lines = done("compare", "one.exr", "two.exr", "a.black.one.exr", *views, *SMALL).splitlines()
+    assert lines == [
+        "compared with one.exr",
+        "view      map                RMSE  relative  maximum     PSNR",
+        "0,0       two.exr          0.2887    28.87%      0.5  10.8 dB",
+        "0,0       a.black.one.exr       1   100.00%        1   0.0 dB",
+        "-33.5,10  two.exr          0.2887    28.87%      0.5  10.8 dB",
+        "-33.5,10  a.black.one.exr       1   100.00%        1   0.0 dB",
+        "all       two.exr          0.2887    28.87%      0.5  10.8 dB",
+        "all       a.black.one.exr       1   100.00%        1   0.0 dB",
+    ]
+    out = done("compare", "a.black.one.exr", "two.exr", "a.black.one.exr", *SMALL)
+    cells = [line.split() for line in out.splitlines()[-2:]]
+    assert cells[0] == ["all", "two.exr", "1.19", "inf", "1.5", "-inf", "dB"]
+    assert cells[1] == ["all", "a.black.one.exr", "0", "0.00%", "0", "inf", "dB"]
+    value = told("a.black.one.exr", "two.exr", *SMALL)
+    assert value["summary"][0]["relative_rmse"] is None
+    assert value["summary"][0]["psnr"] is None
+
+
+def test_picture_has_a_row_for_each_view(folder):
+    options = ["--size", 32, "--view", "0,0", "--view", "90,5", "--exposure", 1, "--amplify", 3]
+    out = done("compare", "fine.map.exr", "coarse.map.exr", *options)
+    assert out.splitlines()[-1] == "compare.png: 104 x 110, 8-bit sRGB"
+    out = done("compare", "fine.map.exr", "coarse.map.exr", *options, "-o", "c.exr")
+    assert out.splitlines()[-1] == "c.exr: 104 x 110, half"
+    assert told("fine.map.exr", "coarse.map.exr", *options, "-o", "c.exr")["picture"] == "c.exr"
+    linear, shown = read("c.exr"), read("compare.png").astype(int)
+    assert np.abs(encode_srgb(linear).astype(int) - shown).max() <= 1
+    fine, coarse = read_map("fine.map.exr"), read_map("coarse.map.exr")
+    for row, view in [(2, (0, 0)), (56, (90, 5))]:
+        tiles = [linear[row : row + 32, left : left + 32] for left in (2, 36, 70)]
+        first, second = (render_sphere(each, Viewer(*view), 32) for each in (fine, coarse))
+        np.testing.assert_allclose(tiles[0], 2 * first, rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(tiles[1], 2 * second, rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(tiles[2], 6 * np.abs(second - first), rtol=2e-3, atol=1e-3)
+        assert linear[row + 32 : row + 52].max() > 0.5  # labels
+
+
+def test_exr_remembers_what_was_compared(folder):
+    info = MapInfo(0, 0, 0.03, 1.0, 0.0, chromaticities=P3)
+    wide = Shrm(np.ones((24, 4, 1, 3), np.float32), "global", "reflection", info)
+    (folder / "in").mkdir()
+    write_map("in/wide.exr", wide)
+    view = ["--size", 16, "--view", "5,6"]
+    done("compare", "in/wide.exr", "in/wide.exr", "-o", "one.exr", *view, "--amplify", 2)
+    done("compare", "in/wide.exr", "fine.map.exr", "-o", "two.exr", *view)
+    specs = [oiio.ImageInput.open(name).spec() for name in ("one.exr", "two.exr")]
+    assert json.loads(specs[0].get_string_attribute("shrm:recipe")) == {
+        "compare": ["wide.exr", "wide.exr"],
+        "probe": None,
+        "views": [[5, 6]],
+        "brdf": {},
+        "size": 16,
+        "exposure": 0,
+        "amplify": 2,
+    }
+    np.testing.assert_allclose(specs[0].getattribute("chromaticities"), P3, rtol=1e-6)
+    assert specs[1].getattribute("chromaticities") is None
+
+
+def test_maps_of_the_same_name_have_labels_with_their_folders(folder, monkeypatch):
+    for name in ("x", "y"):
+        (folder / name).mkdir()
+        write_map(f"{name}/map.EXR", furnace((1, 1, 1)))
+    found = []
+
+    def note(self, first, names, *numbers):
+        found.append([first, *names])
+        return np.zeros((4, 4, 3), np.float32)
+
+    monkeypatch.setattr("shrm_cli.render.comparison.Comparison.picture", note)
+    options = ["--size", 16]
+    assert run("compare", "x/map.EXR", "y/map.EXR", *options).code == 0
+    assert run("compare", "x/map.EXR", "fine.map.exr", *options).code == 0
+    assert run("compare", "x/map.EXR", "x/map.EXR", *options).code == 0
+    truth = ["--probe", "room.exr", "--brdf", SPEC]
+    assert run("compare", "fine.map.exr", *truth, *options).code == 0
+    assert found == [["x/map", "y/map"], ["map", "fine.map"], ["map", "map"], ["truth", "fine.map"]]
+
+
+def test_same_bytes_twice_and_nothing_printed(folder):
+    arguments = ["compare", "fine.map.exr", "coarse.map.exr", "--size", 16, "--quiet"]
+    assert done(*arguments) == ""
+    first = (folder / "compare.png").read_bytes()
+    assert done(*arguments) == ""
+    assert (folder / "compare.png").read_bytes() == first
+
+
+def test_truth_of_a_probe(folder):
+    value = strict(
+        done("compare", "fine.map.exr", "coarse.map.exr", "--probe", "room.exr", *SMALL, "--json")
+    )
+    assert value["baseline"] == "truth"
+    assert value["probe"] == "room.exr"
+    assert value["brdf"] == {"name": "phong", "parameters": {"exponent": 8}}
+    fine, coarse = value["summary"]
+    assert fine["relative_rmse"] < 0.01
+    assert coarse["relative_rmse"] > 3 * fine["relative_rmse"]
+    out = done("compare", "fine.map.exr", "--probe", "room.exr", "--brdf", SPEC, *SMALL)
+    assert out.splitlines()[0] == "compared with truth of room.exr"
+    assert f"{fine['rmse']:.4g}" in out.splitlines()[-1]
+
+
+def test_truth_obeys_the_options_of_the_probe(folder):
+    yawed = told("yawed.map.exr", "--probe", "room.exr", "--yaw", 90, *SMALL)["summary"][0]
+    assert yawed["relative_rmse"] < 0.01
+    wrong = told("yawed.map.exr", "--probe", "room.exr", *SMALL)["summary"][0]
+    assert wrong["relative_rmse"] > 0.1
+    rough = told("fine.map.exr", "--probe", "room.exr", "--source-height", 4, *SMALL)["summary"][0]
+    assert 0.003 < rough["relative_rmse"] < 0.2
+
+
+def test_truth_against_brute_force(folder):
+    """Black differs from the truth by all of the truth: its mean square over the disc."""
+    write_map("black.exr", furnace((0, 0, 0)))
+    options = ["--brdf", SPEC, "--view", "40,20", "--size", 48, "--no-picture"]
+    found = told("black.exr", "--probe", "room.exr", *options)["summary"][0]
+    azimuth, elevation = np.radians([40, 20])
+    right = np.array([np.cos(azimuth), 0, -np.sin(azimuth)])
+    view = np.array([np.sin(azimuth), 0, np.cos(azimuth)]) * np.cos(elevation)
+    view[1] = np.sin(elevation)
+    up = np.cross(view, right)
+    light, weights = latlong_samples(48)  # so many that the sum is the integral
+    radiance, rho_hat = polynomial_light(light), phong(8)
+    values = []
+    steps = (np.arange(48) + 0.5) / 24 - 1
+    for x, y in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2):
+        if x * x + y * y < 1:
+            normal = x * right + y * up + np.sqrt(1 - x * x - y * y) * view
+            reflection = 2 * (normal @ view) * normal - view
+            values.append(reflected(rho_hat, reflection, view, light, weights, radiance))
+    assert found["rmse"] == pytest.approx(np.sqrt(np.mean(np.square(values))), rel=0.01)
+    assert found["maximum"] == pytest.approx(np.max(values), rel=0.01)
+    assert found["relative_rmse"] == pytest.approx(1)
+
+
+def test_unlike_maps_are_warned_of(folder):
+    result = run("compare", "fine.map.exr", "noisy.map.exr", "matte.map.exr", *SMALL)
+    assert result.code == 0
+    assert result.err.splitlines() == [
+        "Warning: noisy.map.exr: its probe is not that of fine.map.exr",
+        "Warning: matte.map.exr: its BRDF is lambertian:albedo=1.0, not phong:exponent=8.0",
+    ]
+    truth = ["--probe", "room.exr", "--brdf", SPEC]
+    result = run("compare", "fine.map.exr", "noisy.map.exr", "matte.map.exr", *truth, *SMALL)
+    assert result.err.splitlines() == [
+        "Warning: noisy.map.exr: its probe is not room.exr",
+        "Warning: matte.map.exr: its BRDF is lambertian:albedo=1.0, not phong:exponent=8.0",
+    ]
+    value = told("fine.map.exr", "noisy.map.exr", *truth, *SMALL)
+    assert value["warnings"] == ["noisy.map.exr: its probe is not room.exr"]
+    quiet = run("compare", "fine.map.exr", "noisy.map.exr", *SMALL, "--quiet")
+    assert (quiet.out, quiet.err) == ("", "")
+
+
+def test_warnings_of_the_probe_are_told(folder):
+    pixels = noise()
+    pixels[2, 3] = -1
+    write_exr("negative.exr", pixels)
+    result = run("compare", "noisy.map.exr", "--probe", "negative.exr", *SMALL)
+    assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+
+
+def test_progress_of_the_truth(folder, monkeypatch):
+    seen = []
+
+    class Bar:
+        def __init__(self, label, quiet):
+            assert label
+            assert not quiet
+
+        def __enter__(self):
+            return lambda done, total: seen.append((done, total))
+
+        def __exit__(self, *error):
+            return None
+
+    monkeypatch.setattr("shrm_cli.cli.compare.progress_bar", Bar)
+    done("compare", "fine.map.exr", "--probe", "room.exr", *SMALL)
+    assert {total for _, total in seen} == {48}
+    steps = [rows for rows, _ in seen]
+    assert steps == sorted(steps)
+    assert steps[-1] == 48
+    assert len(set(steps)) > 6  # within views too
+
+
+REFUSED = {
+    "missing map": (["fine.map.exr", "no.exr"], "no.exr: no such file"),
+    "no map": (["fine.map.exr", "room.exr"], "room.exr: an image, but not a map"),
+    "missing probe": (["fine.map.exr", "--probe", "no.exr"], "no.exr: no such file"),
+    "unlike maps": (
+        ["fine.map.exr", "matte.map.exr", "--probe", "room.exr"],
+        "matte.map.exr: its BRDF is lambertian:albedo=1.0, but that of fine.map.exr is "
+        "phong:exponent=8.0; give --brdf",
+    ),
+    "no such BRDF": (["fine.map.exr", "--probe", "room.exr", "--brdf", "fong"], "'fong'", "phong"),
+    "no BRDF": (["plain.exr", "--probe", "room.exr"], "plain.exr: its BRDF", "give --brdf"),
+    "onto a map": (["fine.map.exr", "coarse.map.exr", "-o", "coarse.map.exr"], "overwrite"),
+    "onto the probe": (["fine.map.exr", "--probe", "room.exr", "-o", "room.exr"], "overwrite"),
+    "jpeg": (["fine.map.exr", "coarse.map.exr", "-o", "x.jpg"], "x.jpg", ".png or .exr"),
+    "no folder": (["fine.map.exr", "coarse.map.exr", "-o", "no/x.png"], "there is no folder no"),
+    "too large": (["fine.map.exr"] * 12 + ["--size", 2048], "give a smaller --size or fewer maps"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_in_one_line_before_anything_is_written(folder, case):
+    arguments, *parts = REFUSED[case]
+    write_map("plain.exr", furnace((1, 1, 1)))
+    before = snapshot(folder)
+    assert_refused(run("compare", *arguments), 1, *parts)
+    assert snapshot(folder) == before
+
+
+def test_folder_without_permission(folder, monkeypatch):
+    # The tests may run as root, whom no permission stops.
+    monkeypatch.setattr("os.access", lambda path, mode: mode == os.R_OK)
+    assert_refused(run("compare", "fine.map.exr", "coarse.map.exr"), 1, "compare.png", "permission")
+
+
+def test_values_that_no_float_holds(folder):
+    write_map("bright.exr", furnace((5e37, 1, 1)), "float")
+    before = snapshot(folder)
+    arguments = ["bright.exr", "fine.map.exr", "--size", 16, "-o", "x.exr"]
+    assert_refused(run("compare", *arguments, "--exposure", 4), 1, "x.exr", "not finite in 32-bit")
+    assert snapshot(folder) == before
+    assert told("bright.exr", "fine.map.exr", *SMALL)["summary"][0]["rmse"] > 1e37
+
+
+@pytest.mark.parametrize("name", ["x.png", "x.exr"])
+def test_full_disk(folder, name):
+    before = snapshot(folder)
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900)); {MAIN}"
+    result = process("compare", "fine.map.exr", "coarse.map.exr", "-o", name, code=limited)
+    assert_refused(result, 1, f"Error: {name}: cannot be written (")
+    assert snapshot(folder) == before
+
+
+USAGE = {
+    "nothing": ([], "MAP..."),
+    "one map": (["fine.map.exr"], "name another, or give --probe"),
+    "BRDF alone": (["a", "b", "--brdf", "phong"], "--brdf is about the truth; give --probe"),
+    "height alone": (["a", "b", "--source-height", 9], "--source-height is about the truth"),
+    "yaw alone": (["a", "b", "--yaw", 0], "--yaw is about the truth; give --probe"),
+    "two wishes": (["a", "b", "-o", "x.png", "--no-picture"], "--no-picture exclude each other"),
+    "view": (["a", "b", "--view", "0"], "--view"),
+    "elevation": (["a", "b", "--view", "0,91"], "--view"),
+    "small": (["a", "b", "--size", 15], "--size"),
+    "large": (["a", "b", "--size", 2049], "--size"),
+    "exposure": (["a", "b", "--exposure", "nan"], "--exposure"),
+    "bright": (["a", "b", "--exposure", 33], "--exposure"),
+    "factor nan": (["a", "b", "--amplify", "nan"], "--amplify"),
+    "factor inf": (["a", "b", "--amplify", "inf"], "--amplify"),
+    "factor zero": (["a", "b", "--amplify", 0], "--amplify"),
+    "source": (["a", "b", "--source-height", 1], "--source-height"),
+    "clamp": (["fine.map.exr", "--probe", "room.exr", "--clamp", "nan"], "--clamp"),
+}
+
+
+@pytest.mark.parametrize("case", USAGE)
+def test_wrong_usage(folder, case):
+    arguments, part = USAGE[case]
+    before = snapshot(folder)
+    assert_refused(run("compare", *arguments), 2, part)
+    assert snapshot(folder) == before
+
+
+def test_a_broken_picture_leaves_the_old_one(folder):
+    write_image("compare.exr", noise())
+    write_map("bright.exr", furnace((5e37, 1, 1)), "float")
+    before = snapshot(folder)
+    arguments = ["bright.exr", "fine.map.exr", "--size", 16, "--exposure", 4, "-o", "compare.exr"]
+    assert_refused(run("compare", *arguments), 1, "compare.exr")
+    assert snapshot(folder) == before
