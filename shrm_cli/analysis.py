@@ -1,0 +1,299 @@
+"""What orders capture: energy of the BRDF, accuracy of the reflected light, and pictures of it.
+
+The studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figure 5.6).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf, Center
+from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.shrm import Shrm, check_size
+from shrm_cli.orders import MAX_ORDER_F, Orders, choose_orders, error_bound, predicted_error
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.comparison import measure
+from shrm_cli.render.image import Picture, expose
+from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
+from shrm_cli.render.sphere import ReflectionMap, render_sphere
+
+Array = NDArray[np.floating]
+
+DEFAULT_ORDER_F = 32
+DEFAULT_ORDER_P = 8
+PICTURE_ORDER_P = 5  # as in figure 5.6
+_HIGHER = 2  # the F at which the light counts as known, in F of the analysis
+
+
+@dataclass(frozen=True)
+class EnergyGrid:
+    """The fraction of a BRDF's energy in every pair of orders (eq. 5.18).
+
+    Attributes
+    ----------
+    captured : ndarray, shape (F+1, P+1)
+        Over the colour channels together.
+    orders : tuple of Orders
+        The least that meet each tolerance.
+    coefficients : BrdfCoefficients
+        To the same P and a much higher F, where the reflected light counts as known.
+    """
+
+    captured: Array
+    orders: tuple[Orders, ...]
+    coefficients: BrdfCoefficients
+
+    @property
+    def order_f(self) -> int:
+        return self.captured.shape[0] - 1
+
+    @property
+    def order_p(self) -> int:
+        return self.captured.shape[1] - 1
+
+
+def energy_grid(
+    brdf: Brdf,
+    tolerances: Sequence[float],
+    order_f: int | None = None,
+    order_p: int | None = None,
+) -> EnergyGrid:
+    """Energy captured by all orders up to (F, P), and the orders that tolerances need.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    tolerances : sequence of float
+        In (0, 1), at least one.
+    order_f, order_p : int, optional
+        The largest of the grid; by default 32 and 8, or as many as the tolerances need. A zonal
+        BRDF has P = 0 only.
+
+    Raises
+    ------
+    OrderError
+        If a tolerance is outside (0, 1), or cannot be met.
+    BrdfError
+        If the coefficients do not converge.
+    """
+    met = [choose_orders(brdf, tolerance) for tolerance in tolerances]
+    orders = tuple(each for each, _ in met)
+    if order_f is None:
+        order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
+    if order_p is None:
+        order_p = max(DEFAULT_ORDER_P, *(each.order_p for each in orders))
+    if brdf.zonal:
+        order_p = 0
+    sufficient = max(coefficients.order_f for _, coefficients in met)
+    high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
+    accuracy = max(min(tolerances) / 300, 1e-5)
+    coefficients = compute_coefficients(brdf, high, order_p, accuracy)
+    return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
+
+
+@dataclass(frozen=True)
+class AccuracyCurve:
+    """Accuracy of the reflected light against F, and estimates of it (figure 5.5).
+
+    All are fractions of energy, ``1 - eps``; eps is the square of a relative RMS error.
+
+    Attributes
+    ----------
+    order_p : int
+        P, the same for all F.
+    truth_order_f : int
+        The F at which the reflected light counts as known.
+    accuracy : ndarray, shape (F+1,)
+        Of the reflected light over all orientations and views, by Parseval's theorem.
+    estimate_minimum : ndarray, shape (F+1,)
+        From the lesser of the errors of light and BRDF.
+    estimate_brdf : ndarray, shape (F+1,)
+        From the error of the BRDF alone.
+    estimate_bound : ndarray, shape (F+1,)
+        From the bound of the residual energy (eq. 5.19).
+    """
+
+    order_p: int
+    truth_order_f: int
+    accuracy: Array
+    estimate_minimum: Array
+    estimate_brdf: Array
+    estimate_bound: Array
+
+
+def accuracy_curve(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+) -> AccuracyCurve:
+    """Accuracy of the reflected light for every F up to `order_f`, and both estimates.
+
+    The rule of the minimum (section 5.5.1) is about the frequency l alone: light without high
+    frequencies does not make up for a P that is too small. What P misses at every F is therefore
+    added to the error of the light; for the zonal BRDFs of figure 5.5 it is nothing.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        To the order of the coefficients at least.
+    coefficients : BrdfCoefficients
+        To a much higher F than `order_f`.
+    order_f, order_p : int
+    """
+    if lighting.order < coefficients.order_f:
+        raise ValueError(f"lighting of order {lighting.order}, not {coefficients.order_f}")
+    if order_f > coefficients.order_f or order_p > coefficients.order_p:
+        raise ValueError(f"orders {order_f}, {order_p} are more than the coefficients have")
+    power, energy = lighting.power(), lighting.energy
+    # Only these p are kept; the energies know about the others.
+    known = replace(coefficients, values=coefficients.truncated(coefficients.order_f, order_p))
+    orders = range(order_f + 1)
+    error = np.array([predicted_error(power, known, f, order_p) for f in orders])
+    bound = np.array([error_bound(power, energy, known, f, order_p) for f in orders])
+    captured = known.captured()[:, order_p]
+    light = _missing(power, energy)[: order_f + 1]
+    brdf = np.clip(1 - captured[: order_f + 1], 0, 1)
+    minimum = np.minimum(light + max(1 - captured[-1], 0), brdf)
+    return AccuracyCurve(
+        order_p, coefficients.order_f, 1 - error**2, 1 - minimum, 1 - brdf, 1 - bound**2
+    )
+
+
+def _missing(degrees: Array, total: Array) -> Array:
+    """Fraction of the energy beyond each degree, channels together; 0 where there is none."""
+    whole = total.sum()
+    found = np.cumsum(degrees.sum(axis=-1))
+    return np.clip(1 - found / whole, 0, 1) if whole > 0 else np.zeros(len(degrees))
+
+
+@dataclass(frozen=True)
+class OrderPictures:
+    """Spheres seen through maps of different P, and as they truly are (figure 5.6).
+
+    Attributes
+    ----------
+    views : sequence of Viewer
+    order_f : int
+        F of all maps.
+    captured : ndarray, shape (P+1,)
+        Fraction of the BRDF's energy.
+    predicted_errors : ndarray, shape (P+1,)
+        Relative RMS of the reflected light over all orientations and views, by Parseval.
+    pictures : ndarray, shape (P+1, views, size, size, 3)
+        Linear, premultiplied by the coverage of the sphere.
+    truth : ndarray, shape (views, size, size, 3), optional
+    """
+
+    views: Sequence[Viewer]
+    order_f: int
+    captured: Array
+    predicted_errors: Array
+    pictures: Picture
+    truth: Picture | None
+
+    def error(self, order_p: int, view: int) -> float | None:
+        """Relative RMS error of a picture over the sphere; None if the truth is not known."""
+        if self.truth is None:
+            return None
+        return measure(self.pictures[order_p, view], self.truth[view]).relative_rmse
+
+    def exposure(self) -> float:
+        """Stops, in halves, that bring the brightest 5 % of the spheres near white; 0 for black."""
+        values = self.pictures[-1] if self.truth is None else self.truth
+        shining = values.max(axis=-1)
+        shining = shining[shining > 0]
+        return float(np.round(-2 * np.log2(np.percentile(shining, 95))) / 2) if len(shining) else 0
+
+    def sheet(self, exposure: float = 0.0) -> Picture:
+        """All pictures on one labelled sheet.
+
+        A column for each P and one for the truth; for each view a row of pictures, and one of
+        absolute differences from the truth, not amplified. The exposure, in stops, is the same
+        for both.
+
+        Raises
+        ------
+        OutputError
+            If it would be too large.
+        """
+        orders = len(self.pictures)
+        tiles: list[Picture] = []
+        labels: list[str] = []
+        for view, viewer in enumerate(self.views):
+            tiles += list(self.pictures[:, view])
+            labels += [f"P = {p}: {part:.1%}" for p, part in enumerate(self.captured)]
+            if self.truth is not None:
+                differences = np.abs(self.pictures[:, view] - self.truth[view])
+                nothing = np.full_like(differences[0], PAPER * 2.0**-exposure)
+                tiles += [self.truth[view], *differences, nothing]
+                errors = [f"error {self.error(p, view):.1%}" for p in range(orders)]
+                labels += [f"exact {viewer.azimuth:.4g},{viewer.elevation:.4g}", *errors, ""]
+        known = self.truth is not None
+        layout = _sheet_layout(orders, len(self.views), self.pictures.shape[2], known)
+        return draw_sheet(layout, [expose(tile, exposure) for tile in tiles], labels)
+
+
+def _sheet_layout(orders: int, views: int, size: int, truth: bool) -> SheetLayout:
+    columns, rows = orders + truth, views * (1 + truth)
+    return arrange(columns * rows, size, columns)
+
+
+def order_pictures(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    center: Center,
+    views: Sequence[Viewer],
+    order_f: int,
+    size: int,
+    truth: ReflectionMap | None = None,
+) -> OrderPictures:
+    """Pictures for P = 0 .. 5, and how they differ from the truth (figure 5.6).
+
+    Parameters
+    ----------
+    lighting : Lighting
+        To the order of the coefficients at least.
+    coefficients : BrdfCoefficients
+        To a much higher F than `order_f`; pictures stop at their P if it is less than 5.
+    center : {"reflection", "normal"}
+        The BRDF's central direction.
+    views : sequence of Viewer
+    order_f : int
+        F of all maps.
+    size : int
+        Width and height of a picture, pixels.
+    truth : ReflectionMap, optional
+        Such as `shrm_cli.reference.Reference`.
+
+    Raises
+    ------
+    MapError
+        If the map of these orders would be too large.
+    OutputError
+        If the sheet would be too large.
+    """
+    orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
+    _sheet_layout(len(orders), len(views), size, truth is not None)
+    check_size(order_f, orders[-1])
+    captured, power = coefficients.captured()[order_f, : len(orders)], lighting.power()
+    errors = np.array([predicted_error(power, coefficients, order_f, p) for p in orders])
+    parts = zip(orders, captured.tolist(), errors.tolist(), strict=True)
+    infos = [MapInfo(order_f, p, 1 - part, part, error) for p, part, error in parts]
+    whole = Shrm.build(
+        lighting.coefficients, coefficients.truncated(order_f, orders[-1]), center, infos[-1],
+        dtype=np.float32,
+    )  # fmt: skip
+    # Coefficients of different p do not mix: the map of the largest P holds all the others.
+    maps = [
+        replace(whole, coefficients=whole.coefficients[:, :, : (p + 1) ** 2], info=infos[p])
+        for p in orders
+    ]
+
+    def draw(one: ReflectionMap) -> Picture:
+        return np.stack([render_sphere(one, view, size) for view in views])
+
+    exact = None if truth is None else draw(truth)
+    pictures = np.stack([draw(one) for one in maps])
+    return OrderPictures(views, order_f, captured, errors, pictures, exact)

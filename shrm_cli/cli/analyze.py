@@ -1,0 +1,289 @@
+"""`shrm analyze`: what orders cost a BRDF, in numbers, charts and pictures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from shrm_cli.cli.options import (
+    make_read_options,
+    print_json,
+    progress_bar,
+    read_options,
+    report_options,
+    warn,
+)
+from shrm_cli.cli.types import AzimuthElevation, Fraction
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shrm_cli.analysis import AccuracyCurve, EnergyGrid, OrderPictures
+    from shrm_cli.probe.probe import Probe
+
+_TOLERANCES = (0.1, 0.03, 0.01)
+_VIEWS = ("0,0", "90,30")
+_CURVES = ("accuracy", "estimate_minimum", "estimate_brdf", "estimate_bound")
+_NO_CHARTS = "matplotlib is not installed, so no charts are drawn; pip install 'shrm[plots]'"
+_LEAST_ROWS = 128  # of the light that the truth integrates
+
+
+def _stops(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
+    # FloatRange lets NaN through.
+    if value is not None and not -32 <= value <= 32:
+        raise click.BadParameter(f"{value:g} is not in the range -32 .. 32 stops")
+    return value
+
+
+@click.command()
+@click.option(
+    "--brdf", "spec", metavar="SPEC", required=True,
+    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
+)  # fmt: skip
+@click.option(
+    "--probe", type=click.Path(), metavar="PROBE",
+    help="Light probe, for the accuracy of the reflected light and pictures of it.",
+)  # fmt: skip
+@click.option(
+    "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True, default=_TOLERANCES,
+    show_default=True, help="Tolerance to find the orders for; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--order-f", type=click.IntRange(0, 512),
+    help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need]",
+)  # fmt: skip
+@click.option(
+    "--order-p", type=click.IntRange(0, 32),
+    help="Largest P of the energies, and P of the accuracies.  [default: 8, or what the "
+    "tolerances need; of the accuracies what the least tolerance needs]",
+)  # fmt: skip
+@click.option(
+    "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS, show_default=True,
+    help="Direction to the viewer of the pictures, degrees: azimuth from +Z towards +X, "
+    "elevation. May be given several times.",
+)  # fmt: skip
+@click.option(
+    "--size", type=click.IntRange(16, 2048), default=96, show_default=True,
+    help="Width and height of a sphere's picture, pixels.",
+)  # fmt: skip
+@click.option(
+    "--source-height", type=click.IntRange(2, 8192), metavar="ROWS",
+    help="Rows that the probe is averaged down to for the exact pictures: fewer are faster, but "
+    "move small lights, at 128 rows by about 1 % of error.  [default: the greater of 128 and 4 F, "
+    "or the probe's own if it has no more]",
+)  # fmt: skip
+@click.option(
+    "--exposure", type=float, metavar="EV", callback=_stops,
+    help="Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="PREFIX",
+    help="Write PREFIX.energy.png, PREFIX.accuracy.png and PREFIX.pictures.png, or PROBE.BRDF."
+    "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
+)  # fmt: skip
+@click.option("--no-plots", is_flag=True, help="Numbers only: draw and write nothing.")
+@click.option(
+    "--sampling", type=click.Choice(["center", "border"]), help="Where the probe's edge pixels lie."
+)
+@read_options
+@report_options
+@click.pass_context
+def analyze(
+    ctx: click.Context,
+    /,
+    spec: str,
+    probe: str | None,
+    tolerances: tuple[float, ...],
+    order_f: int | None,
+    order_p: int | None,
+    views: tuple[tuple[float, float], ...],
+    size: int,
+    source_height: int | None,
+    exposure: float | None,
+    output: str | None,
+    no_plots: bool,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    """Analyse what the orders F and P capture of a BRDF.
+
+    Without a probe: the part of the BRDF's energy that all orders capture, and the orders that
+    tolerances need. With one: also the accuracy of the reflected light against F, with its
+    estimates, and spheres for P = 0 .. 5 beside exact ones. --json prints every number.
+
+    \b
+      shrm analyze --brdf microfacet:sigma=0.1 --eps 0.05
+      shrm analyze --brdf phong:exponent=32 --probe probe.exr
+    """
+    from shrm_cli.analysis import accuracy_curve, energy_grid, order_pictures
+    from shrm_cli.brdf.spec import file_label, parse_spec
+    from shrm_cli.files import check_target
+    from shrm_cli.probe.lighting import project
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.reference import Reference
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.image import write_picture
+    from shrm_cli.render.plots import can_plot, plot_accuracy, plot_energy
+
+    _check_usage(ctx, probe, [*reading, "sampling", "views", "size", "source_height", "exposure"])
+    brdf = parse_spec(spec)
+    source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
+    kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
+    prefix = _prefix(output, probe, file_label(spec))
+    targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
+    for target in targets.values():
+        check_target(target, [file.path for file in (source.files if source else ())])
+
+    grid = energy_grid(brdf, tolerances, order_f, order_p)
+    curve = pictures = None
+    if source is not None:
+        with progress_bar("reading", quiet) as progress:
+            lighting = project(source, grid.coefficients.order_f, progress)
+        least = min(grid.orders, key=lambda each: each.tolerance)
+        curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
+        curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
+    if source is not None and not no_plots:
+        source_height = source_height or _source_height(source, grid.order_f)
+        with progress_bar("integrating", quiet) as progress:
+            truth = Reference(source, brdf, source_height, progress=progress)
+            pictures = order_pictures(
+                lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
+                grid.order_f, size, truth,
+            )  # fmt: skip
+        exposure = pictures.exposure() if exposure is None else exposure
+
+    title = repr(brdf)
+    if "energy" in targets:
+        marks = [(each.order_f, each.order_p, each.tolerance) for each in grid.orders]
+        plot_energy(targets["energy"], grid.captured, marks, title)
+    if "accuracy" in targets and curve is not None and probe is not None:
+        curves = {name: getattr(curve, name) for name in _CURVES}
+        plot_accuracy(targets["accuracy"], curves, curve.order_p, f"{title} in {Path(probe).name}")
+    if pictures is not None:
+        write_picture(targets["pictures"], pictures.sheet(exposure or 0.0))
+
+    warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
+    if order_p is not None and order_p > grid.order_p:
+        warnings.append(f"{brdf!r}: does not depend on the view, so P = 0 only")
+    if not no_plots and not can_plot():
+        warnings.append(_NO_CHARTS)
+    drawing = {"size": size, "source_height": source_height, "exposure": exposure}
+    result = {
+        "brdf": {"name": brdf.name, "parameters": dict(brdf.values)},
+        "probe": probe,
+        "order_f": grid.order_f,
+        "order_p": grid.order_p,
+        "orders": _orders(grid),
+        "brdf_energy_captured": grid.captured.tolist(),
+        "accuracy": None if curve is None else _curve(curve),
+        "pictures": None if pictures is None else {**drawing, **_pictures(pictures, views)},
+        "files": list(targets.values()),
+    }
+    if as_json:
+        print_json({**result, "warnings": warnings})
+    elif not quiet:
+        click.echo("\n".join([title, *_report(result)]))
+    warn(warnings, quiet)
+
+
+def _check_usage(ctx: click.Context, probe: str | None, of_probe: Sequence[str]) -> None:
+    """Refuse options that nothing obeys."""
+    given = {
+        param.name: param.opts[-1]
+        for param in ctx.command.params
+        if param.name and ctx.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
+    }
+    unused = [given[name] for name in of_probe if name in given]
+    if probe is None and unused:
+        raise click.UsageError(f"{unused[0]} is about the probe; give --probe too", ctx)
+    if "output" in given and "no_plots" in given:
+        raise click.UsageError("-o and --no-plots exclude each other; leave one out", ctx)
+
+
+def _prefix(output: str | None, probe: str | None, label: str) -> str:
+    """What the names of all outputs begin with; six files have their ``%`` left out."""
+    stem = "" if probe is None else Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
+    name = f"{stem}.{label}" if stem else label
+    if output is None:
+        return name
+    return str(Path(output, name)) if Path(output).is_dir() else output
+
+
+def _source_height(source: Probe, order_f: int) -> int | None:
+    """Rows to average the probe down to; None if it is not finer."""
+    rows = {"latlong": source.height, "cube": 2 * source.width, "angular": source.width // 2}
+    enough = max(4 * order_f, _LEAST_ROWS)
+    return enough if rows[source.grid] > enough else None
+
+
+def _orders(grid: EnergyGrid) -> list[dict[str, Any]]:
+    return [
+        {
+            "epsilon": each.tolerance,
+            "order_f": each.order_f,
+            "order_p": each.order_p,
+            "brdf_energy_captured": each.captured,
+        }
+        for each in grid.orders
+    ]
+
+
+def _curve(curve: AccuracyCurve) -> dict[str, Any]:
+    values = {each.name: getattr(curve, each.name) for each in fields(curve)}
+    return {
+        name: value if isinstance(value, int) else value.tolist() for name, value in values.items()
+    }
+
+
+def _pictures(pictures: OrderPictures, views: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    def errors(p: int) -> list[float | None]:
+        found = [pictures.error(p, view) for view in range(len(views))]
+        # JSON knows no infinity.
+        return [None if each is None or math.isinf(each) else each for each in found]
+
+    parts = zip(pictures.captured.tolist(), pictures.predicted_errors.tolist(), strict=True)
+    return {
+        "order_f": pictures.order_f,
+        "views": [list(view) for view in views],
+        "orders": [
+            {
+                "order_p": p,
+                "brdf_energy_captured": captured,
+                "predicted_error": predicted,
+                "errors": errors(p),
+            }
+            for p, (captured, predicted) in enumerate(parts)
+        ],
+    }
+
+
+def _report(result: dict[str, Any]) -> list[str]:
+    lines = [
+        f"  eps {row['epsilon']:<7g} F = {row['order_f']}, P = {row['order_p']} "
+        f"({row['brdf_energy_captured']:.2%} of the energy)"
+        for row in result["orders"]
+    ]
+    if (curve := result["accuracy"]) is not None:
+        lines += [f"{result['probe']}, P = {curve['order_p']}: accuracy of the reflected light"]
+        lines += ["    F  accuracy   minimum      BRDF     bound"]
+        chosen = {row["order_f"] for row in result["orders"]} | {result["order_f"]}
+        for f in sorted(each for each in chosen if each <= result["order_f"]):
+            lines.append(f"{f:5d}" + "".join(f"{curve[name][f]:10.2%}" for name in _CURVES))
+    if (pictures := result["pictures"]) is not None:
+        lines += [f"pictures, F = {pictures['order_f']}: relative RMS error"]
+        views = "".join(f"{'{:g},{:g}'.format(*view):>10}" for view in pictures["views"])
+        lines += [f"    P    energy predicted{views}"]
+        for row in pictures["orders"]:
+            errors = ["inf" if each is None else f"{each:.2%}" for each in row["errors"]]
+            lines.append(
+                f"{row['order_p']:5d}{row['brdf_energy_captured']:10.2%}"
+                f"{row['predicted_error']:10.2%}" + "".join(f"{each:>10}" for each in errors)
+            )
+    return lines + [f"wrote {path}" for path in result["files"]]
