@@ -24,7 +24,10 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.grids import Sampling
 
-_TEXELS_TO_MEASURE = 32
+_TEXELS_TO_MEASURE = 16
+_ORDER_TO_MEASURE = 10
+_FINEST_GRID = 0.01
+"""Tolerance below which the angular domain makes no finer grid: some BRDFs have no orders."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,9 @@ def bake_angular(
     OrderError, ProbeError, BrdfError, MapError
     """
     kind = EXPLICIT[representation]
-    orders, coefficients = choose_orders(brdf, tolerance)
+    orders, _ = choose_orders(brdf, max(tolerance, _FINEST_GRID))
+    _, coefficients = choose_orders(brdf, orders.tolerance, order_p=_ORDER_TO_MEASURE)
+    orders = replace(orders, tolerance=tolerance)
     size = choose_size(orders.order_f) if size is None else size
     view_count = kind.default_view_count(orders.order_p) if view_count is None else view_count
     _check_size(orders, size, representation, view_count)
@@ -174,7 +179,7 @@ def bake_angular(
     # What lies between the views is known from the frequency domain at once; some texels will do.
     smooth = Shrm.build(
         lighting.coefficients,
-        coefficients.truncated(orders.order_f, coefficients.order_p), brdf.center, info,
+        coefficients.values, brdf.center, info,
         min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
     )  # fmt: skip
     info = replace(info, added_error=kind.from_shrm(smooth, view_count).info.added_error)
