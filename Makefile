@@ -14,12 +14,13 @@ RENDER_FLAGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test bench probes batch batch-all clean distclean FORCE
+.PHONY: help install demo test bench tables probes batch batch-all clean distclean FORCE
 
 help:
 	@echo 'make demo      prefilter a shipped probe and render it'
 	@echo 'make test      lint, type-check and test'
 	@echo 'make bench     measure against other tools, as ratios'
+	@echo "make tables    the paper's tables and figures, into build/paper/"
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
 	@echo 'make batch     PROBES="..." BRDFS="...": bake every pair into build/'
 	@echo 'make install   set up .venv with shrm in it'
@@ -62,6 +63,9 @@ test: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks
+
+tables: $(VENV)/.dev
+	$(BIN)/python -m tests.paper build/paper
 
 probes:
 	@bash probes/fetch.sh

@@ -1,0 +1,1 @@
+"""The tables and figures of the paper's results, made anew with what `shrm` computes."""

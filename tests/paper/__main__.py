@@ -1,0 +1,68 @@
+"""`make tables`: the paper's tables 5.4 and 5.5 and figures 5.5, 5.6, 5.8 and 5.9, made anew."""
+
+import os
+import platform
+import sys
+import tempfile
+from pathlib import Path
+
+from shrm_cli import threads
+
+ROOT = Path(__file__).resolve().parents[2]
+PROBES = (ROOT.parent / "shared" / "probes", ROOT / "probes" / "real", ROOT / "probes")
+SOURCE_HEIGHT = 128
+
+
+def main(folder: Path) -> None:
+    """Write the page and its pictures into a folder."""
+    threads.limit(1)  # before numpy is loaded: both sides of every comparison have one thread
+    import numpy as np
+
+    from shrm_cli.exr import write_image
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.resample import resample_latlong
+    from tests.paper import figures, page, timings
+
+    folder.mkdir(parents=True, exist_ok=True)
+    interior, studio = (open_probe(_find(name)) for name in ("interior", "studio"))
+    parts = [page.introduction(platform.processor() or platform.machine(), np.__version__)]
+    with tempfile.TemporaryDirectory() as temporary:
+        small = Path(temporary) / "small.exr"
+        write_image(small, resample_latlong(interior, SOURCE_HEIGHT), "float")
+        light = timings.in_memory(open_probe(small))
+    for size in timings.SIZES:
+        _say(f"table 5.4, faces of {size} x {size}")
+        parts.append(page.table_5_4(timings.table_5_4(light, size)))
+    for size in timings.SIZES:
+        _say(f"table 5.5, faces of {size} x {size}")
+        rows = timings.table_5_5(light, size, np.random.default_rng(55))
+        parts.append(page.table_5_5(rows))
+    threads.limit(os.cpu_count() or 1)  # pictures are not timed
+    _say("figure 5.5")
+    parts.append(page.figure_5_5(figures.figure_5_5(interior, folder), interior.name))
+    _say("figure 5.6")
+    parts.append(page.figure_5_6(*figures.figure_5_6(studio, folder)))
+    _say("figure 5.8")
+    parts.append(page.figure_5_8(*figures.figure_5_8(studio, folder)))
+    _say("figure 5.9")
+    for brdf, order_p, name in figures.LOBES_5_9:
+        file, methods = figures.figure_5_9(interior, folder, brdf, order_p, name)
+        parts.append(page.figure_5_9(file, repr(brdf), methods))
+    (folder / "index.md").write_text("\n".join(parts))
+    _say(f"The page is {folder.resolve() / 'index.md'}")
+
+
+def _find(name: str) -> Path:
+    """A real probe, or the shipped studio where there is none."""
+    for folder in PROBES:
+        if (folder / f"{name}.exr").exists():
+            return folder / f"{name}.exr"
+    return ROOT / "probes" / "studio.exr"
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "build/paper"))

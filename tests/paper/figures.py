@@ -1,0 +1,161 @@
+"""Figures 5.5, 5.6, 5.8 and 5.9: curves, pictures, and the errors of the methods."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from shrm_cli.analysis import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.cabral import Cabral
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.kautz_mccool import KautzMcCool
+from shrm_cli.maps.representations import Map, map_count
+from shrm_cli.maps.shrm import Shrm
+from shrm_cli.orders import predicted_error
+from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.comparison import compare_spheres
+from shrm_cli.render.image import write_picture
+from shrm_cli.render.plots import plot_accuracy
+from tests.paper.brdfs import KajiyaKay
+
+ORDER_F = 30
+_HIGH_F, _HIGH_P = 48, 16
+"""Orders at which the reflected light counts as known."""
+_PICTURE_SIZE = 128
+_SOURCE_HEIGHT = 128
+_VIEWERS = (Viewer(20, 15), Viewer(140, -10))
+
+
+@dataclass(frozen=True)
+class Method:
+    """What one method makes of one BRDF.
+
+    Attributes
+    ----------
+    name : str
+    maps : int
+        RGB cubes that it stores.
+    expected : float
+        Relative RMS error of the reflected light over all orientations and views, from the
+        coefficients (Parseval), against light known to orders 48 and 16.
+    pictured : float
+        Relative RMS error of the pictures, against brute-force integration.
+    """
+
+    name: str
+    maps: int
+    expected: float
+    pictured: float
+
+
+def figure_5_5(probe: Probe, folder: Path) -> str:
+    """Accuracy of Phong, s = 32, against F; the file's name."""
+    grid = energy_grid(parse_spec("phong:exponent=32"), [0.01], ORDER_F)
+    lighting = project(probe, grid.coefficients.order_f)
+    curve = accuracy_curve(lighting, grid.coefficients, ORDER_F, 0)
+    curves = {
+        key: getattr(curve, key)
+        for key in ("accuracy", "estimate_minimum", "estimate_brdf", "estimate_bound")
+    }
+    plot_accuracy(folder / "figure-5.5.png", curves, 0, f"phong, s = 32, {Path(probe.name).stem}")
+    return "figure-5.5.png"
+
+
+def figure_5_6(probe: Probe, folder: Path) -> tuple[str, list[tuple[int, float, float, float]]]:
+    """Pictures for P = 0 .. 5 and the truth; the file's name, and for each P its numbers.
+
+    These are P, the fraction of energy, the predicted and the pictured relative RMS error.
+    """
+    brdf = parse_spec("microfacet:sigma=0.2")
+    coefficients = compute_coefficients(brdf, 64, 8)
+    lighting = project(probe, 64)
+    truth = Reference(probe, brdf, _SOURCE_HEIGHT)
+    pictures = order_pictures(
+        lighting, coefficients, brdf.center, _VIEWERS, ORDER_F, _PICTURE_SIZE, truth
+    )
+    sheet = pictures.sheet(pictures.exposure())
+    write_picture(folder / "figure-5.6.png", sheet)
+    rows = [
+        (
+            p,
+            float(captured),
+            float(pictures.predicted_errors[p]),
+            float(np.mean([pictures.error(p, view) or 0.0 for view in range(len(_VIEWERS))])),
+        )
+        for p, captured in enumerate(pictures.captured)
+    ]
+    return "figure-5.6.png", rows
+
+
+def figure_5_8(probe: Probe, folder: Path) -> tuple[str, list[Method]]:
+    """Kautz and McCool's 3D texture beside the SHRM with as many maps: microfacet, sigma .5."""
+    brdf = parse_spec("microfacet:sigma=0.5")
+    light, coefficients, whole = _known(probe, brdf)
+    shrm = whole.truncated(5)
+    texture = KautzMcCool.from_shrm(whole, map_count(shrm))
+    return _compare(folder / "figure-5.8.png", probe, brdf, [
+        ("SHRM, P = 5", shrm, predicted_error(light.power(), coefficients, _HIGH_F, 5)),
+        ("Kautz-McCool", texture, texture.info.added_error),
+    ])  # fmt: skip
+
+
+def figure_5_9(
+    probe: Probe, folder: Path, brdf: Brdf, order_p: int, name: str
+) -> tuple[str, list[Method]]:
+    """Cabral's icosahedral interpolation beside an SHRM with no more maps."""
+    light, coefficients, whole = _known(probe, brdf)
+    shrm = whole.truncated(order_p)
+    if isinstance(brdf, KajiyaKay):
+        shrm = _without_azimuth(shrm)
+    twelve = Cabral.from_shrm(whole)
+    return _compare(folder / name, probe, brdf, [
+        (f"SHRM, P = {order_p}", shrm,
+         predicted_error(light.power(), coefficients, _HIGH_F, order_p)),
+        ("Cabral", twelve, twelve.info.added_error),
+    ])  # fmt: skip
+
+
+LOBES_5_9: tuple[tuple[Brdf, int, str], ...] = (
+    (KajiyaKay(exponent=32), 11, "figure-5.9-kajiya-kay.png"),
+    (parse_spec("microfacet:sigma=0.2"), 2, "figure-5.9-microfacet.png"),
+)
+"""BRDF, P of an SHRM with twelve maps or less, and the picture's name."""
+
+
+def _known(probe: Probe, brdf: Brdf) -> tuple[Lighting, BrdfCoefficients, Shrm]:
+    """Light, BRDF and SHRM to orders at which nothing is missing that counts."""
+    coefficients = compute_coefficients(brdf, _HIGH_F, _HIGH_P, accuracy=1e-3)
+    lighting = project(probe, _HIGH_F)
+    info = MapInfo(_HIGH_F, _HIGH_P, 0.0, 0.0, 0.0)
+    whole = Shrm.build(
+        lighting.coefficients, coefficients.values, brdf.center, info, 64, dtype=np.float32
+    )
+    return lighting, coefficients, whole
+
+
+def _without_azimuth(shrm: Shrm) -> Shrm:
+    """The P + 1 local maps with q = 0, of a BRDF that has no others but by rounding."""
+    local = shrm.to_frame("local")
+    zonal = [q == 0 for p in range(local.order_p + 1) for q in range(-p, p + 1)]
+    return replace(local, coefficients=local.coefficients * np.array(zonal)[:, None])
+
+
+def _compare(
+    path: Path, probe: Probe, brdf: Brdf, methods: list[tuple[str, Map, float]]
+) -> tuple[str, list[Method]]:
+    truth = Reference(probe, brdf, _SOURCE_HEIGHT)
+    maps = [each for _, each, _ in methods]
+    comparison = compare_spheres(truth, maps, _VIEWERS, _PICTURE_SIZE)
+    names = [f"{name}, {map_count(each)} maps" for name, each, _ in methods]
+    peak = np.percentile(comparison.baseline.max(axis=-1), 97)
+    write_picture(path, comparison.picture("exact", names, float(-np.log2(max(peak, 1e-6)))))
+    return path.name, [
+        Method(name, map_count(each), expected, comparison.difference(k).relative_rmse)
+        for k, (name, each, expected) in enumerate(methods)
+    ]

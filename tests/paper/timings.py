@@ -1,0 +1,183 @@
+"""Tables 5.4 and 5.5: prefiltering in the angular and in the frequency domain, timed together.
+
+Both sides take the same small probe from memory, are given one thread, and make the same texels.
+The frequency side starts without any table that it could keep from an earlier run.
+"""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shrm_cli.brdf.coefficients import compute_coefficients
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.explicit import ExplicitMap
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.light_field import LightField
+from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.tabulate import normals_between
+from shrm_cli.orders import choose_orders
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from shrm_cli.sphere import double_fourier, rotation
+from shrm_cli.sphere.cube import cube_directions
+
+SIZES = (128, 52)
+"""Texels along a face's edge: faces of 128 x 128, and six faces with 128 x 128 texels in all."""
+ANGULAR_TOLERANCE = 0.05
+VIEW_COUNT = 10
+_REPEATS = 5
+
+
+@dataclass(frozen=True)
+class Timing:
+    """One row.
+
+    Attributes
+    ----------
+    value : float
+        Exponent s or roughness sigma.
+    size : int
+        Texels along a face's edge.
+    order_f, order_p : int
+    angular, frequency : float
+        Seconds.
+    shrm : float
+        Seconds of the frequency side for the SHRM alone.
+    paper_angular, paper_frequency, paper_shrm : float
+        The paper's, on a Pentium IV.
+    """
+
+    value: float
+    size: int
+    order_f: int
+    order_p: int
+    angular: float
+    frequency: float
+    shrm: float
+    paper_angular: float
+    paper_frequency: float
+    paper_shrm: float = 0.0
+
+    @property
+    def ratio(self) -> float:
+        return self.angular / self.frequency
+
+    @property
+    def paper_ratio(self) -> float:
+        return self.paper_angular / self.paper_frequency
+
+
+PAPER_5_4 = {
+    8: (67.28, 0.081),
+    16: (38.03, 0.114),
+    32: (21.80, 0.159),
+    64: (11.94, 0.227),
+    128: (7.17, 0.328),
+    256: (3.55, 0.461),
+    512: (2.28, 0.686),
+}
+PAPER_5_5 = {
+    0.1: (923, 2.70, 1.55),
+    0.2: (2744, 1.55, 0.72),
+    0.3: (5731, 1.49, 0.67),
+    0.4: (9034, 1.47, 0.65),
+    0.5: (12580, 1.45, 0.64),
+}
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Pixels in memory, in place of a probe's file."""
+
+    pixels: np.ndarray
+    row_multiple: int = 1
+
+    def read(self, start: int, stop: int) -> np.ndarray:
+        return self.pixels[start:stop].copy()
+
+
+def in_memory(probe: Probe) -> Probe:
+    """The same probe, whose pixels need not be read from its file."""
+    return replace(probe, files=(_Held(probe.image()),))
+
+
+def table_5_4(probe: Probe, size: int) -> list[Timing]:
+    """Phong lobes: one map, F = 1 + sqrt(6 s)."""
+    rows = []
+    for exponent, paper in PAPER_5_4.items():
+        brdf = parse_spec(f"phong:exponent={exponent}")
+        order_f = round(1 + np.sqrt(6 * exponent))
+
+        def frequency(brdf=brdf, order_f=order_f):
+            lighting = project(probe, order_f)
+            values = compute_coefficients(brdf, order_f, 0).values
+            return _build(lighting.coefficients, values, size)
+
+        def angular(brdf=brdf):
+            integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE)
+            texels = cube_directions(size)
+            return integral.radiance(texels, texels)
+
+        fast = _median_seconds(frequency)
+        rows.append(Timing(exponent, size, order_f, 0, _seconds(angular), fast, fast, *paper))
+    return rows
+
+
+def table_5_5(probe: Probe, size: int, rng: np.random.Generator) -> list[Timing]:
+    """Microfacet lobes, T x T = 100 maps; on the angular side one of them, at random, is timed."""
+    rows = []
+    for sigma, (paper_angular, paper_frequency, paper_shrm) in PAPER_5_5.items():
+        brdf = parse_spec(f"microfacet:sigma={sigma}")
+        orders = choose_orders(brdf, 0.03)[0]
+
+        def shrm(brdf=brdf):
+            # Sampling of the BRDF until it has converged is part of the work.
+            orders, coefficients = choose_orders(brdf, 0.03)
+            lighting = project(probe, orders.order_f)
+            values = coefficients.truncated(orders.order_f, orders.order_p)
+            return _build(lighting.coefficients, values, size)
+
+        def frequency(shrm=shrm) -> ExplicitMap:
+            return LightField.from_shrm(shrm(), VIEW_COUNT)
+
+        count = VIEW_COUNT**2
+        view = LightField.sample_views(count)[rng.integers(count)]
+
+        def angular(brdf=brdf, view=view):
+            integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE)
+            return integral.radiance(normals_between(cube_directions(size), view), view)
+
+        rows.append(
+            Timing(
+                sigma, size, orders.order_f, orders.order_p, count * _seconds(angular),
+                _median_seconds(frequency), _median_seconds(shrm),
+                paper_angular, paper_frequency, paper_shrm,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _build(lighting, values, size) -> Shrm:
+    info = MapInfo(values.shape[0] - 1, values.shape[1] - 1, 0.0, 0.0, 0.0)
+    return Shrm.build(lighting, values, "reflection", info, size, dtype=np.float32)
+
+
+def _seconds(function: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    function()
+    return time.perf_counter() - start
+
+
+def _median_seconds(function: Callable[[], object]) -> float:
+    seconds = []
+    for _ in range(_REPEATS):
+        for module in (rotation, double_fourier):
+            for value in vars(module).values():
+                if hasattr(value, "cache_clear"):
+                    value.cache_clear()
+        seconds.append(_seconds(function))
+    return statistics.median(seconds)
