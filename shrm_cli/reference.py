@@ -16,14 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli import threads
+from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
-from shrm_cli.brdf.lobe import (
-    azimuthal_mean,
-    cuts_horizon,
-    interpolate_mean,
-    lobe_angle,
-    zonal_support,
-)
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import local_frame, reflect, to_angles
@@ -148,10 +142,10 @@ class Reference:
         progress: Progress | None = None,
     ) -> None:
         self.brdf = brdf
-        self.angle = np.pi if tolerance is None else lobe_angle(brdf, tolerance)
+        self.angle = np.pi if tolerance is None else lobe.lobe_angle(brdf, tolerance)
         self.dtype = dtype
         self.progress = progress
-        self._reach = min(self.angle, zonal_support(brdf)) if brdf.zonal else self.angle
+        self._reach = min(self.angle, lobe.zonal_support(brdf)) if brdf.zonal else self.angle
         self.source = Source.of(probe, source_height, dtype)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
@@ -167,10 +161,9 @@ class Reference:
         ndarray of float64, shape (..., 3)
         """
         brdf, truncated = self.brdf, self.angle < np.pi
-        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        shape = np.broadcast_shapes(normals.shape, views.shape)
-        normals = np.broadcast_to(normals, shape).reshape(-1, 3)
-        views = np.broadcast_to(views, shape).reshape(-1, 3)
+        normals, views = np.broadcast_arrays(normals, views)
+        shape = normals.shape
+        normals, views = (each.reshape(-1, 3).astype(float) for each in (normals, views))
         centers = reflect(views, normals) if brdf.center == "reflection" else normals
         if brdf.zonal:  # it depends on C.L alone, so N and V may be C
             normals = views = centers
@@ -181,7 +174,7 @@ class Reference:
         caps = []
         if self._reach < np.pi:
             caps.append((centers, self._reach))
-        if cuts_horizon(brdf):
+        if lobe.cuts_horizon(brdf):
             caps.append((normals, np.pi / 2))
         bound = self.dtype(np.cos(self.angle))
 
@@ -209,13 +202,13 @@ class Reference:
         """
         centers = np.asarray(centers, dtype=float)
         points = centers.reshape(-1, 3)
-        _, means = azimuthal_mean(self.brdf, view_theta)
+        _, means = lobe.azimuthal_mean(self.brdf, view_theta)
         means = means.astype(self.dtype)
         bound = self.dtype(np.cos(self.angle))
 
         def evaluate(cosines: Array, points: Indices) -> Array:
             cosine = cosines[:, 0]
-            return scaled(interpolate_mean(cosine, means), cosine >= bound)
+            return scaled(lobe.interpolate_mean(cosine, means), cosine >= bound)
 
         caps = [(points, self._reach)]
         return self._integrate(points[:, None], caps, evaluate).reshape(centers.shape)
@@ -248,7 +241,10 @@ class Reference:
             np.cos(np.minimum(angle + source.angles, np.pi)).astype(self.dtype) - _ROUNDING
             for _, angle in caps
         ]
-        groups = _neighbours(axes[0] if caps else rows[:, 0], self._group_size(len(rows)))
+        # Groups are to be small beside the lobe, if the points fill the sphere.
+        size = len(rows) * (min(self._reach, np.pi / 2) / 10) ** 2
+        first_axes = axes[0] if caps else rows[:, 0]
+        groups = _neighbours(first_axes, int(np.clip(size, *_GROUP_SIZES)))
         at_once = max(_POINTS_AT_ONCE // groups.shape[1], 1)
         step = max(_SAMPLES_AT_ONCE // (groups.shape[1] * source.light.shape[1]), 1)
 
@@ -282,11 +278,6 @@ class Reference:
                 pool.shutdown(cancel_futures=True)
                 raise
         return result
-
-    def _group_size(self, count: int) -> int:
-        """Points in a group: as many as keep it small beside the lobe, if they fill a sphere."""
-        size = count * (min(self._reach, np.pi / 2) / 10) ** 2
-        return int(np.clip(size, *_GROUP_SIZES))
 
 
 def _neighbours(directions: Array, size: int) -> Indices:

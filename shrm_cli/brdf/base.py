@@ -90,7 +90,7 @@ class Brdf(ABC):
         height = light[..., 2]
         if not self.includes_cosine:
             return scaled(value, np.maximum(height, 0.0))
-        return scaled(value, (height > 0).astype(float)) if self.has_horizon else value
+        return scaled(value, height > 0) if self.has_horizon else value
 
     def __repr__(self) -> str:
         inside = ",".join(f"{key}={value:g}" for key, value in self.values.items())

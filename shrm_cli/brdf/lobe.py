@@ -6,10 +6,10 @@ from shrm_cli.brdf.base import Array, Brdf, grey, scaled
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.grids import gauss_legendre
 
-_ANGLES = 768
+_ANGLES = 512
 _ZONAL_ANGLES = 2**15
-_VIEWS = 48
-_AZIMUTHS = 48
+_VIEWS = 32
+_AZIMUTHS = 32
 _MEAN_ANGLES = 2048
 _MEAN_AZIMUTHS = 96
 _SAMPLES_AT_ONCE = 2**17
@@ -39,18 +39,20 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
     float
         Radians, in 0 .. pi. For Phong ``cos(angle) = tolerance^(1 / (s + 1))``.
     """
-    cells = _ZONAL_ANGLES if brdf.zonal else _ANGLES
-    # Narrow lobes need narrow cells: their width grows in proportion to the square root of theta.
-    edges = np.pi * np.linspace(0, 1, cells + 1) ** 2
-    middles = np.pi * ((np.arange(cells) + 0.5) / cells) ** 2
+    # A zonal lobe ends at 90 degrees, whether it jumps there or not.
+    cells, end = (_ZONAL_ANGLES, np.pi / 2) if brdf.zonal else (_ANGLES, np.pi)
+    # Squares, because narrow lobes need narrow cells near the centre.
+    edges = end * np.linspace(0, 1, cells + 1) ** 2
+    middles = end * ((np.arange(cells) + 0.5) / cells) ** 2
     if brdf.zonal:
         lobe = _zonal_lobe(brdf, middles).sum(axis=-1)
     else:
         cosines, weights = gauss_legendre(_VIEWS)
         means = azimuthal_means(brdf, middles, np.arccos(cosines), _AZIMUTHS)
         lobe = np.einsum("ioc,o->i", means, weights)
-    parts = lobe * (np.cos(edges[:-1]) - np.cos(edges[1:]))
-    sums = np.concatenate([[0.0], np.cumsum(parts)])
+    # The difference of the edges' cosines, without cancellation.
+    rings = 2 * np.sin((edges[1:] + edges[:-1]) / 2) * np.sin(np.diff(edges) / 2)
+    sums = np.concatenate([[0.0], np.cumsum(lobe * rings)])
     if sums[-1] == 0:
         return 0.0
     return float(np.interp((1 - tolerance) * sums[-1], sums, edges))

@@ -20,7 +20,8 @@ class Microfacet(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = light + view
+        x, y = half[..., 0], half[..., 1]
         # atan2 is exact for small angles, where acos of the normalised cosine is not.
-        angle = np.arctan2(np.hypot(half[..., 0], half[..., 1]), half[..., 2])
+        angle = np.arctan2(np.sqrt(x * x + y * y), half[..., 2])
         sigma = self.values["sigma"]
         return grey(np.exp(-((angle / sigma) ** 2)) / (4 * np.pi * sigma**2))

@@ -21,5 +21,7 @@ class Phong(Brdf):
         cosine = light[..., 2] * view[..., 2]
         cosine = cosine - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
         exponent = self.values["exponent"]
-        lobe = np.where(cosine > 0, np.clip(cosine, 0.0, 1.0) ** exponent, 0.0)
+        # exp and log are several times faster than a power where it vanishes.
+        logarithm = np.log(np.clip(cosine, np.finfo(cosine.dtype).tiny, 1.0))
+        lobe = np.where(cosine > 0, np.exp(exponent * logarithm), 0)
         return grey((exponent + 1) / (2 * np.pi) * lobe)

@@ -1,0 +1,134 @@
+"""`shrm reference`: the correct picture of a sphere, by brute force."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from shrm_cli.cli.options import (
+    make_read_options,
+    print_json,
+    progress_bar,
+    read_options,
+    report_options,
+    warn,
+)
+from shrm_cli.cli.types import AzimuthElevation
+
+
+def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
+    # FloatRange lets NaN through.
+    if not (math.isfinite(value) and -32 <= value <= 32):
+        raise click.BadParameter(f"{value:g} is not in the range -32 .. 32 stops")
+    return value
+
+
+@click.command()
+@click.argument("probe", metavar="PROBE", type=click.Path())
+@click.option(
+    "--brdf", "spec", metavar="SPEC", required=True,
+    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(),
+    help="PNG or EXR to write.  [default: PROBE.BRDF.reference.exr in the current folder]",
+)  # fmt: skip
+@click.option(
+    "--view", type=AzimuthElevation(), default="0,0", show_default=True,
+    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
+)  # fmt: skip
+@click.option(
+    "--size", type=click.IntRange(16, 8192), default=128, show_default=True,
+    help="Width and height of the picture, pixels.",
+)  # fmt: skip
+@click.option(
+    "--exposure", type=float, metavar="EV", default=0.0, show_default=True, callback=_stops,
+    help="Stops: the radiance is multiplied by 2^EV, in EXR too.",
+)  # fmt: skip
+@click.option(
+    "--source-height", type=click.IntRange(2, 8192), metavar="H",
+    help="Average the probe down to a lat-long of this height first.  [default: all its pixels]",
+)  # fmt: skip
+@click.option(
+    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
+    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
+)  # fmt: skip
+@click.option(
+    "--sampling", type=click.Choice(["center", "border"]),
+    help="Where edge pixels of the probe lie.",
+)  # fmt: skip
+@read_options
+@report_options
+def reference(
+    probe: str,
+    spec: str,
+    output: str | None,
+    view: tuple[float, float],
+    size: int,
+    exposure: float,
+    source_height: int | None,
+    precision: str,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    """Render the correct sphere in the light of PROBE, by brute force.
+
+    Every pixel is an integral over all pixels of the probe. That takes a minute where a map
+    takes milliseconds; --source-height makes it shorter.
+
+    \b
+      shrm reference probe.exr --brdf microfacet --source-height 128 -o truth.png
+    """
+    from shrm_cli.brdf.spec import file_label, parse_spec
+    from shrm_cli.files import check_target
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.reference import Reference
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.image import expose, file_type, write_picture
+    from shrm_cli.render.sphere import render_sphere
+
+    brdf = parse_spec(spec)
+    source = open_probe(probe, make_read_options(sampling, reading))
+    target = output or f"{_stem(probe)}.{file_label(spec)}.reference.exr"
+    file_type(target)
+    check_target(target, [file.path for file in source.files])
+    with progress_bar("integrating", quiet) as progress:
+        truth = Reference(source, brdf, source_height, progress=progress)
+        pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
+    result = {
+        "view": list(view),
+        "size": size,
+        "exposure": exposure,
+        "brdf": {"name": brdf.name, "parameters": dict(brdf.values)},
+        "probe": Path(probe).name,
+        "probe_sha256": source.digest(),
+        "source_height": source_height,
+        "source_pixels": truth.source.pixels,
+    }
+    # Without folders, so that the file's bytes do not depend on them.
+    attributes: dict[str, Any] = {"shrm:recipe": json.dumps({"reference": result})}
+    if source.chromaticities is not None:
+        attributes["chromaticities"] = source.chromaticities
+    pixel_type = write_picture(target, pixels, precision, attributes)
+    warnings = [f"{probe}: {line}" for line in source.report.warnings()]
+    if as_json:
+        print_json({"file": target, **result, "precision": pixel_type, "warnings": warnings})
+    elif not quiet:
+        click.echo(
+            f"{target}: {size} x {size}, {pixel_type}\n"
+            f"  BRDF           {brdf!r}\n"
+            f"  view           azimuth {view[0]:g}, elevation {view[1]:g}\n"
+            f"  source         {truth.source.pixels:,} pixels of {probe}"
+        )
+    warn(warnings, quiet)
+
+
+def _stem(probe: str) -> str:
+    """Name of the outputs of a probe; six files have their ``%`` left out."""
+    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
