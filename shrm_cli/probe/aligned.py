@@ -61,18 +61,18 @@ def _turned(image: Array, axes: Array, face: int) -> Array:
     return image.swapaxes(0, 1)[:: int(turned_down), :: int(turned_along)]
 
 
-def _about_the_axis(probe: Probe) -> tuple[float, bool, bool] | None:
-    """How a turn about the lat-long's axis, and mirrors along it or across, move its pixels.
+def _about_the_axis(probe: Probe) -> tuple[float, bool] | None:
+    """How a turn about the lat-long's axis, and a mirror beside it, move its columns.
 
     Returns
     -------
     offset : float
         Column, not rounded, of the source where the target begins.
-    backwards, upside_down : bool
-        Whether columns, and rows, go the other way.
+    backwards : bool
+        Whether columns go the other way.
     """
     matrix = probe.matrix
-    if not np.allclose(np.abs(matrix[1]), (0, 1, 0), rtol=0, atol=_ROUNDING):
+    if not np.allclose(matrix[1], (0, 1, 0), rtol=0, atol=_ROUNDING):
         return None
     # The longitude of M^-1 d is that of d, or minus it, and what +Z is moved by.
     shift = -np.arctan2(matrix[2, 0], matrix[2, 2]) / (2 * np.pi)
@@ -81,12 +81,10 @@ def _about_the_axis(probe: Probe) -> tuple[float, bool, bool] | None:
     if abs(offset - nearest) < _ROUNDING * probe.width:
         offset = nearest
     backwards = matrix[0, 0] * matrix[2, 2] < matrix[0, 2] * matrix[2, 0]
-    return float(offset), bool(backwards), bool(matrix[1, 1] < 0)
+    return float(offset), bool(backwards)
 
 
-def _overlapped(
-    probe: Probe, target: Raster, offset: float, backwards: bool, upside_down: bool
-) -> Array:
+def _overlapped(probe: Probe, target: Raster, offset: float, backwards: bool) -> Array:
     """Mean of the source's cells over each of the target's, by solid angle."""
     height, width = target.shape
     rows = _edges(probe.height, probe.sampling)
@@ -108,9 +106,7 @@ def _overlapped(
         (k % probe.width, weight) for k, weight in _overlaps(twice, across, lambda a, b: b - a)
     )
     image = _means(turned, around, width).swapaxes(0, 1)
-    return np.ascontiguousarray(
-        image[:: -1 if upside_down else 1, :: -1 if backwards else 1],
-    )
+    return np.ascontiguousarray(image[:, ::-1] if backwards else image)
 
 
 def _means(image: Array, overlaps: Iterator[Overlap], count: int) -> Array:

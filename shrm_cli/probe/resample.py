@@ -31,6 +31,8 @@ MAX_PIXELS = 2**27
 """Of the source: 1.6 GB as float32, twice while it is read."""
 
 _MIN_SIZE: dict[Grid, int] = {"latlong": 2, "cube": 1, "angular": 3}
+_FINER = 0.75
+"""Pixels of about the source's size could still miss its small lights; smaller ones cannot."""
 _SAMPLES_AT_ONCE = 2**18
 _BRIGHT = 16.0
 """Times the mean radiance; at most 1 / 16 of the sphere is brighter."""
@@ -152,9 +154,10 @@ def _resample(probe: Probe, target: Raster, progress: Progress | None) -> Array:
     if image is not None:
         return image
     source = Raster.of(probe)
-    parts = int(np.ceil(source.resolution / target.resolution))
-    if parts <= 1:
-        return _sampled(probe.image(), probe, target, 1, progress)
+    ratio = source.resolution / target.resolution
+    parts = max(int(np.ceil(ratio)), 1)
+    if ratio < _FINER:
+        return _sampled(probe.image(), probe, target, parts, progress)
     image = reduce_latlong(probe, target)
     if image is None:
         whole = probe.image()

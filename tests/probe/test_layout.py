@@ -141,3 +141,25 @@ def test_other_layouts_use_every_cell(name):
     image = np.ones((24, 24, 3))
     layout.clear_unused(image, name)
     assert image.min() == 1
+
+
+@pytest.mark.parametrize("orientation", ["openexr", "gl"])
+@pytest.mark.parametrize("name", ["openexr", "strip", "hcross", "vcross", "faces"])
+def test_arranging_undoes_stacking(name, orientation, rng):
+    stack = rng.uniform(size=(30, 5, 3)).astype(np.float32)
+    image = layout.arrange_faces(stack, name, orientation)
+    assert image.dtype == stack.dtype
+    np.testing.assert_array_equal(layout.stack_faces(image, name, orientation), stack)
+    again = layout.arrange_faces(layout.stack_faces(image, name, orientation), name, orientation)
+    np.testing.assert_array_equal(again, image)
+
+
+@pytest.mark.parametrize("orientation", ["openexr", "gl"])
+@pytest.mark.parametrize("name", ["openexr", "strip", "hcross", "vcross", "faces"])
+def test_faces_are_arranged_texel_by_texel(name, orientation):
+    stack = scenes.cube_faces(5, "center", "openexr", lambda directions: 2 + directions)
+    faces = scenes.cube_faces(5, "center", orientation, lambda directions: 2 + directions)
+    found = layout.arrange_faces(stack.reshape(30, 5, 3), name, orientation)
+    np.testing.assert_array_equal(
+        found, scenes.arrange(faces, "openexr" if name == "faces" else name)
+    )
