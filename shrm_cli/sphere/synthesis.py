@@ -68,37 +68,52 @@ def synthesize_cube(
     step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 8 * size * (order + 1)))
     for start in range(0, maps, step):
         part = slice(start, start + step)
-        for series, faces in ((coefficients, _ALONG_Z), (turned, _ALONG_X)):
-            fourier: Array = fourier_from_harmonics(series[:, part]).astype(dtype)
-            _fill_faces(fourier, faces, nodes(size, sampling), result[part])
+        fourier: list[Array] = [
+            fourier_from_harmonics(series[:, part]).astype(dtype)
+            for series in (coefficients, turned)
+        ]
+        _fill_faces(fourier, nodes(size, sampling), result[part])
     return result.reshape(maps, 6 * size, size)
 
 
-def _fill_faces(
-    fourier: Array, faces: tuple[tuple[int, str, bool, bool], ...], s: Array, result: Array
-) -> None:
-    """Evaluate the faces whose rows are meridians of `fourier` into `result`, (maps, 6, N, N)."""
-    maps, size = len(result), len(s)
-    half = s[size // 2 :]  # s >= 0; the rest is its mirror image
-    symmetric, antisymmetric = _meridians(fourier, [face[0] for face in faces], half)
-    block = len(faces) * 2 * maps * len(half) * result.itemsize
+def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
+    """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums."""
+    half = s[len(s) // 2 :]  # s >= 0; the rest is its mirror image
+    parts = [
+        (faces, *_meridians(series, [face[0] for face in faces], half))
+        for series, faces in zip(fourier, (_ALONG_Z, _ALONG_X), strict=True)
+    ]
+    block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
     step = max(1, _CACHED_BYTES // block)
     for start in range(0, len(half), step):
         rows = slice(start, start + step)
-        same, opposite = _waves(fourier.shape[1], half[rows], half)
-        shape = (len(same), len(faces), 2, maps, len(half))
-        even = (symmetric[rows] @ same.astype(result.dtype)).reshape(shape)
-        odd = (antisymmetric[rows] @ opposite.astype(result.dtype)).reshape(shape)
-        at = np.arange(start, start + len(same))
-        for k, (_, name, s_falls, t_falls) in enumerate(faces):
-            for side, column in ((0, size // 2 + at), (1, len(half) - 1 - at)):
-                row = size - 1 - column if s_falls else column
-                target = result[:, FACES.index(name), _span(row)].transpose(1, 0, 2)
-                if t_falls:
-                    target = target[..., ::-1]
-                np.add(even[:, k, side], odd[:, k, side], out=target[..., size // 2 :])
-                mirrored = target[..., len(half) - 1 :: -1]
-                np.subtract(even[:, k, side], odd[:, k, side], out=mirrored)
+        same, opposite = (
+            waves.astype(result.dtype) for waves in _waves(fourier[0].shape[1], half[rows], half)
+        )
+        for faces, symmetric, antisymmetric in parts:
+            even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
+            _store_rows(even, odd, faces, start, result)
+
+
+def _store_rows(
+    even: Array, odd: Array, faces: tuple[tuple[int, str, bool, bool], ...], start: int,
+    result: Array,
+) -> None:  # fmt: skip
+    """Add symmetric and antisymmetric parts, and their mirror images, into the rows of faces."""
+    maps, size = len(result), result.shape[-1]
+    half = even.shape[-1]
+    shape = (len(even), len(faces), 2, maps, half)
+    even, odd = even.reshape(shape), odd.reshape(shape)
+    at = np.arange(start, start + len(even))
+    for k, (_, name, s_falls, t_falls) in enumerate(faces):
+        for side, column in ((0, size // 2 + at), (1, half - 1 - at)):
+            row = size - 1 - column if s_falls else column
+            target = result[:, FACES.index(name), _span(row)].transpose(1, 0, 2)
+            if t_falls:
+                target = target[..., ::-1]
+            np.add(even[:, k, side], odd[:, k, side], out=target[..., size // 2 :])
+            mirrored = target[..., half - 1 :: -1]
+            np.subtract(even[:, k, side], odd[:, k, side], out=mirrored)
 
 
 def _span(indices: NDArray[np.intp]) -> slice:
@@ -151,14 +166,14 @@ def _waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
     """
     theta = np.arctan2(np.hypot(1.0, s)[:, None], t)
     step = np.exp(1j * theta)
-    powers = np.empty((len(s), count, len(t)), dtype=complex)
-    powers[:, 0] = 1
+    powers = np.empty((count, len(s), len(t)), dtype=complex)
+    powers[0] = 1
     for k in range(1, count):
-        np.multiply(powers[:, k - 1], step, out=powers[:, k])
+        np.multiply(powers[k - 1], step, out=powers[k])
     cosine, sine = powers.real, powers.imag
     return (
-        np.concatenate([cosine[:, 0::2], sine[:, 1::2]], axis=1),
-        np.concatenate([cosine[:, 1::2], sine[:, 0::2]], axis=1),
+        np.concatenate([cosine[0::2], sine[1::2]]).transpose(1, 0, 2),
+        np.concatenate([cosine[1::2], sine[0::2]]).transpose(1, 0, 2),
     )
 
 
