@@ -216,7 +216,7 @@ def test_newer_files_ask_for_a_newer_shrm(damaged, version):
 
 
 def test_other_representations(damaged):
-    refused(damaged({"shrm:representation": "cabral"}), "'cabral'", "cannot read")
+    refused(damaged({"shrm:representation": "product"}), "'product'", "cannot read")
 
 
 def plane(value=0.5, dtype=np.float16):

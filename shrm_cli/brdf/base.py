@@ -102,7 +102,7 @@ def grey(value: Array) -> Array:
     return np.broadcast_to(value[..., None], (*value.shape, 3))
 
 
-def scaled(values: Array, factor: Array) -> Array:
+def scaled(values: Array, factor: Array | NDArray[np.bool_]) -> Array:
     """RGB values (..., 3) times a factor (...); grey values stay a broadcast view."""
     if values.strides[-1] == 0:
         return grey(values[..., 0] * factor)

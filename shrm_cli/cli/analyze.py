@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from shrm_cli.cli.options import (
+    brdf_option,
     make_read_options,
     print_json,
     progress_bar,
@@ -18,7 +19,7 @@ from shrm_cli.cli.options import (
     report_options,
     warn,
 )
-from shrm_cli.cli.types import AzimuthElevation, Fraction
+from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,18 +34,8 @@ _NO_CHARTS = "matplotlib is not installed, so no charts are drawn; pip install '
 _LEAST_ROWS = 128  # of the light that the truth integrates
 
 
-def _stops(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    # FloatRange lets NaN through.
-    if value is not None and not -32 <= value <= 32:
-        raise click.BadParameter(f"{value:g} is not in the range -32 .. 32 stops")
-    return value
-
-
 @click.command()
-@click.option(
-    "--brdf", "spec", metavar="SPEC", required=True,
-    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
-)  # fmt: skip
+@brdf_option
 @click.option(
     "--probe", type=click.Path(), metavar="PROBE",
     help="Light probe, for the accuracy of the reflected light and pictures of it.",
@@ -78,7 +69,7 @@ def _stops(ctx: click.Context, param: click.Parameter, value: float | None) -> f
     "or the probe's own if it has no more]",
 )  # fmt: skip
 @click.option(
-    "--exposure", type=float, metavar="EV", callback=_stops,
+    "--exposure", type=STOPS, metavar="EV",
     help="Stops: the pictures are multiplied by 2^EV.  [default: highlights come out white]",
 )  # fmt: skip
 @click.option(

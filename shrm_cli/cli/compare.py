@@ -13,6 +13,7 @@ import click
 from click.core import ParameterSource
 
 from shrm_cli.cli.options import (
+    exposure_option,
     make_read_options,
     print_json,
     progress_bar,
@@ -20,7 +21,7 @@ from shrm_cli.cli.options import (
     report_options,
     warn,
 )
-from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.types import AzimuthElevation, Within
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,17 +30,6 @@ if TYPE_CHECKING:
 
 _VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
-
-
-def _within(low: float, high: float) -> Callable[..., float]:
-    """A check of an option; FloatRange would let NaN through."""
-
-    def check(ctx: click.Context, param: click.Parameter, value: float) -> float:
-        if not low <= value <= high:
-            raise click.BadParameter(f"{value:g} is not in the range {low:g} .. {high:g}")
-        return value
-
-    return check
 
 
 @click.command()
@@ -64,14 +54,9 @@ def _within(low: float, high: float) -> Callable[..., float]:
     "--size", type=click.IntRange(16, 2048), default=128, show_default=True,
     help="Width and height of a sphere's picture, pixels.",
 )  # fmt: skip
+@exposure_option
 @click.option(
-    "--exposure", type=float, metavar="EV", default=0.0, show_default=True,
-    callback=_within(-32, 32),
-    help="Stops: the picture is multiplied by 2^EV, in EXR too. The numbers are not.",
-)  # fmt: skip
-@click.option(
-    "--amplify", type=float, metavar="X", default=1.0, show_default=True,
-    callback=_within(1e-6, 1e6),
+    "--amplify", type=Within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
     help="Factor of the difference images.",
 )  # fmt: skip
 @click.option(

@@ -12,6 +12,7 @@ from shrm_cli.cli.options import (
     REPRESENTATIONS,
     compression,
     make_read_options,
+    precision_option,
     print_json,
     progress_bar,
     read_options,
@@ -50,10 +51,7 @@ _SAMPLINGS = click.Choice(["center", "border"])
     help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
 )  # fmt: skip
 @click.option("--to-sampling", type=_SAMPLINGS, help="Where the edge pixels to write lie.")
-@click.option(
-    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
-    show_default=True, help="Pixel type; auto is float where half would overflow.",
-)  # fmt: skip
+@precision_option
 @click.option("--sampling", type=_SAMPLINGS, help="Where the edge pixels of a probe lie.")
 @read_options
 @report_options

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import threads
-from shrm_cli.cli.types import Components
+from shrm_cli.cli.types import STOPS, Components
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +23,24 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 REPRESENTATIONS = ("shrm", "cabral", "kautz-mccool", "lightfield")
 LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
+
+
+brdf_option = click.option(
+    "--brdf", "spec", metavar="SPEC", required=True,
+    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
+)  # fmt: skip
+exposure_option = click.option(
+    "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
+    help="Stops: pictures are multiplied by 2^EV, in EXR too.",
+)  # fmt: skip
+precision_option = click.option(
+    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
+    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
+)  # fmt: skip
+probe_sampling_option = click.option(
+    "--sampling", type=click.Choice(["center", "border"]),
+    help="Where edge pixels of the probe lie.",
+)  # fmt: skip
 
 
 def _apply(command: Command, options: list[Callable[[Command], Command]]) -> Command:
@@ -50,7 +68,7 @@ def report_options(command: Command) -> Command:
                 callback=_limit_threads,
                 expose_value=False,
                 is_eager=True,
-                help="Threads for image files; arithmetic takes one.  [default: all processors]",
+                help="Threads for image files and integrals; the rest takes one.  [default: all]",
             ),
         ],
     )

@@ -8,8 +8,10 @@ import click
 
 from shrm_cli.cli.options import (
     REPRESENTATIONS,
+    brdf_option,
     compression,
     make_read_options,
+    precision_option,
     print_json,
     progress_bar,
     read_options,
@@ -25,10 +27,7 @@ _SAMPLINGS = click.Choice(["center", "border"])
 
 @click.command()
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@click.option(
-    "--brdf", "spec", metavar="SPEC", required=True,
-    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
-)  # fmt: skip
+@brdf_option
 @click.option(
     "--to", "representation", type=click.Choice(REPRESENTATIONS), default="shrm",
     show_default=True, help="Representation to write.",
@@ -55,10 +54,7 @@ _SAMPLINGS = click.Choice(["center", "border"])
 @click.option(
     "--size", type=click.IntRange(4, 4096), help="Texels along a face's edge.  [default: from F]"
 )
-@click.option(
-    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
-    show_default=True, help="Pixel type; auto is float where half would overflow.",
-)  # fmt: skip
+@precision_option
 @click.option(
     "-o", "--output", type=click.Path(),
     help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",

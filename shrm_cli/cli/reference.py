@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import click
 
 from shrm_cli.cli.options import (
+    brdf_option,
+    exposure_option,
     make_read_options,
+    precision_option,
     print_json,
+    probe_sampling_option,
     progress_bar,
     read_options,
     report_options,
@@ -20,19 +23,9 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.types import AzimuthElevation
 
 
-def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
-    # FloatRange lets NaN through.
-    if not (math.isfinite(value) and -32 <= value <= 32):
-        raise click.BadParameter(f"{value:g} is not in the range -32 .. 32 stops")
-    return value
-
-
 @click.command()
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@click.option(
-    "--brdf", "spec", metavar="SPEC", required=True,
-    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
-)  # fmt: skip
+@brdf_option
 @click.option(
     "-o", "--output", type=click.Path(),
     help="PNG or EXR to write.  [default: PROBE.BRDF.reference.exr in the current folder]",
@@ -45,22 +38,13 @@ def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
     "--size", type=click.IntRange(16, 8192), default=128, show_default=True,
     help="Width and height of the picture, pixels.",
 )  # fmt: skip
-@click.option(
-    "--exposure", type=float, metavar="EV", default=0.0, show_default=True, callback=_stops,
-    help="Stops: the radiance is multiplied by 2^EV, in EXR too.",
-)  # fmt: skip
+@exposure_option
 @click.option(
     "--source-height", type=click.IntRange(2, 8192), metavar="H",
     help="Average the probe down to a lat-long of this height first.  [default: all its pixels]",
 )  # fmt: skip
-@click.option(
-    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
-    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
-)  # fmt: skip
-@click.option(
-    "--sampling", type=click.Choice(["center", "border"]),
-    help="Where edge pixels of the probe lie.",
-)  # fmt: skip
+@precision_option
+@probe_sampling_option
 @read_options
 @report_options
 def reference(

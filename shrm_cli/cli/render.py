@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.options import (
+    exposure_option,
     make_read_options,
+    precision_option,
     print_json,
+    probe_sampling_option,
     progress_bar,
     read_options,
     report_options,
@@ -23,13 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from shrm_cli.maps.representations import Map
-
-
-def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
-    # FloatRange lets NaN through.
-    if not (math.isfinite(value) and -32 <= value <= 32):
-        raise click.BadParameter(f"{value:g} is not in the range -32 .. 32 stops")
-    return value
 
 
 @click.command()
@@ -46,10 +41,7 @@ def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
     "--size", type=click.IntRange(16, 8192), default=512, show_default=True,
     help="Width and height of a sphere's picture, pixels.",
 )  # fmt: skip
-@click.option(
-    "--exposure", type=float, metavar="EV", default=0.0, show_default=True, callback=_stops,
-    help="Stops: the radiance is multiplied by 2^EV, in EXR too.",
-)  # fmt: skip
+@exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
     help="Light probe to show behind the sphere, 50 degrees across.  [default: black]",
@@ -62,14 +54,8 @@ def _stops(ctx: click.Context, param: click.Parameter, value: float) -> float:
     "--columns", type=click.IntRange(1), metavar="N",
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
-@click.option(
-    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
-    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
-)  # fmt: skip
-@click.option(
-    "--sampling", type=click.Choice(["center", "border"]),
-    help="Where edge pixels of the background's probe lie.",
-)  # fmt: skip
+@precision_option
+@probe_sampling_option
 @read_options
 @report_options
 def render(

@@ -23,6 +23,31 @@ class Fraction(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 
         return number
 
 
+class Within(click.ParamType):  # type: ignore[type-arg]
+    """A number between two others, which may be taken; FloatRange would let NaN through."""
+
+    name = "number"
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low, self.high = low, high
+
+    def convert(
+        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """A float within the range."""
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number", param, ctx)
+        if not self.low <= number <= self.high:
+            self.fail(f"{number:g} is not in the range {self.low:g} .. {self.high:g}", param, ctx)
+        return number
+
+
+STOPS = Within(-32, 32)
+"""An exposure value."""
+
+
 class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
     """A direction ``AZ,EL`` in degrees: azimuth from +Z towards +X about +Y, elevation up."""
 

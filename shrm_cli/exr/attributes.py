@@ -60,7 +60,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
 
 def has_map_attributes(spec: Any) -> bool:
     """Whether an image says that it is a map."""
-    return bool(spec.get_string_attribute("shrm:representation"))
+    return isinstance(spec.getattribute("shrm:representation"), str)
 
 
 def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
@@ -70,8 +70,8 @@ def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
     ------
     MapError
     """
-    found = spec.get_string_attribute("shrm:representation")
-    if not found:
+    found = spec.getattribute("shrm:representation")
+    if not isinstance(found, str) or not found:
         raise MapError(f"{path}: an image, but not a map; shrm prefilter makes maps")
     version = spec.getattribute("shrm:version")
     if isinstance(version, int) and version > VERSION:

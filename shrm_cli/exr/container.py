@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -122,7 +123,8 @@ def open_image(path: str | os.PathLike[str]) -> Any:
         source = oiio.ImageInput.open(os.fspath(path))
     except TypeError:  # a name that is not UTF-8
         return None
-    oiio.geterror()
+    with suppress(UnicodeDecodeError):
+        oiio.geterror()
     return source
 
 
@@ -132,7 +134,8 @@ def part_specs(source: Any) -> Iterator[Any]:
     while source.seek_subimage(index, 0):
         yield source.spec()
         index += 1
-    source.geterror()
+    with suppress(UnicodeDecodeError):
+        source.geterror()
 
 
 def read_pixels(path: str | os.PathLike[str], source: Any, part: int) -> Array:

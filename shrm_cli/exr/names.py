@@ -1,6 +1,7 @@
-"""Names of channels and parts."""
+"""Names of channels and parts, and what says which view a part is."""
 
 from math import isqrt
+from typing import Any
 
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.kautz_mccool import KautzMcCool
@@ -32,3 +33,10 @@ def part_names(kind: type[ExplicitMap], count: int) -> list[str]:
         return [f"view{j:02d}_{k:02d}" for j in side for k in side]
     word = "slice" if issubclass(kind, KautzMcCool) else "view"
     return [f"{word}{k:02d}" for k in range(count)]
+
+
+def view_attributes(kind: type[ExplicitMap], count: int) -> list[dict[str, Any]]:
+    """Of an explicit map: the sample of the view that each part belongs to."""
+    if issubclass(kind, KautzMcCool):
+        return [{"shrm:theta_o": float(theta)} for theta in kind.view_angles(count)]
+    return [{"shrm:view": tuple(map(float, view))} for view in kind.sample_views(count)]

@@ -14,7 +14,13 @@ from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import has_map_attributes, map_info, read_attributes
 from shrm_cli.exr.container import open_image, open_map, part_specs, read_pixels
 from shrm_cli.exr.layout import Arrangement
-from shrm_cli.exr.names import COLOURS, component_channels, part_names, shrm_channels
+from shrm_cli.exr.names import (
+    COLOURS,
+    component_channels,
+    part_names,
+    shrm_channels,
+    view_attributes,
+)
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.representations import EXPLICIT, Map
@@ -35,6 +41,8 @@ def read_map(path: str | os.PathLike[str]) -> Map:
     name = stored.attributes["representation"]
     if name in EXPLICIT:
         return _read_explicit(stored, EXPLICIT[name])
+    if len(stored.specs) > 1:
+        raise MapError(f"{path}: {len(stored.specs)} parts, but an SHRM has one; make it again")
     if stored.specs[0].get_string_attribute("shrm:pca_matrix"):
         return _read_compressed(stored)
     return _read_shrm(stored)
@@ -115,7 +123,16 @@ def _read_shrm(stored: _Stored) -> Shrm:
     coefficients = np.zeros((6 * stored.size, stored.size, len(every)), dtype=np.float32)
     coefficients[..., [every.index(name) for name in names]] = stored.stack(0, names)
     shaped = coefficients.reshape(*coefficients.shape[:2], -1, 3)
-    return Shrm(shaped, stored.attributes["frame"], **stored.common())
+    found = Shrm(shaped, stored.attributes["frame"], **stored.common())
+    _check_resampling(stored, found.azimuth_free)
+    return found
+
+
+def _check_resampling(stored: _Stored, is_zonal: bool) -> None:
+    """Refuse local axes on a lat-long: they turn from pixel to pixel."""
+    is_local = stored.attributes["frame"] == "local"
+    if stored.arrangement.layout == "latlong" and is_local and not is_zonal:
+        raise MapError(f"{stored.path}: a local map cannot be a lat-long; make it again")
 
 
 def _read_compressed(stored: _Stored) -> CompressedShrm:
@@ -130,6 +147,7 @@ def _read_compressed(stored: _Stored) -> CompressedShrm:
     _check_channels(stored, 0, names, f"an SHRM compressed to {len(matrix)} components")
     if matrix.shape[1] * 18 * stored.size**2 > MAX_VALUES:
         raise MapError(f"{stored.path}: its coefficients are too many to load")
+    _check_resampling(stored, is_zonal=False)
     components = stored.stack(0, names).reshape(6 * stored.size, stored.size, -1, 3)
     return CompressedShrm(components, matrix, stored.attributes["frame"], **stored.common())
 
@@ -159,11 +177,22 @@ def _read_explicit(stored: _Stored, kind: type[ExplicitMap]) -> ExplicitMap:
     if stored.attributes["frame"] != kind.frame:
         raise MapError(f"{stored.path}: a {kind.representation} map is {kind.frame}; make it again")
     images = np.empty((count, 3, 6 * stored.size, stored.size), dtype=np.float32)
+    views = view_attributes(kind, count)
     for index, name in enumerate(wanted):
         part = names.index(name)
+        for attribute, view in views[index].items():
+            if not _is_near(stored.specs[part].getattribute(attribute), view):
+                raise MapError(f"{stored.path}: the {attribute} of its part {name} is wrong")
         _check_channels(stored, part, list(COLOURS), f"a {kind.representation} map")
         images[index] = np.moveaxis(stored.stack(part, list(COLOURS)), -1, 0)
     return kind(images.transpose(0, 2, 3, 1), **stored.common())
+
+
+def _is_near(found: Any, expected: Any) -> bool:
+    """Whether an attribute holds the numbers that it should."""
+    expected, found = np.atleast_1d(expected), np.atleast_1d(found)
+    is_number = np.issubdtype(found.dtype, np.floating) and found.shape == expected.shape
+    return bool(is_number and np.allclose(found, expected, atol=1e-5))
 
 
 def _part_name(spec: Any) -> str:

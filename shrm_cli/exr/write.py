@@ -2,7 +2,6 @@
 
 import json
 import os
-from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -12,7 +11,13 @@ from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import common_header
 from shrm_cli.exr.container import Part, write_parts
 from shrm_cli.exr.layout import Arrangement
-from shrm_cli.exr.names import COLOURS, component_channels, part_names, shrm_channels
+from shrm_cli.exr.names import (
+    COLOURS,
+    component_channels,
+    part_names,
+    shrm_channels,
+    view_attributes,
+)
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.kautz_mccool import KautzMcCool
@@ -98,7 +103,7 @@ def _encode_explicit(reflection_map: ExplicitMap) -> list[Part]:
     return [
         Part({c: image[..., k] for k, c in enumerate(COLOURS)}, {"name": name, **header, **view})
         for name, view, image in zip(
-            part_names(kind, count), _view_attributes(kind, count), reflection_map.images,
+            part_names(kind, count), view_attributes(kind, count), reflection_map.images,
             strict=True,
         )
     ]  # fmt: skip
@@ -108,12 +113,6 @@ def _channels(names: list[str], values: Array) -> dict[str, Array]:
     """Planes of values (6N, N, maps, 3) by name."""
     flat = [values[..., index, k] for index in range(values.shape[2]) for k in range(3)]
     return dict(zip(names, flat, strict=True))
-
-
-def _view_attributes(kind: type[ExplicitMap], count: int) -> list[dict[str, Any]]:
-    if issubclass(kind, KautzMcCool):
-        return [{"shrm:theta_o": float(theta)} for theta in kind.view_angles(count)]
-    return [{"shrm:view": tuple(map(float, view))} for view in kind.sample_views(count)]
 
 
 def _arranged(part: Part, arrangement: Arrangement) -> Part:

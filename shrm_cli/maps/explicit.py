@@ -18,17 +18,19 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm import MAX_VALUES, Frame, Shrm
 from shrm_cli.sphere.cube import cube_solid_angles
-from shrm_cli.sphere.directions import from_angles, reflect
-from shrm_cli.sphere.grids import Sampling, gauss_legendre
-from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.directions import reflect
+from shrm_cli.sphere.grids import Sampling, spiral_directions
+from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.sampling import CubeSampler
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.intp]
 
 _RANK_TOLERANCE = 1e-6
-_RINGS = 48
-"""Of views at which the error of interpolating is measured; twice as many on each."""
+_VIEWS = 4096
+"""At which the error of interpolating is measured."""
+_NOISE = 0.02
+"""Part of an error that rounding the images to half can feign."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,8 @@ class ExplicitMap(ABC):
         basis = cls.basis(shrm.order_p, count).astype(planes.dtype)
         flat = basis @ planes.reshape(len(planes), -1)
         images = flat.reshape(count, *planes.shape[1:]).transpose(0, 2, 3, 1)
-        info = replace(shrm.info, added_error=cls._added_error(source, count))
+        added = np.hypot(shrm.info.added_error, cls._added_error(source, count))
+        info = replace(shrm.info, added_error=float(added))
         return cls(images, shrm.center, info, shrm.sampling)
 
     def to_shrm(self, order_p: int | None = None) -> Shrm:
@@ -182,21 +185,27 @@ class ExplicitMap(ABC):
         """
         basis = self._fit_basis(order_p)
         weights = np.sqrt(self.view_weights(self.count))[:, None]
-        inverse = np.linalg.pinv(basis * weights, rcond=_RANK_TOLERANCE) * weights.T
+        held = np.abs(basis).max(axis=0) > 0
+        inverse = np.zeros(basis.T.shape)
+        inverse[held] = np.linalg.pinv(basis[:, held] * weights, rcond=_RANK_TOLERANCE) * weights.T
         planes = np.moveaxis(self.images, 3, 1)
         flat = planes.reshape(self.count, -1)
         coefficients = inverse.astype(flat.dtype) @ flat
         rest = self._norm((flat - basis.astype(flat.dtype) @ coefficients).reshape(planes.shape))
         whole = self._norm(planes)
-        order = int(np.sqrt(basis.shape[1])) - 1
         info = replace(
             self.info,
-            order_p=order,
+            order_p=order_of(len(coefficients)),
             fit_residual=rest / whole if whole > 0 else 0.0,
-            added_error=self._lost_error(),
         )
         shaped = coefficients.reshape(-1, *planes.shape[1:]).transpose(2, 3, 0, 1)
-        return Shrm(shaped, self.frame, self.center, info, self.sampling)
+        fitted = Shrm(shaped, self.frame, self.center, info, self.sampling)
+        # The fit takes back what interpolating added, but nothing else.
+        total, own = self.info.added_error, self._added_error(fitted, self.count)
+        left = np.sqrt(max(total**2 - own**2, 0.0))
+        return replace(
+            fitted, info=replace(info, added_error=float(left) if left > _NOISE * total else 0.0)
+        )
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance, interpolated between the samples of the view.
@@ -215,14 +224,17 @@ class ExplicitMap(ABC):
         shape = np.broadcast_shapes(centers.shape, views.shape)[:-1]
         centers = np.broadcast_to(centers, (*shape, 3)).reshape(-1, 3)
         indices, weights = self.blend(centers.reshape(*shape, 3), views, self.count)
-        blended = (len(centers), indices.shape[-1])
-        indices = np.broadcast_to(indices, (*shape, blended[1])).reshape(blended)
-        weights = np.broadcast_to(weights, (*shape, blended[1])).reshape(blended)
+        neighbours = indices.shape[-1]
+        indices = np.broadcast_to(indices, (*shape, neighbours)).ravel()
+        weights = np.broadcast_to(weights, (*shape, neighbours)).ravel()
+        order = np.argsort(indices, kind="stable")
+        order = order[weights[order] != 0]
+        used, starts = np.unique(indices[order], return_index=True)
         result = np.zeros((len(centers), 3))
-        for index in np.unique(indices[weights != 0]):
-            share = np.where(indices == index, weights, 0.0).sum(axis=1)
-            at = np.nonzero(share)[0]
-            result[at] += share[at, None] * self._sampler(int(index))(centers[at])
+        for index, pairs in zip(used, np.split(order, starts[1:]), strict=False):
+            points = pairs // neighbours
+            values = self._sampler(int(index))(centers[points])
+            np.add.at(result, points, weights[pairs, None] * values)
         return result.reshape(*shape, 3)
 
     # ---- inside ------------------------------------------------------------------------------
@@ -252,10 +264,6 @@ class ExplicitMap(ABC):
         squares = np.einsum("kcij,kcij,ij->k", planes, planes, texels, dtype=float)
         return float(np.sqrt(squares @ self.view_weights(self.count)))
 
-    def _lost_error(self) -> float:
-        """What a fit cannot bring back of the SHRM that the map was made from."""
-        return 0.0
-
     @classmethod
     def _added_error(cls, source: Shrm, count: int) -> float:
         """Relative RMS, over all views and texels, of what interpolating adds to an SHRM.
@@ -263,17 +271,14 @@ class ExplicitMap(ABC):
         The interpolated harmonics differ by ``e(V)`` from the true ones, and the light by their
         product with the coefficients, of which only the second moments over the texels matter.
         """
-        cosines, weights = gauss_legendre(_RINGS)
-        phi = 2 * np.pi * np.arange(2 * _RINGS) / (2 * _RINGS)
-        views = from_angles(np.arccos(cosines)[:, None], phi).reshape(-1, 3)
+        views = spiral_directions(_VIEWS)
         indices, shares = cls.blend(np.array([0.0, 0.0, 1.0]), views, count)
         basis = cls.basis(source.order_p, count)
         exact = real_harmonics(source.order_p, views)
         error = np.einsum("vk,vkn->vn", shares, basis[indices]) - exact
         moments = second_moments(source)
-        ring = np.repeat(weights, 2 * _RINGS)
-        wrong = np.einsum("vi,ij,vj,v->", error, moments, error, ring, optimize=True)
-        whole = np.einsum("vi,ij,vj,v->", exact, moments, exact, ring, optimize=True)
+        wrong = np.sum((error @ moments) * error)
+        whole = np.sum((exact @ moments) * exact)
         return float(np.sqrt(max(wrong, 0.0) / whole)) if whole > 0 else 0.0
 
 

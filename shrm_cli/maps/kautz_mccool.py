@@ -63,6 +63,3 @@ class KautzMcCool(ExplicitMap):
         rest = position - first
         indices = np.stack([first, np.minimum(first + 1, count - 1)], axis=-1)
         return indices, np.stack([1 - rest, rest], axis=-1)
-
-    def _lost_error(self) -> float:
-        return self.info.added_error  # the azimuth is gone for good

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.errors import MapError
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.representations import Map
-from shrm_cli.maps.shrm import Shrm, check_size
+from shrm_cli.maps.shrm import MAX_SIZE, Shrm, check_size
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grids import Sampling
 from shrm_cli.sphere.sampling import CubeSampler
@@ -32,12 +33,14 @@ def resample(reflection_map: Map, size: int | None, sampling: Sampling | None) -
         If the result would be too large.
     """
     size = reflection_map.size if size is None else size
+    if size > MAX_SIZE:
+        raise MapError(f"a map of size {size} is larger than {MAX_SIZE}; lower --size")
     sampling = sampling or reflection_map.sampling
     if (size, sampling) == (reflection_map.size, reflection_map.sampling):
         return reflection_map
-    directions = cube_directions(size, sampling)
     if isinstance(reflection_map, ExplicitMap):
         reflection_map.check_memory(size, reflection_map.count)
+        directions = cube_directions(size, sampling)
         images = [
             CubeSampler(image, reflection_map.sampling)(directions)
             for image in reflection_map.images
@@ -52,7 +55,7 @@ def resample(reflection_map: Map, size: int | None, sampling: Sampling | None) -
     # Local frames turn from texel to texel; only global coefficients can be filtered.
     source = reflection_map.to_frame("global").coefficients
     flat = source.reshape(*source.shape[:2], -1)
-    moved = CubeSampler(flat, reflection_map.sampling)(directions)
+    moved = CubeSampler(flat, reflection_map.sampling)(cube_directions(size, sampling))
     shaped = moved.reshape(*moved.shape[:2], *source.shape[2:])
     result = replace(reflection_map, coefficients=shaped, frame="global", sampling=sampling)
     return result.to_frame(reflection_map.frame)

@@ -74,7 +74,7 @@ class ImageFile:
         source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
             raise ProbeError(
-                f"{path}: not an image that can be read ({_reason(oiio.geterror(), path)}); "
+                f"{path}: not an image that can be read ({_reason(_last_error(), path)}); "
                 "copy or export it again"
             )
         spec, file_format = source.spec(), source.format_name()
@@ -261,6 +261,13 @@ def _colour_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
         f"{path}: no R, G and B channels, nor a single one, among {', '.join(names[:8])}; "
         "export it as RGB"
     )
+
+
+def _last_error() -> str:
+    try:
+        return str(oiio.geterror())
+    except UnicodeDecodeError:  # the library quotes the file's bytes
+        return "damaged"
 
 
 def _reason(message: str, path: Path) -> str:

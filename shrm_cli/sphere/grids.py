@@ -166,3 +166,24 @@ def angular_solid_angles(size: int, sampling: Sampling = "center") -> Array:
     weights[rim] = density.mean(axis=(1, 2)) * step**2
     weights[radius > 1] = 0  # samples outside the rim carry no radiance
     return weights * (4 * np.pi / weights.sum())
+
+
+def spiral_directions(count: int) -> Array:
+    """Directions spread evenly over the sphere, of equal weight, without any regular rows.
+
+    Sums over the rows of other grids resonate with functions that have rows of their own.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+
+    References
+    ----------
+    Gonzalez 2010, Measurement of areas on a sphere using Fibonacci and latitude-longitude
+    lattices.
+    """
+    k = np.arange(count)
+    z = (2 * k + 1) / count - 1
+    phi = k * (np.pi * (3 - np.sqrt(5)))
+    sine = np.sqrt(1 - z**2)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=-1)

@@ -145,8 +145,12 @@ def _methods(methods: Sequence[Method]) -> str:
 
 def _texels(size: int) -> str:
     if size == 52:
-        return "The texels of six such faces together are as many as the paper's maps have."
-    return ""
+        return (
+            "The texels of six such faces together are as many as the paper's maps have. So few "
+            "take the frequency side\nless time than what does not depend on them, the "
+            "coefficients of light and BRDF."
+        )
+    return "Both sides make the same texels."
 
 
 def _verdict(row: Timing) -> str:

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from shrm_cli.sphere.sampling import CubeSampler, sample_angular, sample_latlong
+from shrm_cli.sphere.sampling import (
+    CubeSampler,
+    sample_angular,
+    sample_latlong,
+    sample_latlong_cubic,
+)
 from tests import oracles
 
 ORDER = 6
@@ -233,3 +238,79 @@ def test_images_of_low_precision(rng):
     for dtype in (np.uint8, np.float16, np.float32):
         found = CubeSampler(levels.astype(dtype))(directions)
         np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+# ---- the cubic filter of a lat-long --------------------------------------------------------------
+
+
+def latlong_of(f, height):
+    return f(oracles.latlong_pixels(2 * height, height))
+
+
+def test_cubic_latlong_error_falls_with_the_third_power(rng):
+    """Everywhere: the poles and the seam too."""
+    f = make_function(rng)
+    for size in (32, 64, 128):
+        image = latlong_of(f, size)
+        for name, directions in places(rng).items():
+            found = np.abs(sample_latlong_cubic(image, directions) - f(directions)).max()
+            assert found < 2e-3 * (64 / size) ** 3, (name, size)
+
+
+def test_cubic_latlong_finds_its_pixels(rng):
+    f = make_function(rng, 9)
+    directions = oracles.latlong_pixels(20, 10)
+    found = sample_latlong_cubic(f(directions), directions)
+    np.testing.assert_allclose(found, f(directions), atol=1e-9)
+
+
+def test_cubic_latlong_is_catmull_rom(rng):
+    """Inside: the matrix of Catmull and Rom along rows, then along the column."""
+    image = rng.random((10, 20, 1))
+    basis = np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]) / 2
+    for row, column, down, along in ((4, 9, 0.3, 0.8), (2, 4, 0.5, 0.5), (6, 13, 0.01, 0.99)):
+        theta = np.pi * (row + down + 0.5) / 10
+        turn = 2 * np.pi * (0.5 - (column + along + 0.5) / 20)
+        direction = np.array(
+            [np.sin(theta) * np.sin(turn), np.cos(theta), np.sin(theta) * np.cos(turn)]
+        )
+        block = image[row - 1 : row + 3, column - 1 : column + 3, 0]
+        x, y = (np.array([1, f, f * f, f**3]) @ basis for f in (along, down))
+        found = sample_latlong_cubic(image, direction)
+        np.testing.assert_allclose(found, [y @ block @ x], atol=1e-12)
+
+
+def test_cubic_latlongs_have_no_seams(rng):
+    """Whatever the image: at longitude 180 degrees, and over the poles."""
+    image = rng.random((16, 32, 2))
+    y = np.linspace(-5, 5, 1000)
+    right, left = (np.stack([0 * y + x, y, 0 * y - 1], axis=-1) for x in (1e-9, -1e-9))
+    np.testing.assert_allclose(
+        sample_latlong_cubic(image, right), sample_latlong_cubic(image, left), atol=1e-6
+    )
+    for pole in (1.0, -1.0):
+        turn = np.linspace(-np.pi, np.pi, 101)
+        tiny = 1e-10 * np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=-1)
+        here, there = (sample_latlong_cubic(image, [0, pole, 0] + s * tiny) for s in (1, -1))
+        np.testing.assert_allclose(here, there, atol=1e-7)
+
+
+def test_cubic_latlong_beyond_the_pole(rng):
+    """At the pole: rows 0 and 1 and the same ones half a turn away, by (-1, 9, 9, -1) / 16."""
+    image = rng.random((8, 16, 1))
+    longitude = 2 * np.pi * (0.5 - (3 + 0.5) / 16)  # the centre of column 3
+    tiny = 1e-9
+    for pole, rows in ((1, (0, 1)), (-1, (7, 6))):
+        direction = np.array([tiny * np.sin(longitude), pole, tiny * np.cos(longitude)])
+        expected = sum(9 * image[rows[0], k] - image[rows[1], k] for k in (3, 11)) / 16
+        np.testing.assert_allclose(sample_latlong_cubic(image, direction), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("height", [2, 3, 4])
+def test_cubic_filter_of_tiny_constant_latlongs(rng, height):
+    """Where the filter is higher than the image, rows are met again."""
+    directions = np.concatenate([oracles.random_directions(rng, 500), np.eye(3), -np.eye(3)])
+    value = np.array([0.25, 3.0, 1e4], np.float32)
+    found = sample_latlong_cubic(np.tile(value, (height, 2 * height, 1)), directions)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, np.tile(value, (len(directions), 1)), rtol=1e-5)

@@ -1,0 +1,114 @@
+"""Maps on other cubes: as if they had been built there."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import MapError
+from shrm_cli.maps.cabral import Cabral
+from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.kautz_mccool import KautzMcCool
+from shrm_cli.maps.light_field import LightField
+from shrm_cli.maps.resample import resample
+from tests.brute_force import unit
+from tests.maps.scenes import make_shrm, normals_of, relative_rms, rms, uniform_points
+
+MAKERS = {
+    "shrm": lambda shrm: shrm,
+    "compressed": lambda shrm: CompressedShrm.from_shrm(shrm, 4),
+    "cabral": Cabral.from_shrm,
+    "kautz-mccool": lambda shrm: KautzMcCool.from_shrm(shrm, 4),
+    "lightfield": lambda shrm: LightField.from_shrm(shrm, 3),
+}
+
+
+def values_of(made):
+    return made.coefficients if hasattr(made, "coefficients") else made.images
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_same_cube_is_the_same_map(name):
+    made = MAKERS[name](make_shrm(size=4))
+    assert resample(made, None, None) is made
+    assert resample(made, 4, None) is made
+    assert resample(made, None, "center") is made
+    assert resample(made, 4, "center") is made
+
+
+@pytest.mark.parametrize(
+    ("sampling", "size", "to"),
+    [("center", 16, "center"), ("center", 64, "center"), ("center", 32, "border"),
+     ("border", 32, "center"), ("border", 17, "border"), ("border", 64, "border")],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "frame"),
+    [("shrm", "global"), ("shrm", "local"), ("cabral", "global"), ("kautz-mccool", "global"),
+     ("lightfield", "global")],
+)  # fmt: skip
+def test_as_if_built_there(name, frame, sampling, size, to):
+    """Degree F + P = 5 at 32 texels a face: the cubic filter's error."""
+    source = MAKERS[name](make_shrm(order_f=3, size=32, sampling=sampling, frame=frame))
+    truth = MAKERS[name](make_shrm(order_f=3, size=size, sampling=to, frame=frame))
+    found = resample(source, size, to)
+    assert type(found) is type(source)
+    assert (found.size, found.sampling, found.frame) == (size, to, truth.frame)
+    assert found.info == source.info
+    error = relative_rms(values_of(found), values_of(truth))
+    print(f"{name} {frame} {sampling} 32 -> {to} {size}: {error:.2e}")
+    assert error < 2e-4
+    worst = np.abs(values_of(found) - values_of(truth)).max() / rms(values_of(truth))
+    assert worst < 3e-3
+
+
+def test_errors_fall_with_the_third_power_of_the_size():
+    errors = [
+        relative_rms(
+            resample(make_shrm(order_f=3, size=size), 24, "center").coefficients,
+            make_shrm(order_f=3, size=24).coefficients,
+        )
+        for size in (10, 20, 40)
+    ]
+    assert errors[1] < errors[0] / 6
+    assert errors[2] < errors[1] / 6
+
+
+@pytest.mark.parametrize("frame", ["global", "local"])
+@pytest.mark.parametrize("count", [2, 9])
+def test_compressed_maps_keep_their_components(count, frame):
+    shrm = make_shrm(order_f=3, size=32, frame=frame)
+    made = CompressedShrm.from_shrm(shrm, count)
+    found = resample(made, 20, "border")
+    assert isinstance(found, CompressedShrm)
+    assert (found.count, found.size, found.sampling, found.frame) == (count, 20, "border", frame)
+    assert found.info == made.info
+    centers, views = unit(np.random.default_rng(51), 500), unit(np.random.default_rng(52), 500)
+    if frame == "local" and count < 9:
+        # Without some of its components a local map is not smooth where its frames turn, at +-Z.
+        centers = centers[np.abs(centers[:, 2]) < 0.95]
+        views = views[: len(centers)]
+    points = normals_of(centers, views), views
+    assert relative_rms(found.radiance(*points), made.radiance(*points)) < 1e-3
+
+
+@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_tiny_maps(name, size):
+    found = resample(MAKERS[name](make_shrm(order_f=1, order_p=1, size=4)), size, "border")
+    assert (found.size, found.sampling) == (size, "border")
+    assert np.isfinite(found.radiance(*uniform_points(20))).all()
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_size_is_bounded_before_anything_is_allocated(name):
+    made = MAKERS[name](make_shrm(size=2))
+    with pytest.raises(MapError, match="lower --size"):
+        resample(made, 3_000_000, None)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_precision_is_kept(name):
+    for dtype in (np.float32, np.float64):
+        made = resample(MAKERS[name](make_shrm(size=4, dtype=dtype)), 6, None)
+        if isinstance(made, CompressedShrm):
+            assert made.components.dtype == dtype
+        else:
+            assert values_of(made).dtype == dtype
