@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.bake import bake, bake_angular
+from shrm_cli.bake import bake
+from shrm_cli.bake.angular import bake_angular
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.probe.probe import open_probe

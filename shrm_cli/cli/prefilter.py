@@ -98,7 +98,7 @@ def prefilter(
     """
     import numpy as np
 
-    from shrm_cli.bake import bake, bake_angular
+    from shrm_cli.bake import bake
     from shrm_cli.brdf.spec import file_label, parse_spec
     from shrm_cli.exr import write_map
     from shrm_cli.files import check_target
@@ -122,6 +122,8 @@ def prefilter(
     }
     with progress_bar("reading" if domain == "frequency" else "integrating", quiet) as progress:
         if domain == "angular":
+            from shrm_cli.bake.angular import bake_angular
+
             made = bake_angular(
                 source, brdf, tolerance, source_height=source_height, progress=progress, **common
             )
