@@ -180,8 +180,9 @@ def _check_options(
 
 def _report(result: dict[str, Any]) -> str:
     size, maps, bound = result["size"], result["maps"], result["error_bound"]
+    unit = "components" if result["added_error"] else "coefficients"
     what = (
-        f"SHRM, 6 x {size} x {size} texels of {maps} coefficients"
+        f"SHRM, 6 x {size} x {size} texels of {maps} {unit}"
         if result["representation"] == "shrm"
         else f"{result['representation']} map, {maps} cubes of 6 x {size} x {size} texels"
     )
