@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, Center
+from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
-from shrm_cli.errors import OrderError
+from shrm_cli.errors import BrdfError, OrderError
 
 Array = NDArray[np.floating]
 
@@ -83,11 +84,74 @@ def choose_orders(
             f"{brdf!r}: tolerance {tolerance:g} cannot be met within F = {MAX_ORDER_F} and "
             f"P = {MAX_ORDER_P}; they reach {1 - captured[-1, -1]:.3g}, so ask for more than that"
         )
+    return least_orders(coefficients, tolerance, order_f, order_p), coefficients
+
+
+def least_orders(
+    coefficients: BrdfCoefficients,
+    tolerance: float,
+    order_f: int | None = None,
+    order_p: int | None = None,
+) -> Orders:
+    """Least P, then least F, that capture all but `tolerance` of the energy, as far as known.
+
+    Parameters
+    ----------
+    coefficients : BrdfCoefficients
+    tolerance : float
+    order_f, order_p : int, optional
+        Orders to use instead.
+    """
+    captured = coefficients.captured()
+    enough = captured >= 1 - tolerance
     p = _least(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
     # A forced P may be too small for the tolerance: then F keeps all but that much of its part.
     goal = (1 - tolerance) * (1 if enough[-1, p] else captured[-1, p])
     f = _least(captured[:, p] >= goal) if order_f is None else order_f
-    return Orders(f, p, tolerance, float(captured[f, p])), coefficients
+    return Orders(f, p, tolerance, float(captured[f, p]))
+
+
+def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]]:
+    """The BRDF about the central direction that needs the fewest coefficients (section 5.3.1).
+
+    Parameters
+    ----------
+    brdf : Brdf
+    tolerance : float
+        In (0, 1).
+
+    Returns
+    -------
+    brdf : Brdf
+    counts : dict
+        Coefficients that each centre would need; those where the tolerance cannot be met are
+        left out.
+
+    Raises
+    ------
+    OrderError, BrdfError
+        If it can be met with none.
+    """
+    candidates: list[Center] = ["reflection", "normal"]
+    if brdf.center == "tangent":
+        candidates = ["tangent"]
+    counts: dict[Center, int] = {}
+    refusal: Exception | None = None
+    for center in candidates:
+        try:
+            counts[center] = coefficient_count(*choose_orders(brdf.recentered(center), tolerance))
+        except (OrderError, BrdfError) as error:  # too sharp about this centre
+            refusal = error
+    if not counts:
+        raise refusal or OrderError(f"{brdf!r}: has no central direction")
+    best = min(counts, key=lambda center: (counts[center], center != brdf.center))
+    return brdf.recentered(best), counts
+
+
+def coefficient_count(orders: Orders, coefficients: BrdfCoefficients) -> int:
+    """Coefficients of the reflected light: (F+1)^2 for each map, P + 1 maps without azimuth."""
+    maps = orders.order_p + 1
+    return (orders.order_f + 1) ** 2 * (maps if coefficients.azimuth_free else maps**2)
 
 
 def _least(enough: NDArray[np.bool_]) -> int:
@@ -101,7 +165,8 @@ def _sufficient_coefficients(
     f = max(_FIRST_ORDER_F, order_f)
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     while True:
-        coefficients = compute_coefficients(brdf, f, p, accuracy=max(tolerance / 300, 1e-5))
+        accuracy = max(tolerance / 300, 1e-5)
+        coefficients = cached_coefficients(brdf, f, p, accuracy, compute_coefficients)
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients
@@ -143,6 +208,19 @@ def predicted_error(
     return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
 
 
+def reflected_rms(lighting_power: Array, coefficients: BrdfCoefficients) -> float:
+    """Root of the integral of the squared reflected light over all orientations and views.
+
+    Parameters
+    ----------
+    lighting_power : ndarray, shape (>= order_f + 1, 3)
+    coefficients : BrdfCoefficients
+    """
+    power = lighting_power[: coefficients.order_f + 1]
+    light = _convolution_measure(coefficients.order_f)[:, None] * power
+    return float(np.sqrt(np.sum(light * coefficients.degree_energy)))
+
+
 def truncated_lobe_error(
     lighting_power: Array, coefficients: BrdfCoefficients, tail: BrdfCoefficients
 ) -> float:
@@ -162,10 +240,8 @@ def truncated_lobe_error(
     float
         0 for black light.
     """
-    light = _convolution_measure(coefficients.order_f)[:, None]
-    light = light * lighting_power[: coefficients.order_f + 1]
-    whole = np.sum(light * coefficients.degree_energy)
-    return float(np.sqrt(np.sum(light * tail.degree_energy) / whole)) if whole > 0 else 0.0
+    whole = reflected_rms(lighting_power, coefficients)
+    return reflected_rms(lighting_power, tail) / whole if whole > 0 else 0.0
 
 
 def error_bound(

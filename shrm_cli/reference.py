@@ -9,8 +9,6 @@ The result does not depend on how both are cut, but the time does.
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,15 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli import threads
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
+from shrm_cli.brdf.centers import central_directions, normals_between
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.directions import local_frame, reflect, to_angles
-from shrm_cli.sphere.grids import (
-    angular_directions,
-    colatitude_weights,
-    latlong_directions,
-    longitude_weights,
-)
+from shrm_cli.probe.source import Source
+from shrm_cli.sphere.directions import horizontal_tangents
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
@@ -36,77 +29,8 @@ Evaluate = Callable[[Array, Indices], Array]
 
 _SAMPLES_AT_ONCE = 2**15  # a handful of arrays of them fit into the L2 cache
 _POINTS_AT_ONCE = 64
-_TILE_ROWS = 8  # and twice as many columns
 _GROUP_SIZES = 4, 32
 _ROUNDING = 1e-5
-_TINY = 1e-300
-
-
-@dataclass(frozen=True)
-class Source:
-    """A probe as many small lights, in tiles of neighbours.
-
-    Attributes
-    ----------
-    directions : ndarray, shape (tiles, 3, m)
-        Unit, world axes.
-    light : ndarray, shape (tiles, m, 3)
-        Radiance times solid angle.
-    axes : ndarray, shape (tiles, 3)
-    angles : ndarray, shape (tiles,)
-        Cones around the tiles: axis, half angle in radians.
-    pixels : int
-        In all; tiles that cross the image's edge hold black ones besides.
-    """
-
-    directions: Array
-    light: Array
-    axes: Array
-    angles: Array
-    pixels: int
-
-    @classmethod
-    def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Source":
-        """The pixels of a probe, or of the lat-long of some height that it is averaged down to."""
-        if height is None:
-            directions, light = _pixels(probe)
-        else:
-            from shrm_cli.probe.resample import resample_latlong
-
-            directions = latlong_directions(2 * height, height)
-            weights = colatitude_weights(height)[:, None] * longitude_weights(2 * height)
-            light = resample_latlong(probe, height) * weights[..., None]
-        pixels = light.shape[0] * light.shape[1]
-        directions, light = _tiles(directions, "edge"), _tiles(light, "constant")
-        lit = light.any(axis=(1, 2))
-        directions, light = directions[lit], light[lit]
-        axes = directions.mean(axis=1)
-        axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), _TINY)
-        cosines = np.einsum("tmk,tk->tm", directions, axes).min(axis=1)
-        angles = np.arccos(np.clip(cosines, -1, 1))
-        directions = np.ascontiguousarray(directions.swapaxes(1, 2), dtype=dtype)
-        return cls(directions, light.astype(dtype), axes.astype(dtype), angles, pixels)
-
-
-def _pixels(probe: Probe) -> tuple[Array, Array]:
-    """World directions and radiance times solid angle of a probe's pixels, (H, W, 3) each."""
-    if probe.grid == "latlong":
-        directions = latlong_directions(probe.width, probe.height, probe.sampling)
-    elif probe.grid == "cube":
-        directions = cube_directions(probe.width, probe.sampling)
-    else:
-        directions = angular_directions(probe.width, probe.sampling)[0]
-    blocks = [pixels * weights[..., None] for _, pixels, weights in probe.blocks()]
-    return directions @ probe.matrix.T, np.concatenate(blocks)
-
-
-def _tiles(image: Array, mode: Literal["constant", "edge"]) -> Array:
-    """An image in tiles, shape (tiles, pixels, 3), padded as np.pad does."""
-    rows, columns = _TILE_ROWS, 2 * _TILE_ROWS
-    missing = ((0, -image.shape[0] % rows), (0, -image.shape[1] % columns), (0, 0))
-    image = np.pad(image, missing, mode=mode)
-    tiles = image.reshape(image.shape[0] // rows, rows, -1, columns, 3).swapaxes(1, 2)
-    return tiles.reshape(-1, rows * columns, 3)
 
 
 class Reference:
@@ -160,14 +84,30 @@ class Reference:
         -------
         ndarray of float64, shape (..., 3)
         """
-        brdf, truncated = self.brdf, self.angle < np.pi
         normals, views = np.broadcast_arrays(normals, views)
-        shape = normals.shape
-        normals, views = (each.reshape(-1, 3).astype(float) for each in (normals, views))
-        centers = reflect(views, normals) if brdf.center == "reflection" else normals
+        normals, views = normals.astype(float), views.astype(float)
+        centers = central_directions(self.brdf.center, normals, views)
+        return self._radiance(centers if self.brdf.center == "tangent" else normals, centers, views)
+
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Reflected radiance by central directions instead of normals; the rest as `radiance`."""
+        centers, views = np.broadcast_arrays(centers, views)
+        centers, views = centers.astype(float), views.astype(float)
+        is_mirror = self.brdf.center == "reflection"
+        return self._radiance(
+            normals_between(centers, views) if is_mirror else centers, centers, views
+        )
+
+    def _radiance(self, axes: Array, centers: Array, views: Array) -> Array:
+        """As `radiance`, by the z axes of the frames that the BRDF is evaluated in."""
+        brdf, truncated = self.brdf, self.angle < np.pi
+        shape = axes.shape
+        normals, views, centers = (each.reshape(-1, 3) for each in (axes, views, centers))
         if brdf.zonal:  # it depends on C.L alone, so N and V may be C
             normals = views = centers
-        rows = np.swapaxes(local_frame(*to_angles(normals)), -1, -2)
+        # Anisotropic BRDFs are brushed along the horizontal tangent; the others do not care.
+        tangents = horizontal_tangents(normals)
+        rows = np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
         local_views = np.einsum("nij,nj->ni", rows, views).astype(self.dtype)
         if truncated and not brdf.zonal:  # the last row is C
             rows = np.concatenate([rows, centers[:, None]], axis=1)

@@ -1,5 +1,6 @@
 """What every test shares: reproducible random numbers and Hypothesis settings."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,14 @@ from hypothesis import settings
 
 settings.register_profile("shrm", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("shrm")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory) -> Iterator[None]:
+    """A cache of coefficients for the tests alone, in this process and those that it starts."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SHRM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture

@@ -28,8 +28,14 @@ STOPS = [
 ]
 IMAGES = {"OpenImageIO", "OpenEXR"}
 TERMINAL = {"click", "tqdm"}
-MAY_READ_IMAGES = {"probe/image_file.py"}
-MAY_PLOT = {"render/plots.py"}
+MAY_READ_IMAGES = {"brdf/table_file.py", "probe/image_file.py"}
+EXTRAS = {
+    "render/plots.py": {"matplotlib"},
+    "brdf/spectrum.py": {"colour"},
+    "brdf/goniometer.py": {"scipy"},
+    "brdf/zernike.py": {"scipy"},
+}
+"""What belongs to an extra, and is imported where it is used."""
 UNTRUSTED_LOADERS = {"pickle", "marshal", "shelve", "dill", "joblib"}
 MOST_LINES = 320
 
@@ -115,9 +121,9 @@ def test_only_declared_dependencies_are_imported(path):
     """scipy and ducc0 (GPL) are oracles of the tests alone."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     declared = {line.split(">")[0] for line in project["dependencies"]}
-    if name(path) in MAY_PLOT:
-        declared |= {line.split(">")[0] for line in project["optional-dependencies"]["plots"]}
-    assert third_party(path) <= declared
+    extra = EXTRAS.get(name(path), set())
+    assert third_party(path) <= declared | extra
+    assert not extra & third_party(path, nested=False)
 
 
 @pytest.mark.parametrize("path", [path for path in MODULES if stop(path) == "cli"], ids=name)

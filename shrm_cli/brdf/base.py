@@ -1,8 +1,11 @@
 """What every BRDF answers, and states about itself."""
 
+import copy
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +13,101 @@ from numpy.typing import NDArray
 from shrm_cli.errors import BrdfError
 
 Array = NDArray[np.floating]
-Center = Literal["reflection", "normal"]
+Center = Literal["reflection", "normal", "tangent"]
+Color = tuple[float, float, float]
+
+# What `Brdf.values` holds and a constructor takes: a number, a colour's channels, or a name.
+Value = float | Sequence[float] | str
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a model: its range is closed, its default applies when it is left out."""
+    """A parameter of a model: a number, a colour, or a choice of names, as its default is.
+
+    Attributes
+    ----------
+    name : str
+    default : float, tuple of 3 floats (linear RGB) or str
+        Applies when it is left out.
+    minimum, maximum : float
+        The closed range of a number, and of each channel of a colour.
+    meaning : str
+    names : mapping of str to tuple of 3 floats
+        Colours that may be given by name.
+    choices : tuple of str
+        The values of a choice.
+    follows : str
+        The parameter whose value it takes when it is left out, instead of its default.
+    """
 
     name: str
-    default: float
-    minimum: float
-    maximum: float
-    meaning: str
+    default: float | Color | str
+    minimum: float = 0.0
+    maximum: float = 1.0
+    meaning: str = ""
+    names: Mapping[str, Color] = field(default_factory=dict)
+    choices: tuple[str, ...] = ()
+    follows: str = ""
+
+    @property
+    def domain(self) -> str:
+        """What it may be, in words: ``0 .. 1`` or ``skin, clay or felt``."""
+        if self.choices:
+            return _either(self.choices)
+        span = f"{self.minimum:g} .. {self.maximum:g}"
+        if not isinstance(self.default, tuple):
+            return span
+        return f"{span} or R/G/B" + (f" or {_either(tuple(self.names))}" if self.names else "")
+
+    @property
+    def default_text(self) -> str:
+        """Its default as specifications have it."""
+        return f"that of {self.follows}" if self.follows else value_text(self.default)
+
+    def checked(self, value: object) -> Value:
+        """A value as `Brdf.values` holds it: a float, a list of 3 floats, or a name.
+
+        Greys are one number, however they are given.
+
+        Raises
+        ------
+        BrdfError
+            If it is of another kind or outside its range.
+        """
+        if self.choices:
+            if value not in self.choices:
+                hint = suggestion(str(value), self.choices)
+                raise BrdfError(f"{self.name}={value_text(value)} is unknown; {hint}")
+            return str(value)
+        if isinstance(self.default, tuple):
+            return self._checked_color(value)
+        return self._checked_number(value, value)
+
+    def _checked_color(self, value: object) -> Value:
+        if isinstance(value, str) and value in self.names:
+            value = self.names[value]
+        elif isinstance(value, str) and self.names and value:
+            hint = suggestion(value, tuple(self.names))
+            raise BrdfError(f"{self.name}={value} is neither a colour nor the name of one; {hint}")
+        is_list = isinstance(value, Sequence) and not isinstance(value, str)
+        channels = list(value) if is_list else [value] * 3  # type: ignore[call-overload]
+        if len(channels) != 3:
+            raise BrdfError(
+                f"{self.name}={value_text(value)} has {len(channels)} channels; give R/G/B"
+            )
+        red, green, blue = (self._checked_number(channel, value) for channel in channels)
+        return red if red == green == blue else [red, green, blue]
+
+    def _checked_number(self, number: object, whole: object) -> float:
+        is_number = isinstance(number, int | float | np.number) and not isinstance(number, bool)
+        if not is_number or not math.isfinite(number):  # type: ignore[arg-type]
+            raise BrdfError(f"{self.name}={value_text(whole)} is not a number")
+        found = float(number)  # type: ignore[arg-type]
+        if not self.minimum <= found <= self.maximum:
+            raise BrdfError(
+                f"{self.name}={value_text(whole)} is outside {self.minimum:g} .. {self.maximum:g}"
+            )
+        return found
 
 
 class Brdf(ABC):
@@ -32,7 +118,10 @@ class Brdf(ABC):
     name, summary, source : str
         As `shrm brdf` prints them.
     parameters : tuple of Parameter
-    center : {"reflection", "normal"}
+    values : dict
+        The parameters' values, such that JSON can hold them and ``type(brdf)(**values)`` is the
+        same BRDF: numbers (greys too), lists of 3 numbers (linear RGB), names.
+    center : {"reflection", "normal", "tangent"}
         The central direction C that its map is parameterised by (section 5.3.1).
     includes_cosine : bool
         Whether `evaluate` is already the transfer function rho_hat rather than f_r.
@@ -42,28 +131,36 @@ class Brdf(ABC):
     zonal : bool
         Whether rho_hat depends on the angle between C and the light alone, and is zero beyond
         90 degrees (the "radially symmetric" BRDFs of section 5.3.1).
+    isotropic : bool
+        Whether turning light and view together about the normal changes nothing. Others can be
+        evaluated, but not prefiltered in frequency space.
     """
 
-    name: ClassVar[str]
-    summary: ClassVar[str]
-    source: ClassVar[str]
+    name: str
+    summary: str
+    source: str
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    center: ClassVar[Center] = "reflection"
-    includes_cosine: ClassVar[bool] = False
-    has_horizon: ClassVar[bool] = True
-    zonal: ClassVar[bool] = False
+    center: Center = "reflection"
+    includes_cosine: bool = False
+    has_horizon: bool = True
+    zonal: bool = False
+    isotropic: bool = True
+    values: dict[str, Value]
 
-    def __init__(self, **values: float) -> None:
+    def __init__(self, **values: Value) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}
-        for key, value in values.items():
+        for key in values:
             if key not in known:
                 raise BrdfError(
                     f"{self.name}: unknown parameter {key!r}; it has {_listing(list(known))}"
                 )
-            low, high = known[key].minimum, known[key].maximum
-            if not low <= value <= high:  # a NaN is in no range
-                raise BrdfError(f"{self.name}: {key}={value:g} is outside {low:g} .. {high:g}")
-        self.values = {key: float(values.get(key, p.default)) for key, p in known.items()}
+        self.values = {}
+        for key, parameter in known.items():
+            default = self.values.get(parameter.follows, parameter.default)
+            try:
+                self.values[key] = parameter.checked(values.get(key, default))
+            except BrdfError as error:
+                raise BrdfError(f"{self.name}: {error}") from None
 
     @abstractmethod
     def evaluate(self, light: Array, view: Array) -> Array:
@@ -72,7 +169,8 @@ class Brdf(ABC):
         Parameters
         ----------
         light, view : ndarray, shape (..., 3), broadcastable
-            Unit directions to the light and to the viewer in the frame of the normal, z = N.
+            Unit directions to the light and to the viewer in the frame of the normal, z = N;
+            where `center` is the tangent, in a frame whose z is the tangent.
 
         Returns
         -------
@@ -92,9 +190,64 @@ class Brdf(ABC):
             return scaled(value, np.maximum(height, 0.0))
         return scaled(value, height > 0) if self.has_horizon else value
 
+    def recentered(self, center: Center) -> Self:
+        """The same BRDF, to be expanded about another central direction.
+
+        Raises
+        ------
+        BrdfError
+            From or to the tangent: what is a function of the angles to the tangent is not one
+            of the angles to the normal.
+        """
+        if center == self.center:
+            return self
+        if "tangent" in (center, self.center):
+            raise BrdfError(
+                f"{self.name}: it is defined about the {self.center}, "
+                f"and cannot be expanded about the {center}"
+            )
+        other = copy.copy(self)
+        other.center, other.zonal = center, False
+        return other
+
+    def number(self, key: str) -> float:
+        """The value of a parameter that is a number."""
+        return float(self.values[key])  # type: ignore[arg-type]
+
+    def color(self, key: str) -> Color:
+        """The value of a parameter that is a colour."""
+        value = self.values[key]
+        if isinstance(value, int | float):
+            return value, value, value
+        red, green, blue = (float(channel) for channel in value)
+        return red, green, blue
+
     def __repr__(self) -> str:
-        inside = ",".join(f"{key}={value:g}" for key, value in self.values.items())
+        inside = ",".join(f"{key}={value_text(value)}" for key, value in self.values.items())
         return f"{self.name}:{inside}" if inside else self.name
+
+
+def value_text(value: object) -> str:
+    """A value as specifications have it: ``0.3``, ``1/0.78/0.34``, ``skin``.
+
+    Reading it again gives the same number, to the last bit.
+    """
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        channels = [value_text(channel) for channel in value]
+        return channels[0] if len(channels) == 3 and len(set(channels)) == 1 else "/".join(channels)
+    if isinstance(value, int | float | np.number):
+        short = f"{value:g}"
+        return short if float(short) == value else repr(float(value))
+    return str(value)
+
+
+def suggestion(text: str, known: Sequence[str]) -> str:
+    """Words that help with a mistyped name: those that look like it, or all."""
+    import difflib  # slow to load, and rarely needed
+
+    lower = text.lower()
+    near = [lower] if lower in known else difflib.get_close_matches(lower, known, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
 
 
 def grey(value: Array) -> Array:
@@ -107,6 +260,10 @@ def scaled(values: Array, factor: Array | NDArray[np.bool_]) -> Array:
     if values.strides[-1] == 0:
         return grey(values[..., 0] * factor)
     return values * factor[..., None]
+
+
+def _either(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
 
 
 def _listing(names: list[str]) -> str:

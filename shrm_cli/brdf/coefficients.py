@@ -5,7 +5,7 @@ even in q (isotropic BRDFs), both directions in the local frame of C (eq. 13 of 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ Array = NDArray[np.floating]
 
 _MOST_SAMPLES = 2**23
 _WORST_ACCURACY = 50
+_ROUNDING = 1e-24
 _ZONAL_NODES = 2**7, 2**15
 
 
@@ -59,6 +60,11 @@ class BrdfCoefficients:
     @property
     def order_p(self) -> int:
         return self.values.shape[1] - 1
+
+    @property
+    def azimuth_free(self) -> bool:
+        """Whether the BRDF does not depend on the azimuth between light and view about C."""
+        return not self.values[:, :, 1:].any()
 
     def energies(self) -> Array:
         """``sum_q |rho_hat_lpq|^2`` over both signs of q, shape (F+1, P+1, 3)."""
@@ -104,8 +110,26 @@ def compute_coefficients(
     BrdfError
         If the BRDF is not finite, or has not converged at 8 million samples.
     """
+    if not brdf.isotropic:
+        raise BrdfError(
+            f"{brdf!r}: anisotropic; prefiltering is for isotropic BRDFs, shrm reference renders it"
+        )
     if brdf.zonal:
         return _zonal_coefficients(brdf, order_f)
+    return _without_rounding(_converged_coefficients(brdf, order_f, order_p, accuracy))
+
+
+def _without_rounding(coefficients: BrdfCoefficients) -> BrdfCoefficients:
+    """Coefficients that are exactly 0 for the azimuthal orders that hold rounding errors only."""
+    values = coefficients.values
+    energy = np.sum(values**2, axis=(0, 1, 3))
+    nothing = energy <= _ROUNDING * energy.sum()
+    return replace(coefficients, values=np.where(nothing[:, None], 0.0, values))
+
+
+def _converged_coefficients(
+    brdf: Brdf, order_f: int, order_p: int, accuracy: float
+) -> BrdfCoefficients:
     shape = max(64, 2 * order_f), max(16, 2 * order_p), max(16, 2 * order_p)
     current = _sampled_coefficients(brdf, order_f, order_p, shape)
     axis = settled = 0

@@ -23,5 +23,5 @@ class Microfacet(Brdf):
         x, y = half[..., 0], half[..., 1]
         # atan2 is exact for small angles, where acos of the normalised cosine is not.
         angle = np.arctan2(np.sqrt(x * x + y * y), half[..., 2])
-        sigma = self.values["sigma"]
+        sigma = self.number("sigma")
         return grey(np.exp(-((angle / sigma) ** 2)) / (4 * np.pi * sigma**2))

@@ -20,7 +20,7 @@ class Phong(Brdf):
         # R = (-Vx, -Vy, Vz) in the frame of the normal.
         cosine = light[..., 2] * view[..., 2]
         cosine = cosine - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
-        exponent = self.values["exponent"]
+        exponent = self.number("exponent")
         # exp and log are several times faster than a power where it vanishes.
         logarithm = np.log(np.clip(cosine, np.finfo(cosine.dtype).tiny, 1.0))
         lobe = np.where(cosine > 0, np.exp(exponent * logarithm), 0)

@@ -24,7 +24,7 @@ from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis import AccuracyCurve, EnergyGrid, OrderPictures
+    from shrm_cli.analysis.orders import AccuracyCurve, EnergyGrid, OrderPictures
     from shrm_cli.probe.probe import Probe
 
 _TOLERANCES = (0.1, 0.03, 0.01)
@@ -35,6 +35,7 @@ _LEAST_ROWS = 128  # of the light that the truth integrates
 
 
 @click.command()
+@click.argument("others", metavar="[SPEC...]", nargs=-1)
 @brdf_option
 @click.option(
     "--probe", type=click.Path(), metavar="PROBE",
@@ -87,6 +88,7 @@ _LEAST_ROWS = 128  # of the light that the truth integrates
 def analyze(
     ctx: click.Context,
     /,
+    others: tuple[str, ...],
     spec: str,
     probe: str | None,
     tolerances: tuple[float, ...],
@@ -112,8 +114,19 @@ def analyze(
     \b
       shrm analyze --brdf microfacet:sigma=0.1 --eps 0.05
       shrm analyze --brdf phong:exponent=32 --probe probe.exr
+
+    With more than one BRDF: the energy that F = 30 and P = 0 .. 5 capture of each.
+
+    \b
+      shrm analyze --brdf ggx:roughness=0.5 oren-nayar krylon_blue.brdf
     """
-    from shrm_cli.analysis import accuracy_curve, energy_grid, order_pictures
+    if others:
+        from shrm_cli.cli.materials import analyze_materials
+
+        _refuse_single(ctx)
+        analyze_materials([spec, *others], order_f, order_p, output, no_plots, as_json, quiet)
+        return
+    from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
     from shrm_cli.brdf.spec import file_label, parse_spec
     from shrm_cli.files import check_target
     from shrm_cli.probe.lighting import project
@@ -182,6 +195,15 @@ def analyze(
     elif not quiet:
         click.echo("\n".join([title, *_report(result)]))
     warn(warnings, quiet)
+
+
+def _refuse_single(ctx: click.Context) -> None:
+    """Refuse options that are about one BRDF."""
+    kept = {"others", "spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet"}
+    for param in ctx.command.params:
+        given = param.name and ctx.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
+        if given and param.expose_value and param.name not in kept:
+            raise click.UsageError(f"{param.opts[-1]} is about a single BRDF; leave it out", ctx)
 
 
 def _check_usage(ctx: click.Context, probe: str | None, of_probe: Sequence[str]) -> None:

@@ -49,6 +49,13 @@ def _apply(command: Command, options: list[Callable[[Command], Command]]) -> Com
     return command
 
 
+def _disable_cache(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if value:
+        from shrm_cli.brdf import cache
+
+        cache.disable()
+
+
 def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> int | None:
     if value is not None:
         threads.limit(value)
@@ -69,6 +76,13 @@ def report_options(command: Command) -> Command:
                 expose_value=False,
                 is_eager=True,
                 help="Threads for image files and integrals; the rest takes one.  [default: all]",
+            ),
+            click.option(
+                "--no-cache",
+                is_flag=True,
+                callback=_disable_cache,
+                expose_value=False,
+                help="Neither read nor keep coefficients of BRDFs.",
             ),
         ],
     )

@@ -38,6 +38,17 @@ _SAMPLINGS = click.Choice(["center", "border"])
 )  # fmt: skip
 @click.option("--order-f", type=click.IntRange(0, 512), help="Order F to use instead.")
 @click.option("--order-p", type=click.IntRange(0, 32), help="Order P to use instead.")
+@click.option(
+    "--center", type=click.Choice(["auto", "reflection", "normal", "tangent"]),
+    help="Central direction of the map; auto takes the one with the fewest coefficients.  "
+    "[default: the BRDF's own]",
+)  # fmt: skip
+@click.option(
+    "--split/--no-split",
+    "wanted",
+    default=None,
+    help="Prefilter diffuse and glossy terms each about its own centre.  [default: by count]",
+)
 @view_options
 @click.option(
     "--domain", type=click.Choice(["frequency", "angular"]), default="frequency",
@@ -74,6 +85,8 @@ def prefilter(
     tolerance: float,
     order_f: int | None,
     order_p: int | None,
+    center: str | None,
+    wanted: bool | None,
     slices: int | None,
     views: int | None,
     compress: tuple[int | None, float] | None,
@@ -99,6 +112,7 @@ def prefilter(
     import numpy as np
 
     from shrm_cli.bake import bake
+    from shrm_cli.bake.terms import bake_terms, plan_terms
     from shrm_cli.brdf.spec import file_label, parse_spec
     from shrm_cli.exr import write_map
     from shrm_cli.files import check_target
@@ -109,7 +123,7 @@ def prefilter(
         view_count(representation, slices, views),
         compression(representation, compress),
     )
-    brdf = parse_spec(spec)
+    brdf, notes = _centered(parse_spec(spec), tolerance, center)
     source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
     default = f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
     target = default if output is None else output
@@ -120,6 +134,20 @@ def prefilter(
         "size": size,
         "sampling": map_sampling or sampling or "center",
     }
+    single = (representation, domain) != ("shrm", "frequency") or center is not None
+    single = single or (order_f, order_p) != (None, None)
+    if single and wanted:
+        raise click.UsageError(
+            "--split is for SHRMs with neither --center nor orders; leave one of them out"
+        )
+    plan = None
+    if not single and wanted is not False:
+        plan = plan_terms(brdf, tolerance, source)
+    if plan is not None:
+        notes.append(
+            f"  split          {plan.count:,} coefficients as terms, {plan.whole.count:,} as one"
+        )
+        plan = plan if wanted or plan.pays else None
     with progress_bar("reading" if domain == "frequency" else "integrating", quiet) as progress:
         if domain == "angular":
             from shrm_cli.bake.angular import bake_angular
@@ -127,6 +155,11 @@ def prefilter(
             made = bake_angular(
                 source, brdf, tolerance, source_height=source_height, progress=progress, **common
             )
+        elif plan is not None:
+            made = bake_terms(
+                source, plan, size, frame, common["sampling"],  # type: ignore[arg-type]
+                np.float32, components, progress,
+            )  # fmt: skip
         else:
             made = bake(
                 source, brdf, tolerance, order_f, order_p, frame=frame,  # type: ignore[arg-type]
@@ -138,7 +171,7 @@ def prefilter(
         warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
     if order_p is not None and order_p > made.orders.order_p:
         warnings.append(f"{target}: {brdf.name} does not depend on the view, so P = 0 only")
-    if domain == "frequency" and made.orders.captured < 1 - tolerance:
+    if domain == "frequency" and plan is None and made.orders.captured < 1 - tolerance:
         warnings.append(
             f"{target}: the orders asked for capture {made.orders.captured:.2%} of the BRDF's "
             f"energy, less than --eps {tolerance:g} wants"
@@ -147,13 +180,26 @@ def prefilter(
     if as_json:
         print_json({**result, "warnings": warnings})
     elif not quiet:
-        click.echo(_report(result))
+        click.echo("\n".join([_report(result), *notes]))
     warn(warnings, quiet)
 
 
 def _stem(probe: str) -> str:
     """Name of the outputs of a probe; six files have their ``%`` left out."""
     return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
+
+
+def _centered(brdf: Any, tolerance: float, center: str | None) -> tuple[Any, list[str]]:
+    """A BRDF about the centre that was asked for, and a line that tells how it was chosen."""
+    from shrm_cli.orders import choose_center
+
+    if center is None:
+        return brdf, []
+    if center != "auto":
+        return brdf.recentered(center), []
+    brdf, counts = choose_center(brdf, tolerance)
+    needs = ", ".join(f"{count:,} about the {name}" for name, count in counts.items())
+    return brdf, [f"  centre         {brdf.center} (coefficients: {needs})"]
 
 
 def _check_options(

@@ -26,6 +26,11 @@ def component_channels(count: int) -> list[str]:
     return [f"pc{k:03d}.{c}" for k in range(count) for c in COLOURS]
 
 
+def term_names(count: int) -> list[str]:
+    """Of the parts of a sum: ``term00`` and so on."""
+    return [f"term{k:02d}" for k in range(count)]
+
+
 def part_names(kind: type[ExplicitMap], count: int) -> list[str]:
     """Of an explicit map: ``view00``, ``slice00`` or ``view00_00`` and so on."""
     if issubclass(kind, LightField):

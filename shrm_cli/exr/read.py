@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,14 @@ from shrm_cli.exr.names import (
     component_channels,
     part_names,
     shrm_channels,
+    term_names,
     view_attributes,
 )
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.representations import EXPLICIT, Map
 from shrm_cli.maps.shrm import MAX_SIZE, MAX_VALUES, Shrm
+from shrm_cli.maps.summed import SummedShrm
 
 Array = NDArray[np.floating]
 
@@ -37,15 +39,18 @@ def read_map(path: str | os.PathLike[str]) -> Map:
     MapError
         If the file is missing, damaged, or no map.
     """
-    stored = _open(path)
+    source, specs = _open(path)
+    stored = _stored(path, source, specs, 0)
     name = stored.attributes["representation"]
     if name in EXPLICIT:
         return _read_explicit(stored, EXPLICIT[name])
-    if len(stored.specs) > 1:
-        raise MapError(f"{path}: {len(stored.specs)} parts, but an SHRM has one; make it again")
-    if stored.specs[0].get_string_attribute("shrm:pca_matrix"):
-        return _read_compressed(stored)
-    return _read_shrm(stored)
+    if len(specs) == 1:
+        return _read_term(stored)
+    names = [_part_name(spec) for spec in specs]
+    if sorted(names) != term_names(len(specs)):
+        raise MapError(f"{path}: its parts are not the terms of an SHRM; make it again")
+    order = [names.index(name) for name in term_names(len(specs))]
+    return _summed([_read_term(_stored(path, source, specs, part)) for part in order])
 
 
 def is_map(path: str | os.PathLike[str]) -> bool:
@@ -56,20 +61,25 @@ def is_map(path: str | os.PathLike[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Stored:
-    """An opened file: its parts, the attributes of the first, and how they are laid out."""
+    """An opened file: its parts, the attributes of one of them, and how it is laid out."""
 
     path: str | os.PathLike[str]
     source: Any
     specs: list[Any]
+    part: int
     attributes: dict[str, Any]
     arrangement: Arrangement
     size: int
+
+    @property
+    def spec(self) -> Any:
+        return self.specs[self.part]
 
     def common(self) -> dict[str, Any]:
         """Arguments of every map's constructor."""
         return {
             "center": self.attributes["center"],
-            "info": map_info(self.attributes, self.specs[0]),
+            "info": map_info(self.attributes, self.spec),
             "sampling": self.arrangement.sampling,
         }
 
@@ -81,28 +91,52 @@ class _Stored:
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
 
 
-def _open(path: str | os.PathLike[str]) -> _Stored:
+def _open(path: str | os.PathLike[str]) -> tuple[Any, list[Any]]:
+    """The file, and the specifications of its parts, which are not too much to load."""
     source = open_map(path)
     first = source.spec()
-    attributes = read_attributes(path, first)
-    width, height = first.width, first.height
+    read_attributes(path, first)
     parts = max(first.get_int_attribute("oiio:subimages"), 1)
-    values = parts * first.nchannels * width * height
+    values = parts * first.nchannels * first.width * first.height
+    specs = list(part_specs(source)) if values <= MAX_VALUES else []
+    values = max(values, sum(spec.nchannels * spec.width * spec.height for spec in specs))
     if values > MAX_VALUES:
         raise MapError(f"{path}: {values:,} values are too many to load")
-    sampling = "border" if first.get_int_attribute("oiio:sampleborder") else "center"
+    return source, specs
+
+
+def _stored(path: str | os.PathLike[str], source: Any, specs: list[Any], part: int) -> _Stored:
+    spec = specs[part]
+    attributes = read_attributes(path, spec)
+    width, height = spec.width, spec.height
+    sampling = "border" if spec.get_int_attribute("oiio:sampleborder") else "center"
     layout = attributes["layout"]
     if layout in ("faces", "angular"):
         raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
-    arrangement = Arrangement(layout, attributes["orientation"], attributes["sampling"] or sampling)  # type: ignore[arg-type]
+    arrangement = Arrangement(
+        layout, attributes["orientation"], attributes["sampling"] or sampling  # type: ignore[arg-type]
+    )  # fmt: skip
     size = arrangement.cube_size(width, height)
     if size is None or size > MAX_SIZE:
         what = "a cube of 1:6" if layout == "openexr" else layout
         raise MapError(f"{path}: {width} x {height} is not {what}")
-    specs = list(part_specs(source))
-    if any((spec.width, spec.height) != (width, height) for spec in specs):
-        raise MapError(f"{path}: its parts differ in size; make it again")
-    return _Stored(path, source, specs, attributes, arrangement, size)
+    return _Stored(path, source, specs, part, attributes, arrangement, size)
+
+
+def _read_term(stored: _Stored) -> Shrm | CompressedShrm:
+    if stored.spec.get_string_attribute("shrm:pca_matrix"):
+        return _read_compressed(stored)
+    return _read_shrm(stored)
+
+
+def _summed(terms: list[Shrm | CompressedShrm]) -> SummedShrm:
+    """A sum; its parts share what is known of the whole."""
+    info = replace(
+        terms[0].info,
+        order_f=max(term.info.order_f for term in terms),
+        order_p=max(term.order_p for term in terms),
+    )
+    return SummedShrm(tuple(terms), info)
 
 
 def _check_channels(stored: _Stored, part: int, names: list[str], what: str) -> None:
@@ -115,13 +149,13 @@ def _check_channels(stored: _Stored, part: int, names: list[str], what: str) -> 
 def _read_shrm(stored: _Stored) -> Shrm:
     order_p = stored.attributes["P"]
     every, zonal = shrm_channels(order_p), shrm_channels(order_p, zonal=True)
-    is_zonal = stored.attributes["frame"] == "local" and stored.specs[0].nchannels == len(zonal)
+    is_zonal = stored.attributes["frame"] == "local" and stored.spec.nchannels == len(zonal)
     names = zonal if is_zonal else every
-    if stored.specs[0].nchannels * len(every) / len(names) * 6 * stored.size**2 > MAX_VALUES:
+    if stored.spec.nchannels * len(every) / len(names) * 6 * stored.size**2 > MAX_VALUES:
         raise MapError(f"{stored.path}: its coefficients are too many to load")
-    _check_channels(stored, 0, names, f"an SHRM of order P = {order_p}")
+    _check_channels(stored, stored.part, names, f"an SHRM of order P = {order_p}")
     coefficients = np.zeros((6 * stored.size, stored.size, len(every)), dtype=np.float32)
-    coefficients[..., [every.index(name) for name in names]] = stored.stack(0, names)
+    coefficients[..., [every.index(name) for name in names]] = stored.stack(stored.part, names)
     shaped = coefficients.reshape(*coefficients.shape[:2], -1, 3)
     found = Shrm(shaped, stored.attributes["frame"], **stored.common())
     _check_resampling(stored, found.azimuth_free)
@@ -137,18 +171,18 @@ def _check_resampling(stored: _Stored, is_zonal: bool) -> None:
 
 def _read_compressed(stored: _Stored) -> CompressedShrm:
     order_p = stored.attributes["P"]
-    matrix = _matrix(stored.specs[0].get_string_attribute("shrm:pca_matrix"))
+    matrix = _matrix(stored.spec.get_string_attribute("shrm:pca_matrix"))
     if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
         raise MapError(
             f"{stored.path}: its attribute shrm:pca_matrix is not K x {(order_p + 1) ** 2} "
             "numbers; make it again"
         )
     names = component_channels(len(matrix))
-    _check_channels(stored, 0, names, f"an SHRM compressed to {len(matrix)} components")
+    _check_channels(stored, stored.part, names, f"an SHRM compressed to {len(matrix)} components")
     if matrix.shape[1] * 18 * stored.size**2 > MAX_VALUES:
         raise MapError(f"{stored.path}: its coefficients are too many to load")
     _check_resampling(stored, is_zonal=False)
-    components = stored.stack(0, names).reshape(6 * stored.size, stored.size, -1, 3)
+    components = stored.stack(stored.part, names).reshape(6 * stored.size, stored.size, -1, 3)
     return CompressedShrm(components, matrix, stored.attributes["frame"], **stored.common())
 
 
@@ -163,6 +197,9 @@ def _matrix(text: str) -> Array | None:
 
 def _read_explicit(stored: _Stored, kind: type[ExplicitMap]) -> ExplicitMap:
     count = len(stored.specs)
+    width, height = stored.spec.width, stored.spec.height
+    if any((spec.width, spec.height) != (width, height) for spec in stored.specs):
+        raise MapError(f"{stored.path}: its parts differ in size; make it again")
     names = [_part_name(spec) for spec in stored.specs]
     try:
         kind.check_count(count)

@@ -16,6 +16,7 @@ from shrm_cli.exr.names import (
     component_channels,
     part_names,
     shrm_channels,
+    term_names,
     view_attributes,
 )
 from shrm_cli.maps.compressed import CompressedShrm
@@ -23,6 +24,7 @@ from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.kautz_mccool import KautzMcCool
 from shrm_cli.maps.representations import Map
 from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.summed import SummedShrm
 from shrm_cli.probe.layout import Layout
 from shrm_cli.sphere.cube import Orientation
 
@@ -64,6 +66,8 @@ def write_map(
         raise MapError(
             f"{path}: a local map cannot be resampled as a lat-long; take --frame global"
         )
+    if isinstance(reflection_map, SummedShrm) and not arrangement.is_plain:
+        raise MapError(f"{path}: a sum of terms is written as OpenEXR's cube only")
     parts = _encode(reflection_map)
     if not arrangement.is_plain:
         parts = [_arranged(part, arrangement) for part in parts]
@@ -84,6 +88,8 @@ def _is_zonal(reflection_map: Map) -> bool:
 def _encode(reflection_map: Map) -> list[Part]:
     if isinstance(reflection_map, ExplicitMap):
         return _encode_explicit(reflection_map)
+    if isinstance(reflection_map, SummedShrm):
+        return _encode_sum(reflection_map)
     header = common_header(reflection_map, reflection_map.order_p)
     if isinstance(reflection_map, CompressedShrm):
         rows = [[float(str(np.float32(x))) for x in row] for row in reflection_map.matrix]
@@ -95,6 +101,26 @@ def _encode(reflection_map: Map) -> list[Part]:
         zonal = shrm_channels(reflection_map.order_p, zonal=True)
         channels = {name: channels[name] for name in zonal}
     return [Part(channels, header)]
+
+
+def _encode_sum(reflection_map: SummedShrm) -> list[Part]:
+    """A part for each term; what is known of the sum stands on all of them."""
+    size, info = reflection_map.size, reflection_map.info
+    whole = {
+        "shrm:version": 2,
+        "shrm:predicted_error": float(info.predicted_error),
+        "shrm:brdf_energy_captured": float(info.captured),
+        "shrm:epsilon": float(info.tolerance),
+        "displayWindow": (np.array([0, 0], np.int32), np.array([size - 1, 6 * size - 1], np.int32)),
+    }
+    if info.added_error:
+        whole["shrm:added_error"] = float(info.added_error)
+    parts = [part for term in reflection_map.terms for part in _encode(term)]
+    names = term_names(len(parts))
+    return [
+        Part(part.channels, {"name": name, **part.header, **whole})
+        for name, part in zip(names, parts, strict=True)
+    ]
 
 
 def _encode_explicit(reflection_map: ExplicitMap) -> list[Part]:

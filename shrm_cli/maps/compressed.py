@@ -120,6 +120,10 @@ class CompressedShrm:
         """Reflected radiance, shape (..., 3), as `Shrm.radiance` gives it."""
         return self._expanded.radiance(normals, views)
 
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Radiance by central directions instead of normals."""
+        return self._expanded.central_radiance(centers, views)
+
     @cached_property
     def _expanded(self) -> Shrm:
         return self.expand()

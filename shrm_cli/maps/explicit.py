@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Center
+from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm import MAX_VALUES, Frame, Shrm
 from shrm_cli.sphere.cube import cube_solid_angles
-from shrm_cli.sphere.directions import reflect
 from shrm_cli.sphere.grids import Sampling, spiral_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.sampling import CubeSampler
@@ -41,7 +41,7 @@ class ExplicitMap(ABC):
     ----------
     images : ndarray, shape (K, 6N, N, 3)
         An OpenEXR cube of central directions for each sample of the view.
-    center : {"reflection", "normal"}
+    center : {"reflection", "normal", "tangent"}
         What the central direction is.
     info : MapInfo
     sampling : {"center", "border"}
@@ -220,7 +220,11 @@ class ExplicitMap(ABC):
         ndarray, shape (..., 3)
         """
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        centers = reflect(views, normals) if self.center == "reflection" else normals
+        return self.central_radiance(central_directions(self.center, normals, views), views)
+
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Radiance by central directions instead of normals; the rest as `radiance`."""
+        centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         shape = np.broadcast_shapes(centers.shape, views.shape)[:-1]
         centers = np.broadcast_to(centers, (*shape, 3)).reshape(-1, 3)
         indices, weights = self.blend(centers.reshape(*shape, 3), views, self.count)

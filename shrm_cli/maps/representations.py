@@ -9,13 +9,14 @@ from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.kautz_mccool import KautzMcCool
 from shrm_cli.maps.light_field import LightField
 from shrm_cli.maps.shrm import Frame, Shrm
+from shrm_cli.maps.summed import SummedShrm
 
 EXPLICIT: dict[str, type[ExplicitMap]] = {
     model.representation: model for model in (Cabral, KautzMcCool, LightField)
 }
 REPRESENTATIONS = (Shrm.representation, *EXPLICIT)
 
-Map = Shrm | CompressedShrm | ExplicitMap
+Map = Shrm | CompressedShrm | SummedShrm | ExplicitMap
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,11 @@ def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = 
     MapError
         If the map does not determine so high an order.
     """
+    if isinstance(reflection_map, SummedShrm):
+        raise MapError(
+            "the map is a sum of terms about different centres, which has no single SHRM; "
+            "prefilter again with --no-split"
+        )
     if isinstance(reflection_map, ExplicitMap):
         return reflection_map.to_shrm(order_p).to_frame(frame)
     if isinstance(reflection_map, CompressedShrm):
@@ -93,6 +99,8 @@ def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = 
 
 def map_count(reflection_map: Map) -> int:
     """How many RGB cubes a map stores."""
+    if isinstance(reflection_map, SummedShrm):
+        return sum(map_count(term) for term in reflection_map.terms)
     if not isinstance(reflection_map, Shrm):
         return reflection_map.count
     every = reflection_map.order_p + 1

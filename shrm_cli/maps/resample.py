@@ -10,6 +10,7 @@ from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.representations import Map
 from shrm_cli.maps.shrm import MAX_SIZE, Shrm, check_size
+from shrm_cli.maps.summed import SummedShrm
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grids import Sampling
 from shrm_cli.sphere.sampling import CubeSampler
@@ -32,6 +33,9 @@ def resample(reflection_map: Map, size: int | None, sampling: Sampling | None) -
     MapError
         If the result would be too large.
     """
+    if isinstance(reflection_map, SummedShrm):
+        terms = tuple(resample(term, size, sampling) for term in reflection_map.terms)
+        return replace(reflection_map, terms=terms)  # type: ignore[arg-type]
     size = reflection_map.size if size is None else size
     if size > MAX_SIZE:
         raise MapError(f"a map of size {size} is larger than {MAX_SIZE}; lower --size")

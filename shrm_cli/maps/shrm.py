@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Center
+from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.coupling import reflected_coefficients
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.sphere.directions import reflect, to_angles
+from shrm_cli.sphere.directions import to_angles
 from shrm_cli.sphere.grids import Sampling
-from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import rotate_to_frames
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -72,7 +73,7 @@ class Shrm:
     frame : {"global", "local"}
         Whether they belong to the view in world axes (eq. 5.11) or in the local frame of the
         texel's direction (eq. 5.10).
-    center : {"reflection", "normal"}
+    center : {"reflection", "normal", "tangent"}
         What the central direction is.
     info : MapInfo
     sampling : {"center", "border"}
@@ -128,7 +129,7 @@ class Shrm:
         lighting : array_like, shape (>= (F+1)^2, 3)
         brdf : ndarray, shape (F+1, P+1, P+1, 3)
             rho_hat_lpq to exactly the orders of the map.
-        center : {"reflection", "normal"}
+        center : {"reflection", "normal", "tangent"}
             The BRDF's central direction.
         info : MapInfo
         size : int, optional
@@ -145,6 +146,11 @@ class Shrm:
         """
         size = choose_size(brdf.shape[0] - 1) if size is None else size
         check_size(brdf.shape[0] - 1, brdf.shape[1] - 1, size)
+        if frame == "local" and not brdf[:, :, 1:].any():
+            return cls(
+                _zonal_coefficients(np.asarray(lighting), brdf, size, sampling, dtype),
+                frame, center, info, sampling,
+            )  # fmt: skip
         series = reflected_coefficients(np.asarray(lighting), brdf)
         planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
         stacked = planes.reshape(*series.shape[1:], 6 * size, size)
@@ -195,7 +201,11 @@ class Shrm:
         ndarray, shape (..., 3)
         """
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        centers = reflect(views, normals) if self.center == "reflection" else normals
+        return self.central_radiance(central_directions(self.center, normals, views), views)
+
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Radiance by central directions instead of normals; the rest as `radiance`."""
+        centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         if views.ndim == 1:  # a distant viewer: one reflection map serves all (eq. 5.35)
             return self._distant_sampler(views)(centers)
         shape = np.broadcast_shapes(centers.shape, views.shape)
@@ -230,3 +240,19 @@ class Shrm:
     def _sampler(self) -> CubeSampler:
         coefficients = self._global.coefficients
         return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
+
+
+def _zonal_coefficients(
+    lighting: Array, brdf: Array, size: int, sampling: Sampling, dtype: type
+) -> Array:
+    """Local coefficients of a BRDF without azimuth: P + 1 convolutions (eq. 5.9 with q = 0)."""
+    order_f, order_p = brdf.shape[0] - 1, brdf.shape[1] - 1
+    degree = degrees(order_f)
+    scale = np.sqrt(4 * np.pi / (2 * degree + 1))[:, None, None]
+    series = lighting[: len(degree), None] * brdf[degree, :, 0] * scale
+    planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
+    result = np.zeros((6 * size, size, (order_p + 1) ** 2, 3), dtype=dtype)
+    zonal = [p * (p + 1) for p in range(order_p + 1)]
+    stacked = planes.reshape(order_p + 1, 3, 6 * size, size)
+    result[:, :, zonal] = stacked.transpose(2, 3, 0, 1)
+    return result

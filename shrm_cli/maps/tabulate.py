@@ -10,20 +10,18 @@ from shrm_cli.brdf.base import Center
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.directions import normalize, to_angles
+from shrm_cli.sphere.directions import to_angles
 from shrm_cli.sphere.grids import Sampling
 
 Array = NDArray[np.floating]
 Kind = TypeVar("Kind", bound=ExplicitMap)
 
-_GRAZING = 1e-6
-
 
 class Integral(Protocol):
     """What is asked of an integration in the angular domain."""
 
-    def radiance(self, normals: Array, views: Array) -> Array:
-        """Reflected radiance, shape (..., 3), for unit world vectors of shape (..., 3)."""
+    def central_radiance(self, centers: Array, views: Array) -> Array:
+        """Radiance, shape (..., 3), by central directions and views, unit, world axes."""
 
     def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
         """Its mean over the views at an angle (radians) from central directions (..., 3)."""
@@ -66,20 +64,9 @@ def tabulate(
     for index, view in enumerate(kind.sample_views(count)):
         if kind.frame == "local":
             image = integral.zonal_radiance(texels, float(to_angles(view)[0]))
-        elif center == "normal":
-            image = integral.radiance(texels, view)
         else:
-            image = integral.radiance(normals_between(texels, view), view)
+            image = integral.central_radiance(texels, view)
         images[index] = np.moveaxis(image, -1, 0)
         if progress is not None:
             progress(index + 1, count)
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
-
-
-def normals_between(reflections: Array, view: Array) -> Array:
-    """Normals, shape (..., 3), that mirror a view into reflections (..., 3)."""
-    total = reflections + view
-    # Where R = -V every direction at a right angle is a normal: take one.
-    grazing = np.linalg.norm(total, axis=-1) < _GRAZING
-    total[grazing] = np.cross(view, np.eye(3)[np.argmin(np.abs(view))])
-    return normalize(total)

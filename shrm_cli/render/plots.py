@@ -129,6 +129,43 @@ def plot_accuracy(
         _save(figure, path)
 
 
+def plot_materials(
+    path: str | os.PathLike[str], names: Sequence[str], captured: Array, order_f: int
+) -> None:
+    """Draw the energy that orders capture of several BRDFs, as in figure 5.7.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG to write, whole or not at all.
+    names : sequence of str
+        A bar each.
+    captured : ndarray, shape (materials, P+1)
+        Fractions of the energy; what each further P adds is a part of the bar.
+    order_f : int
+
+    Raises
+    ------
+    OutputError
+    """
+    with _default_style():
+        from matplotlib import colormaps
+
+        width = max(_WIDTH, 2.5 + 0.45 * len(names))
+        figure, (axes,) = _figure(f"energy captured at F = {order_f}", columns=1, width=width)
+        shades = colormaps["viridis"](np.linspace(0.95, 0, captured.shape[1]))
+        parts = np.diff(100 * captured, axis=1, prepend=0)
+        for p, shade in enumerate(shades):
+            below = 100 * captured[:, p - 1] if p else 0
+            axes.bar(range(len(names)), parts[:, p], 0.7, bottom=below, color=shade, label=p)
+        axes.set(ylabel="BRDF energy captured (%)", ylim=(0, 101))
+        labels = [name.encode("utf-8", "replace").decode() for name in names]
+        axes.set_xticks(range(len(names)), labels, rotation=35, ha="right", parse_math=False)
+        axes.grid(visible=False, axis="x")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", title="P")
+        _save(figure, path)
+
+
 def _default_style() -> Any:
     """Matplotlib's own style, whatever the user's is: the same inputs give the same bytes."""
     # It tells of caches that it cannot keep, which is nothing to do with the chart.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, value_text
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo
@@ -22,7 +22,9 @@ def spec_of(record: Mapping[str, Any]) -> str:
     name, parameters = record.get("name"), record.get("parameters")
     if not isinstance(name, str) or not isinstance(parameters, dict):
         return "unknown"
-    inside = ",".join(f"{key}={value}" for key, value in parameters.items())
+    if name == "sum":
+        return str(parameters.get("spec", "unknown"))
+    inside = ",".join(f"{key}={value_text(value)}" for key, value in parameters.items())
     return f"{name}:{inside}" if inside else name
 
 

@@ -57,6 +57,19 @@ def bisector(reflections: ArrayLike, views: ArrayLike) -> Array:
     return normalize(np.asarray(reflections) + np.asarray(views))
 
 
+def horizontal_tangents(normals: ArrayLike) -> Array:
+    """Unit tangents that run around +Y, as brushing on a lathe or a parallel of a globe does.
+
+    For N = +Z it is +X. At +-Y, where all directions are horizontal, it is +X.
+    """
+    normals = np.asarray(normals)
+    x, z = normals[..., 0], normals[..., 2]
+    length = np.hypot(x, z)
+    pole = length < np.finfo(normals.dtype).tiny if normals.dtype.kind == "f" else length == 0
+    scale = np.where(pole, 1, length)
+    return np.stack([np.where(pole, 1, z / scale), np.zeros_like(z), -x / scale], axis=-1)
+
+
 def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:
     """Columns ``x' = dC/dtheta``, ``y' = dC/dphi / sin(theta)``, ``z' = C`` of a direction C.
 

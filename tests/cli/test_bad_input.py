@@ -192,7 +192,7 @@ def test_negative_radiance_is_clamped_with_a_warning(folder):
 
 ARGUMENTS = [
     (["--brdf", "microfact"], 1, ["'microfact'", "did you mean microfacet?"]),
-    (["--brdf", "LAMBERT"], 1, ["'LAMBERT'", "did you mean lambertian?"]),
+    (["--brdf", "LAMBERT"], 1, ["'LAMBERT'", "did you mean lambertian or"]),
     (["--brdf", "zzz"], 1, ["'zzz'", "known: lambertian, phong, microfacet"]),
     (["--brdf", ""], 1, ["no BRDF is called ''", "known: "]),
     (["--brdf", "phong:shine=3"], 1, ["phong: unknown parameter 'shine'", "it has exponent"]),

@@ -284,13 +284,13 @@ def test_unlike_maps_are_warned_of(folder):
     assert result.code == 0
     assert result.err.splitlines() == [
         "Warning: noisy.map.exr: its probe is not that of fine.map.exr",
-        "Warning: matte.map.exr: its BRDF is lambertian:albedo=1.0, not phong:exponent=8.0",
+        "Warning: matte.map.exr: its BRDF is lambertian:albedo=1, not phong:exponent=8",
     ]
     truth = ["--probe", "room.exr", "--brdf", SPEC]
     result = run("compare", "fine.map.exr", "noisy.map.exr", "matte.map.exr", *truth, *SMALL)
     assert result.err.splitlines() == [
         "Warning: noisy.map.exr: its probe is not room.exr",
-        "Warning: matte.map.exr: its BRDF is lambertian:albedo=1.0, not phong:exponent=8.0",
+        "Warning: matte.map.exr: its BRDF is lambertian:albedo=1, not phong:exponent=8",
     ]
     value = told("fine.map.exr", "noisy.map.exr", *truth, *SMALL)
     assert value["warnings"] == ["noisy.map.exr: its probe is not room.exr"]
@@ -335,8 +335,8 @@ REFUSED = {
     "missing probe": (["fine.map.exr", "--probe", "no.exr"], "no.exr: no such file"),
     "unlike maps": (
         ["fine.map.exr", "matte.map.exr", "--probe", "room.exr"],
-        "matte.map.exr: its BRDF is lambertian:albedo=1.0, but that of fine.map.exr is "
-        "phong:exponent=8.0; give --brdf",
+        "matte.map.exr: its BRDF is lambertian:albedo=1, but that of fine.map.exr is "
+        "phong:exponent=8; give --brdf",
     ),
     "no such BRDF": (["fine.map.exr", "--probe", "room.exr", "--brdf", "fong"], "'fong'", "phong"),
     "no BRDF": (["plain.exr", "--probe", "room.exr"], "plain.exr: its BRDF", "give --brdf"),

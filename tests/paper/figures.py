@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.analysis import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.spec import parse_spec

@@ -17,7 +17,6 @@ from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_field import LightField
 from shrm_cli.maps.shrm import Shrm
-from shrm_cli.maps.tabulate import normals_between
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
@@ -122,7 +121,7 @@ def table_5_4(probe: Probe, size: int) -> list[Timing]:
         def angular(brdf=brdf):
             integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE)
             texels = cube_directions(size)
-            return integral.radiance(texels, texels)
+            return integral.central_radiance(texels, texels)
 
         slow, fast = _seconds(angular), _median_seconds(frequency)
         rows.append(Timing(exponent, size, order_f, 0, slow, fast, fast, *paper))
@@ -151,7 +150,7 @@ def table_5_5(probe: Probe, size: int, rng: np.random.Generator) -> list[Timing]
 
         def angular(brdf=brdf, view=view):
             integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE)
-            return integral.radiance(normals_between(cube_directions(size), view), view)
+            return integral.central_radiance(cube_directions(size), view)
 
         rows.append(
             Timing(

@@ -1,0 +1,1 @@
+"""What orders capture of BRDFs, and of the light that they reflect."""

@@ -1,0 +1,37 @@
+"""Blinn's cosine lobe about the half vector, normalised."""
+
+import math
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter
+from shrm_cli.brdf.vectors import above_horizon, coloured, half_vector
+
+
+class BlinnPhong(Brdf):
+    """``f_r = color (n+2) (n+4) / (8 pi (2^(-n/2) + n)) (N.H)^n`` above the horizon.
+
+    So normalised it reflects exactly `color` of a constant light when seen from the normal, and
+    less from elsewhere.
+    """
+
+    name = "blinn-phong"
+    summary = "normalised cosine lobe about the half vector"
+    source = "Blinn 1977; normalised after Akenine-Moeller et al. 2018, section 9.8"
+    parameters = (
+        Parameter("exponent", 64.0, 0.0, 1e5, "n: larger is sharper"),
+        Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "reflectance seen from the normal"),
+    )
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        half = half_vector(light, view)
+        n = self.number("exponent")
+        # (N.H)^n by way of the sine is exact for large n in single precision too.
+        sine2 = np.minimum(half.square_sine, 1 - np.finfo(half.x.dtype).eps)
+        value = normalisation(n) * np.exp(n / 2 * np.log1p(-sine2))
+        return coloured(above_horizon(value, light, view), self.color("color"))
+
+
+def normalisation(exponent: float) -> float:
+    """``1 / int (N.H)^n N.L dL`` for a view along the normal."""
+    return (exponent + 2) * (exponent + 4) / (8 * math.pi * (2 ** (-exponent / 2) + exponent))

@@ -1,0 +1,258 @@
+"""Coefficients of BRDFs kept on disk between runs, where computing them takes long.
+
+An entry is one file, named by a digest of all that its coefficients depend on: the BRDF with its
+parameters (of a measured one the digest of its file), the orders, the accuracy, and the program.
+It holds the digest of its own bytes; whatever is damaged is computed and written again.
+"""
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shrm_cli import __version__
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.errors import OutputError
+from shrm_cli.files import replacing
+
+FOLDER_VARIABLE = "SHRM_CACHE_DIR"
+"""Environment variable that names the cache's folder."""
+
+MOST_BYTES = 256 * 2**20
+"""Of all entries; those that were not used for the longest time make room."""
+
+_SUFFIX = ".coefficients"
+_MAGIC = b"shrm coefficients 1\n"
+_SLOW = 0.02  # seconds; below that reading a file is no gain
+_MOST_HEADER = 2**16
+_DIGEST = hashlib.sha256().digest_size
+_CODE = ("brdf", "sphere")
+"""Folders of the package whose code coefficients depend on."""
+
+_enabled = True
+
+
+def disable() -> None:
+    """Neither read nor write entries in this process from now on."""
+    global _enabled
+    _enabled = False
+
+
+def folder() -> Path:
+    """Where entries are: what the environment says, or the user's cache folder."""
+    chosen = os.environ.get(FOLDER_VARIABLE)
+    if chosen:
+        return Path(chosen)
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("shrm"))
+
+
+def cached_coefficients(
+    brdf: Brdf,
+    order_f: int,
+    order_p: int,
+    accuracy: float,
+    compute: Callable[[Brdf, int, int, float], BrdfCoefficients],
+) -> BrdfCoefficients:
+    """Coefficients from the cache, or computed, and kept if that took long.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    order_f, order_p : int
+    accuracy : float
+    compute : callable
+        `compute_coefficients`, or what does as it does.
+
+    Returns
+    -------
+    BrdfCoefficients
+        To the last bit what `compute` returns. Only BRDFs of this package are kept: of others
+        the code could change unseen.
+    """
+    key = _key(brdf, order_f, order_p, accuracy) if _enabled else None
+    if key is None:
+        return compute(brdf, order_f, order_p, accuracy)
+    path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
+    found = _read(path, key, order_f, order_p)
+    if found is None:
+        start = time.perf_counter()
+        found = compute(brdf, order_f, order_p, accuracy)
+        if time.perf_counter() - start > _SLOW:
+            _write(path, key, found)
+    return found
+
+
+def usage() -> tuple[int, int]:
+    """How many entries there are, and their size in bytes."""
+    sizes = [size for _, size, _ in _entries(folder())]
+    return len(sizes), sum(sizes)
+
+
+def clear() -> tuple[int, int]:
+    """Remove every entry; returns how many there were, and their size in bytes.
+
+    Raises
+    ------
+    OutputError
+        If one cannot be removed.
+    """
+    where = folder()
+    count = size = 0
+    for path, length, _ in _entries(where):
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be removed ({error.strerror})") from error
+        count, size = count + 1, size + length
+    with contextlib.suppress(OSError):  # as where there is something else in it
+        where.rmdir()
+    return count, size
+
+
+def _key(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> str | None:
+    """All that coefficients depend on, as JSON; None of BRDFs that are not identified by it."""
+    if not _is_of_this_package(brdf):
+        return None
+    parts = {
+        "name": brdf.name,
+        "model": f"{type(brdf).__module__}.{type(brdf).__qualname__}",
+        "values": brdf.values,
+        "frame": [brdf.center, brdf.includes_cosine, brdf.has_horizon, brdf.zonal],
+        "orders": [order_f, order_p],
+        "accuracy": accuracy,
+        "program": [__version__, np.__version__, _code()],
+    }
+    try:
+        return json.dumps(parts, sort_keys=True)
+    except (TypeError, ValueError):
+        return None
+
+
+def _is_of_this_package(brdf: Brdf) -> bool:
+    """Whether the code of a BRDF, and of those that it is made of, is here."""
+    pending = list(vars(brdf).values())
+    while pending:
+        part = pending.pop()
+        if isinstance(part, tuple | list):
+            pending += part
+        elif isinstance(part, Brdf) and not _is_of_this_package(part):
+            return False
+    return type(brdf).__module__.startswith("shrm_cli.brdf.")
+
+
+@functools.cache
+def _code() -> list[tuple[str, int, int]]:
+    """Sizes and times of the modules, such that a changed model is computed anew."""
+    found = []
+    with contextlib.suppress(OSError):  # a package in an archive
+        for name in _CODE:
+            for entry in os.scandir(Path(__file__).parents[1] / name):
+                if entry.name.endswith(".py"):
+                    status = entry.stat()
+                    found.append((f"{name}/{entry.name}", status.st_size, status.st_mtime_ns))
+    return sorted(found)
+
+
+def _write(path: Path, key: str, coefficients: BrdfCoefficients) -> None:
+    """Write an entry, and remove old ones beyond the limit; do nothing if that fails."""
+    header: dict[str, Any] = {"key": key, "shapes": {}, "others": {}}
+    arrays = []
+    for field in dataclasses.fields(coefficients):
+        value = getattr(coefficients, field.name)
+        if isinstance(value, np.ndarray):
+            header["shapes"][field.name] = value.shape
+            arrays.append(np.ascontiguousarray(value, dtype="<f8").tobytes())
+        else:
+            header["others"][field.name] = value
+    text = json.dumps(header).encode()
+    body = b"".join([len(text).to_bytes(4, "little"), text, *arrays])
+    if len(text) > _MOST_HEADER or len(body) > MOST_BYTES // 4:
+        return
+    with contextlib.suppress(OSError, OutputError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_bytes(_MAGIC + hashlib.sha256(body).digest() + body)
+        _make_room(path)
+
+
+def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients | None:
+    """The coefficients of an entry; None if there is none that is whole and fits the key."""
+    try:
+        if not path.is_file():  # a pipe would be waited for
+            return None
+        # No entry is larger than its arrays at these orders, and no more than that is read.
+        values = 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1)
+        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + 8 * values
+        with open(path, "rb") as stream:
+            data = stream.read(most + 1)
+        start = len(_MAGIC) + _DIGEST
+        if len(data) > most or not data.startswith(_MAGIC):
+            return None
+        body = memoryview(data)[start:]
+        if hashlib.sha256(body).digest() != data[len(_MAGIC) : start]:
+            return None
+        found = _unpacked(body, key)
+        fits = found.order_f == order_f and found.order_p in (0, order_p)
+    except (OSError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
+        return None
+    if not fits:
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)  # used now: the last to make room
+    return found
+
+
+def _unpacked(body: memoryview, key: str) -> BrdfCoefficients:
+    """The coefficients in the body of an entry; any of several errors if they are not there."""
+    start = 4 + int.from_bytes(body[:4], "little")
+    header = json.loads(bytes(body[4:start]))
+    if header["key"] != key:
+        raise ValueError("an entry of something else")
+    fields: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in header["others"].items()
+    }
+    for name, shape in header["shapes"].items():
+        count = math.prod(shape)
+        array = np.frombuffer(body, "<f8", count, start).reshape(shape).astype(float)
+        if not np.isfinite(array).all():
+            raise ValueError("not finite")
+        fields[name] = array
+        start += array.nbytes
+    if start != len(body):
+        raise ValueError("of another length")
+    return BrdfCoefficients(**fields)
+
+
+def _make_room(newest: Path) -> None:
+    """Remove the entries that were used longest ago until the rest is small enough."""
+    entries = sorted(_entries(newest.parent), key=lambda entry: entry[2])
+    size = sum(length for _, length, _ in entries)
+    for path, length, _ in entries:
+        if size <= MOST_BYTES:
+            return
+        if path != newest:
+            with contextlib.suppress(OSError):  # another process was faster
+                path.unlink(missing_ok=True)
+            size -= length
+
+
+def _entries(where: Path) -> Iterator[tuple[Path, int, int]]:
+    """Path, size and time of last use of every entry, those being written too."""
+    with contextlib.suppress(OSError):
+        for entry in os.scandir(where):
+            if entry.name.endswith(_SUFFIX) and entry.is_file(follow_symlinks=False):
+                status = entry.stat(follow_symlinks=False)
+                yield Path(entry.path), status.st_size, status.st_mtime_ns

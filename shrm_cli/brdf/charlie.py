@@ -1,0 +1,48 @@
+"""The sheen of cloth: microfibres that stand up from the surface."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter
+from shrm_cli.brdf.vectors import above_horizon, coloured, half_vector, heights
+
+# Table 1: a, b, c, d, e of L(x) for roughness 0 and 1.
+_SMOOTH = 25.3245, 3.32435, 0.16801, -1.27393, -4.85967
+_ROUGH = 21.5473, 3.82987, 0.19823, -1.97760, -4.32054
+
+
+class Charlie(Brdf):
+    """``f_r = color D G / (4 N.L N.V)`` above the horizon.
+
+    ``D = (2 + 1/r) sin(theta_h)^(1/r) / (2 pi)`` with r the roughness, and ``G = 1 / (1 +
+    Lambda(N.L) + Lambda(N.V))`` with the paper's fit of Lambda. The paper's softening of the
+    terminator is left out: it treats light and view differently.
+    """
+
+    name = "charlie"
+    summary = "sheen of cloth, brightest at grazing angles"
+    source = "Estevez and Kulla 2017, Production friendly microfacet sheen BRDF"
+    parameters = (
+        Parameter("roughness", 0.5, 0.05, 1.0, "r: smaller gathers the sheen at the rim"),
+        Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "colour of the fibres"),
+    )
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        half = half_vector(light, view)
+        light_height, view_height = heights(light, view)
+        rate = 1 / self.number("roughness")
+        sine = np.sqrt(np.minimum(half.square_sine, 1.0))
+        distribution = (2 + rate) / (2 * np.pi) * sine**rate
+        shadowed = 1 + self._shadowing(light_height) + self._shadowing(view_height)
+        value = distribution / (4 * light_height * view_height * shadowed)
+        return coloured(above_horizon(value, light, view), self.color("color"))
+
+    def _shadowing(self, cosine: Array) -> Array:
+        """Lambda: exp(L(x)) for x < 1/2, and exp(2 L(1/2) - L(1 - x)) above."""
+        smooth = (1 - self.number("roughness")) ** 2
+        a, b, c, d, e = (
+            smooth * s + (1 - smooth) * r for s, r in zip(_SMOOTH, _ROUGH, strict=True)
+        )
+        x = np.where(cosine < 0.5, cosine, 1 - cosine)
+        value = a / (1 + b * np.maximum(x, 0.0) ** c) + d * x + e
+        middle = a / (1 + b * 0.5**c) + d * 0.5 + e
+        return np.exp(np.where(cosine < 0.5, value, 2 * middle - value))

@@ -1,0 +1,37 @@
+"""Cook and Torrance's microfacets: Beckmann slopes in V-shaped cavities."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
+from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
+from shrm_cli.brdf.vectors import GRAZING, above_horizon, half_vector, heights, schlick
+
+
+class CookTorrance(Brdf):
+    """``f_r = F D G / (4 N.L N.V)`` above the horizon.
+
+    Beckmann's ``D = exp(-tan(theta_h)^2 / m^2) / (pi m^2 cos(theta_h)^4)``, the geometric term of
+    Torrance and Sparrow ``G = min(1, 2 N.H N.V / V.H, 2 N.H N.L / V.H)``, F after Schlick. The
+    paper has pi in the place of 4, which reflects more than it receives; 4 is the Jacobian of
+    the half vector.
+    """
+
+    name = "cook-torrance"
+    summary = "microfacets with Beckmann's distribution in V-shaped cavities"
+    source = "Cook and Torrance 1982, A reflectance model for computer graphics; Schlick 1994"
+    parameters = (
+        Parameter("roughness", 0.3, 0.005, 1.0, "m: root mean square slope"),
+        NORMAL_REFLECTANCE,
+    )
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        half = half_vector(light, view)
+        light_height, view_height = heights(light, view)
+        m2 = self.number("roughness") ** 2
+        z2 = np.maximum(half.z, GRAZING) ** 2
+        distribution = np.exp(-half.square_sine / (z2 * m2)) / (np.pi * m2 * z2 * z2)
+        larger = np.maximum(light_height, view_height)
+        cavity = 2 * half.z / (np.maximum(half.cosine, GRAZING) * larger)
+        visibility = np.minimum(cavity, 1 / (light_height * view_height)) / 4
+        value = above_horizon(distribution * visibility, light, view)
+        return scaled(schlick(self.color("f0"), half.cosine), value)

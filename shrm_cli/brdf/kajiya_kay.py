@@ -1,0 +1,31 @@
+"""Kajiya and Kay's highlight of hair and fur, a function of the angles to the tangent."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
+from shrm_cli.brdf.vectors import power
+
+
+class KajiyaKay(Brdf):
+    """``rho_hat = cos(theta_i - theta_o)^s`` where that is positive; both angles to the tangent.
+
+    Light and view are given in a frame whose z is the TANGENT. The peak is 1, as in the paper:
+    the lobe is not normalised. Under constant light of radiance 1 a fibre seen from the side
+    shines with ``2 pi^(3/2) Gamma(s/2 + 1) / Gamma(s/2 + 3/2)``, 2.72 for s = 32. A fibre has no
+    horizon, and no azimuth: light from all around it counts alike.
+    """
+
+    name = "kajiya-kay"
+    summary = "highlight of fibres, about the tangent; a transfer function that is not normalised"
+    source = "Kajiya and Kay 1989; as Ramamoorthi 2002, section 5.3.1"
+    parameters = (Parameter("exponent", 32.0, 0.0, 1e4, "s: larger is sharper"),)
+    center = "tangent"
+    includes_cosine = True
+    has_horizon = False
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        light_height, view_height = light[..., 2], view[..., 2]
+        light_sine = np.hypot(light[..., 0], light[..., 1])
+        view_sine = np.hypot(view[..., 0], view[..., 1])
+        cosine = light_height * view_height + light_sine * view_sine
+        return grey(power(np.minimum(cosine, 1.0), self.number("exponent")))

@@ -1,0 +1,180 @@
+"""BRDFs that are sums of terms, and how others come apart into a diffuse and a glossy term."""
+
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, value_text
+from shrm_cli.errors import BrdfError
+from shrm_cli.sphere.directions import from_angles
+
+_ANGLES = 24
+_AZIMUTHS = 13
+_LEAST_ALBEDO = 0.005
+_GRAZING = 0.95
+"""Part of the quarter circle that counts: measured data end there, and models have their limits."""
+
+
+class Sum(Brdf):
+    """A weighted sum of BRDFs.
+
+    Parameters
+    ----------
+    terms : sequence of (float, Brdf)
+        Weights and terms, two at least; of one frame, so tangent BRDFs are left out.
+
+    Raises
+    ------
+    BrdfError
+    """
+
+    name = "sum"
+    summary = "sum of terms"
+    source = "its terms"
+
+    def __init__(self, terms: Sequence[tuple[float, Brdf]]) -> None:
+        if len(terms) < 2:
+            raise BrdfError("a sum has two terms at least")
+        for weight, term in terms:
+            if not (np.isfinite(weight) and weight >= 0):
+                raise BrdfError(f"{weight:g}*{term!r}: weights are finite and not negative")
+            if term.center == "tangent":
+                raise BrdfError(f"{term!r}: hair has no normal in common with the other terms")
+        self.terms = tuple(terms)
+        self.values = {"spec": repr(self)}
+        self.includes_cosine = any(term.includes_cosine for _, term in terms)
+        self.has_horizon = False
+        self.isotropic = all(term.isotropic for _, term in terms)
+        diffuse = all(term.center == "normal" for _, term in terms)
+        self.center = "normal" if diffuse else "reflection"
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        first, *others = (
+            weight * (term.transfer if self.includes_cosine else term.evaluate)(light, view)
+            for weight, term in self.terms
+        )
+        return np.asarray(sum(others, start=first))
+
+    def __repr__(self) -> str:
+        return "+".join(f"{value_text(weight)}*{term!r}" for weight, term in self.terms)
+
+
+class Diffuse(Brdf):
+    """A Lambertian part of another BRDF, of a colour of its own."""
+
+    name = "diffuse-part"
+    summary = "the largest Lambertian part of a BRDF"
+    source = "Lambert 1760"
+    center = "normal"
+    zonal = True
+
+    def __init__(self, albedo: Array) -> None:
+        self.values = {"albedo": [float(x) for x in albedo]}
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        shape = np.broadcast_shapes(light.shape, view.shape)
+        dtype = np.result_type(light, view)
+        color = np.array(self.values["albedo"], dtype=dtype) / dtype.type(np.pi)
+        return np.broadcast_to(color, shape)
+
+
+class Rest(Brdf):
+    """A BRDF without its Lambertian part."""
+
+    summary = "a BRDF without its Lambertian part"
+
+    def __init__(self, whole: Brdf, albedo: Array) -> None:
+        self.whole, self.albedo = whole, np.asarray(albedo, dtype=float)
+        self.name, self.source = whole.name, whole.source
+        self.values = {**whole.values, "without": [float(x) for x in albedo]}
+        self.center = whole.center
+        self.isotropic = whole.isotropic
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        value = self.whole.evaluate(light, view)
+        return np.asarray(np.maximum(value - (self.albedo / np.pi).astype(value.dtype), 0))
+
+
+def split(brdf: Brdf) -> list[Brdf]:
+    """The terms that a BRDF may be prefiltered by, each about its own centre.
+
+    A sum comes apart into its terms. From another BRDF the largest Lambertian part is split off
+    that leaves nothing negative.
+
+    Returns
+    -------
+    list of Brdf
+        One where there is nothing to split.
+    """
+    if isinstance(brdf, Sum):
+        return [_Weighted(weight, term) for weight, term in brdf.terms]
+    if brdf.includes_cosine or brdf.zonal:
+        return [brdf]
+    albedo = diffuse_albedo(brdf)
+    worth_it = albedo.max() > _LEAST_ALBEDO
+    return [Diffuse(albedo), Rest(brdf, albedo)] if worth_it else [brdf]
+
+
+class _Weighted(Brdf):
+    """A term of a sum."""
+
+    summary = "a term of a sum"
+
+    def __init__(self, weight: float, term: Brdf) -> None:
+        self.weight, self.term = weight, term
+        self.name, self.source = term.name, term.source
+        self.values = {**term.values, "weight": weight}
+        self.center, self.zonal, self.isotropic = term.center, term.zonal, term.isotropic
+        self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        return np.asarray(self.weight * self.term.evaluate(light, view))
+
+    def __repr__(self) -> str:
+        return f"{self.weight:g}*{self.term!r}"
+
+
+def diffuse_albedo(brdf: Brdf) -> Array:
+    """Pi times the least value of a BRDF over light and view above the horizon, shape (3,)."""
+    theta = (np.arange(_ANGLES) + 0.5) / _ANGLES * (_GRAZING * np.pi / 2)
+    phi = np.linspace(0, np.pi, _AZIMUTHS)
+    light = from_angles(theta[:, None, None], phi)
+    view = from_angles(theta, 0.0)[None, :, None]
+    least = brdf.evaluate(light, view).reshape(-1, 3).min(axis=0)
+    return np.asarray(np.maximum(least, 0) * np.pi)
+
+
+_PLUS = re.compile(r"(?<![0-9.][eE])\+")  # not the sign of an exponent: 1e+5
+_WEIGHT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*\*")
+
+
+def is_sum(spec: str) -> bool:
+    """Whether a specification has several terms, or a weight."""
+    return len(_PLUS.split(spec)) > 1 or _WEIGHT.match(spec) is not None
+
+
+def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
+    """The sum that ``0.5*lambertian+0.5*ggx:roughness=0.3`` names.
+
+    Parameters
+    ----------
+    spec : str
+    parse : callable
+        Reads one term.
+
+    Raises
+    ------
+    BrdfError
+    """
+    terms = []
+    for part in _PLUS.split(spec):
+        match = _WEIGHT.match(part)
+        try:
+            weight = float(match[1]) if match else 1.0
+        except ValueError:
+            raise BrdfError(f"{spec!r}: {part!r} has no sound weight") from None
+        terms.append((weight, parse(part[match.end() :] if match else part)))
+    if len(terms) == 1:
+        return _Weighted(*terms[0])
+    return Sum(terms)

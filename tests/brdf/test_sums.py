@@ -1,0 +1,123 @@
+"""Sums of BRDFs, and how others come apart."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.lambertian import Lambertian
+from shrm_cli.brdf.microfacet import Microfacet
+from shrm_cli.brdf.oren_nayar import OrenNayar
+from shrm_cli.brdf.phong import Phong
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.sums import Sum, diffuse_albedo, is_sum, parse_sum, split
+from shrm_cli.errors import BrdfError
+from tests.brute_force import unit
+
+
+class Lifted(Brdf):
+    """A coloured Lambertian base under a lobe that vanishes somewhere."""
+
+    name, summary, source = "lifted", "for tests", "here"
+
+    def evaluate(self, light, view):
+        height = (light[..., 2] * view[..., 2])[..., None] ** 2
+        return np.array([0.1, 0.05, 0.0]) / np.pi + height * np.array([0.3, 0.0, 0.2])
+
+
+@pytest.fixture
+def pairs(rng):
+    """Light and view above the horizon."""
+    light, view = unit(rng, 50), unit(rng, 50)
+    light[:, 2], view[:, 2] = np.abs(light[:, 2]), np.abs(view[:, 2])
+    return light, view
+
+
+def test_a_sum_is_the_sum(pairs):
+    one, other = OrenNayar(), Lambertian(albedo=0.5)
+    both = Sum([(0.3, one), (2.0, other)])
+    light, view = pairs
+    expected = 0.3 * one.evaluate(light, view) + 2 * 0.5 / np.pi
+    assert both.evaluate(light, view) == pytest.approx(expected)
+    assert not both.includes_cosine
+    assert both.center == "normal" if one.center == "normal" else "reflection"
+    assert both.transfer(light, view) == pytest.approx(expected * light[:, 2:])
+
+
+def test_transfer_functions_and_brdfs_may_be_added(rng):
+    both = Sum([(0.5, Lambertian()), (0.5, Microfacet(sigma=0.3))])
+    light, view = unit(rng, 200), unit(rng, 200)  # below the horizon too
+    expected = 0.5 * np.maximum(light[:, 2:], 0) / np.pi
+    expected = expected + 0.5 * Microfacet(sigma=0.3).transfer(light, view)
+    assert both.transfer(light, view) == pytest.approx(np.broadcast_to(expected, (200, 3)))
+
+
+@pytest.mark.parametrize(
+    ("spec", "terms"),
+    [
+        ("0.5*lambertian+0.5*phong:exponent=8", [(0.5, "lambertian"), (0.5, "phong")]),
+        ("lambertian + 2e-1 * phong:exponent=1e+2", [(1.0, "lambertian"), (0.2, "phong")]),
+        ("1e+1*lambertian+phong", [(10.0, "lambertian"), (1.0, "phong")]),
+    ],
+)
+def test_specifications(spec, terms):
+    assert is_sum(spec)
+    found = parse_sum(spec, parse_spec)
+    assert [(weight, term.name) for weight, term in found.terms] == terms
+    again = parse_sum(found.values["spec"], parse_spec)
+    assert again.values == found.values
+    if "phong" in spec and "exponent" in spec:
+        assert found.terms[1][1].values["exponent"] in (8.0, 100.0)
+
+
+@pytest.mark.parametrize("spec", ["phong", "phong:exponent=1e+2", "lambertian:albedo=0.5"])
+def test_what_is_no_sum(spec):
+    assert not is_sum(spec)
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("1.2.3*lambertian+phong", "weight"),
+        ("lambertian+", "no BRDF"),
+        ("a*lambertian+phong", "a*"),
+    ],
+)
+def test_malformed_sums(spec, words):
+    with pytest.raises(BrdfError, match=words.replace("*", "[*]")):
+        parse_sum(spec, parse_spec)
+
+
+def test_hair_is_no_term():
+    with pytest.raises(BrdfError, match="no normal in common"):
+        Sum([(1.0, Lambertian()), (1.0, parse_spec("kajiya-kay"))])
+
+
+def test_a_weight_alone(pairs):
+    found = parse_sum("0.25*lambertian", parse_spec)
+    assert found.evaluate(*pairs) == pytest.approx(np.full((50, 3), 0.25 / np.pi))
+    assert (found.center, found.zonal) == ("normal", True)
+
+
+def test_the_largest_lambertian_part(pairs):
+    albedo = diffuse_albedo(Lifted())
+    assert albedo == pytest.approx([0.1, 0.05, 0.0], abs=2e-4)
+    diffuse, rest = split(Lifted())
+    light, view = pairs
+    assert rest.evaluate(light, view).min() >= 0
+    total = diffuse.evaluate(light, view) + rest.evaluate(light, view)
+    assert total == pytest.approx(Lifted().evaluate(light, view), abs=1e-4)
+    assert (diffuse.center, rest.center) == ("normal", "reflection")
+
+
+def test_what_does_not_come_apart():
+    for whole in (Microfacet(), Phong(), Lambertian(), parse_spec("charlie")):
+        assert split(whole) == [whole]
+
+
+def test_a_sum_comes_apart_into_its_weighted_terms(pairs):
+    both = Sum([(0.3, OrenNayar()), (2.0, Microfacet())])
+    light, view = pairs
+    terms = split(both)
+    assert [term.name for term in terms] == ["oren-nayar", "microfacet"]
+    total = sum(term.transfer(light, view) for term in terms)
+    assert total == pytest.approx(both.transfer(light, view))
