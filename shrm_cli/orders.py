@@ -165,7 +165,7 @@ def _sufficient_coefficients(
     f = max(_FIRST_ORDER_F, order_f)
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     while True:
-        accuracy = max(tolerance / 300, 1e-5)
+        accuracy = max(tolerance / (30 if brdf.is_measured else 300), 1e-5)
         coefficients = cached_coefficients(brdf, f, p, accuracy, compute_coefficients)
         total = coefficients.total_energy.sum()
         if total == 0:

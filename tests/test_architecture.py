@@ -32,8 +32,6 @@ MAY_READ_IMAGES = {"brdf/table_file.py", "probe/image_file.py"}
 EXTRAS = {
     "render/plots.py": {"matplotlib"},
     "brdf/spectrum.py": {"colour"},
-    "brdf/goniometer.py": {"scipy"},
-    "brdf/zernike.py": {"scipy"},
 }
 """What belongs to an extra, and is imported where it is used."""
 UNTRUSTED_LOADERS = {"pickle", "marshal", "shelve", "dill", "joblib"}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from shrm_cli import reference, threads
-from shrm_cli.probe import source
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.probe import source
 from shrm_cli.probe.probe import ReadOptions, open_probe
 from shrm_cli.probe.resample import resample_latlong
 from shrm_cli.reference import Reference

@@ -210,6 +210,11 @@ class Brdf(ABC):
         other.center, other.zonal = center, False
         return other
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether it interpolates a file's samples: then it has kinks, and noise."""
+        return "sha256" in self.values
+
     def number(self, key: str) -> float:
         """The value of a parameter that is a number."""
         return float(self.values[key])  # type: ignore[arg-type]

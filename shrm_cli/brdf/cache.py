@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import os
+import stat
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -36,6 +37,7 @@ _MAGIC = b"shrm coefficients 1\n"
 _SLOW = 0.02  # seconds; below that reading a file is no gain
 _MOST_HEADER = 2**16
 _DIGEST = hashlib.sha256().digest_size
+_UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
 _CODE = ("brdf", "sphere")
 """Folders of the package whose code coefficients depend on."""
 
@@ -158,10 +160,9 @@ def _code() -> list[tuple[str, int, int]]:
     found = []
     with contextlib.suppress(OSError):  # a package in an archive
         for name in _CODE:
-            for entry in os.scandir(Path(__file__).parents[1] / name):
-                if entry.name.endswith(".py"):
-                    status = entry.stat()
-                    found.append((f"{name}/{entry.name}", status.st_size, status.st_mtime_ns))
+            for path in (Path(__file__).parents[1] / name).glob("*.py"):
+                status = path.stat()
+                found.append((f"{name}/{path.name}", status.st_size, status.st_mtime_ns))
     return sorted(found)
 
 
@@ -180,7 +181,7 @@ def _write(path: Path, key: str, coefficients: BrdfCoefficients) -> None:
     body = b"".join([len(text).to_bytes(4, "little"), text, *arrays])
     if len(text) > _MOST_HEADER or len(body) > MOST_BYTES // 4:
         return
-    with contextlib.suppress(OSError, OutputError):
+    with contextlib.suppress(OSError, OutputError, ValueError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
             temporary.write_bytes(_MAGIC + hashlib.sha256(body).digest() + body)
@@ -205,7 +206,7 @@ def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients 
             return None
         found = _unpacked(body, key)
         fits = found.order_f == order_f and found.order_p in (0, order_p)
-    except (OSError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
+    except (OSError, *_UNSOUND):
         return None
     if not fits:
         return None
@@ -251,8 +252,13 @@ def _make_room(newest: Path) -> None:
 
 def _entries(where: Path) -> Iterator[tuple[Path, int, int]]:
     """Path, size and time of last use of every entry, those being written too."""
-    with contextlib.suppress(OSError):
-        for entry in os.scandir(where):
-            if entry.name.endswith(_SUFFIX) and entry.is_file(follow_symlinks=False):
-                status = entry.stat(follow_symlinks=False)
-                yield Path(entry.path), status.st_size, status.st_mtime_ns
+    try:
+        with os.scandir(where) as found:
+            paths = [Path(entry.path) for entry in found if entry.name.endswith(_SUFFIX)]
+    except (OSError, ValueError):  # no such folder, or none that can be
+        return
+    for path in paths:
+        with contextlib.suppress(OSError):  # removed meanwhile
+            status = path.lstat()
+            if stat.S_ISREG(status.st_mode):
+                yield path, status.st_size, status.st_mtime_ns

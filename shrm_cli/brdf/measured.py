@@ -15,7 +15,7 @@ FORMATS = {
     "merl": ("Merl", "MERL's .binary tables"),
     "rgl": ("Rgl", "RGL's .bsdf tensor files"),
     "goniometer": ("Goniometer", "Cornell's goniometer samples"),
-    "zernike": ("Zernike", "NIST's Koenderink-van Doorn coefficients"),
+    "zernike": ("Zernike", "Koenderink-van Doorn coefficients, CSV measurements"),
     "table": ("Table", "tables that shrm brdf --save wrote, .exr or .npz"),
 }
 """Formats in the order in which they are tried: the module's name, its class, and what it reads."""

@@ -49,6 +49,10 @@ class Sum(Brdf):
         diffuse = all(term.center == "normal" for _, term in terms)
         self.center = "normal" if diffuse else "reflection"
 
+    @property
+    def is_measured(self) -> bool:
+        return any(term.is_measured for _, term in self.terms)
+
     def evaluate(self, light: Array, view: Array) -> Array:
         first, *others = (
             weight * (term.transfer if self.includes_cosine else term.evaluate)(light, view)

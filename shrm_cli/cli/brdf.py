@@ -1,47 +1,120 @@
-"""`shrm brdf`: the list of BRDFs, and one explained."""
+"""`shrm brdf`: the list of BRDFs, one explained, and its conversion to a file."""
 
-from typing import Any
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.options import print_json, report_options
 from shrm_cli.cli.types import Fraction
 
+if TYPE_CHECKING:
+    from shrm_cli.brdf.base import Brdf
+
 _TOLERANCES = (0.1, 0.03, 0.01)
+_SUFFIXES = (".exr", ".npz", ".binary")
+_GROUPS = {
+    "normal": "Diffuse, about the normal",
+    "reflection": "Glossy, about the mirror direction",
+    "tangent": "Fibres, about the tangent",
+}
 
 
 @click.command()
-@click.argument("spec", required=False)
+@click.argument("spec", metavar="[SPEC|FILE]", required=False)
 @click.option(
     "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
+@click.option(
+    "--save", "target", type=click.Path(), metavar="FILE",
+    help="Write it as a table instead: .exr, .npz, or MERL's .binary.",
+)  # fmt: skip
 @report_options
-def brdf(spec: str | None, tolerances: tuple[float, ...], as_json: bool, quiet: bool) -> None:
-    """List the BRDFs, or explain SPEC: a name, or a name with parameters."""
-    from shrm_cli.brdf.spec import MODELS, parse_spec
+def brdf(
+    spec: str | None,
+    tolerances: tuple[float, ...],
+    target: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """List the BRDFs, or explain one: a name with parameters, or a measured file.
 
+    \b
+      shrm brdf ggx:roughness=0.3
+      shrm brdf paint.bsdf --save paint.exr
+    """
     if spec is None:
-        if as_json:
-            print_json([_describe(model) for model in MODELS.values()])
-        for model in [] if as_json or quiet else MODELS.values():
-            click.echo(f"{model.name:<12} {model.summary}")
-            for line in _parameter_lines(model):
-                click.echo(f"{'':<12}   {line}")
+        if target is not None:
+            raise click.UsageError("--save needs a BRDF to write; name one before it")
+        _list(as_json, quiet)
+        return
+    from shrm_cli.brdf.spec import parse_spec
+
+    if target is not None:
+        _save(spec, target, as_json, quiet)
         return
     chosen = parse_spec(spec)
-    rows = [_orders(chosen, tolerance) for tolerance in tolerances or _TOLERANCES]
+    rows = [_orders(chosen, eps) for eps in tolerances or _TOLERANCES] if chosen.isotropic else []
+    report = _explain(chosen, rows)
     if as_json:
-        print_json({**_describe(type(chosen)), "values": chosen.values, "orders": rows})
+        print_json(report)
+    elif not quiet:
+        click.echo("\n".join(_text(chosen, report)))
+
+
+def _list(as_json: bool, quiet: bool) -> None:
+    from shrm_cli.brdf.measured import FORMATS
+    from shrm_cli.brdf.spec import MODELS
+
+    if as_json:
+        print_json([_describe(model) for model in MODELS.values()])
     if as_json or quiet:
         return
-    click.echo(f"{chosen!r}: {chosen.summary}")
-    click.echo(f"  source      {chosen.source}")
-    click.echo(f"  centre      {chosen.center}")
-    for line in _parameter_lines(type(chosen)):
-        click.echo(f"  parameter   {line}")
-    for row in rows:
-        click.echo(f"  {_row_text(row)}")
+    for center, title in _GROUPS.items():
+        click.echo(f"{title}:")
+        for model in MODELS.values():
+            if model.center == center:
+                click.echo(f"  {model.name:<18} {model.summary}")
+                for line in _parameter_lines(model) + _anisotropy(model):
+                    click.echo(f"  {'':<18}   {line}")
+    click.echo("Measured, by the path of a file:")
+    for name, (_, what) in FORMATS.items():
+        click.echo(f"  {name:<18} {what}")
+
+
+def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
+    """Write a BRDF as a table, read it back, and say how far it is from the original."""
+    from shrm_cli.brdf.examine import difference
+    from shrm_cli.brdf.measured import open_measured
+    from shrm_cli.brdf.spec import names_file, parse_spec
+    from shrm_cli.files import check_target
+
+    suffix = Path(target).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise click.BadParameter(
+            f"{target!r} does not end with {', '.join(_SUFFIXES)}", param_hint="'--save'"
+        )
+    check_target(target, [spec] if names_file(spec) else [])
+    chosen = parse_spec(spec)
+    if suffix == ".binary":
+        from shrm_cli.brdf.merl import write_merl
+
+        write_merl(target, chosen)
+    else:
+        from shrm_cli.brdf.table import tabulate
+        from shrm_cli.exr.brdf_table import write_table
+
+        write_table(target, tabulate(chosen))
+    written = open_measured(target)
+    size, error = Path(target).stat().st_size, difference(chosen, written)
+    if as_json:
+        print_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
+    elif not quiet:
+        click.echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
+        click.echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
 
 
 def _describe(model: Any) -> dict[str, Any]:
@@ -52,24 +125,33 @@ def _describe(model: Any) -> dict[str, Any]:
         "summary": model.summary,
         "source": model.source,
         "center": model.center,
+        "isotropic": model.isotropic,
         "parameters": [asdict(parameter) for parameter in model.parameters],
     }
 
 
 def _parameter_lines(model: Any) -> list[str]:
     return [
-        f"{p.name}  {p.minimum:g} .. {p.maximum:g}, default {p.default:g}: {p.meaning}"
-        for p in model.parameters
+        f"{p.name}  {p.domain}, default {p.default_text}: {p.meaning}" for p in model.parameters
     ]
 
 
-def _orders(chosen: Any, tolerance: float) -> dict[str, Any]:
-    from shrm_cli.errors import OrderError
+def _anisotropy(model: Any) -> list[str]:
+    """What prefiltering does not take."""
+    refused = "prefiltering refuses it, `shrm reference` renders it"
+    if not model.isotropic:
+        return [f"anisotropic: {refused}"]
+    pairs = [f"{p.follows} and {p.name}" for p in model.parameters if p.follows]
+    return [f"anisotropic where {pair} differ: {refused}" for pair in pairs]
+
+
+def _orders(chosen: Brdf, tolerance: float) -> dict[str, Any]:
+    from shrm_cli.errors import BrdfError, OrderError
     from shrm_cli.orders import choose_orders
 
     try:
         orders, _ = choose_orders(chosen, tolerance)
-    except OrderError as error:
+    except (OrderError, BrdfError) as error:
         return {"epsilon": tolerance, "error": str(error)}
     return {
         "epsilon": tolerance,
@@ -77,6 +159,73 @@ def _orders(chosen: Any, tolerance: float) -> dict[str, Any]:
         "order_p": orders.order_p,
         "brdf_energy_captured": orders.captured,
     }
+
+
+def _explain(chosen: Brdf, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    from shrm_cli.brdf.examine import ANGLES, captured_by_view_order, examine
+
+    found = examine(chosen)
+    report = {
+        **_describe(chosen),
+        "values": chosen.values,
+        "orders": rows,
+        "examination": {
+            "smallest": found.smallest.tolist(),
+            "largest": found.largest.tolist(),
+            "albedo": [
+                {"theta": theta, "rgb": rgb.tolist()}
+                for theta, rgb in zip(ANGLES, found.albedo, strict=True)
+            ],
+            "furnace_albedo": found.furnace_albedo,
+            "furnace_theta": found.furnace_angle,
+            "gains_energy": found.gains_energy,
+            "reciprocity_error": found.reciprocity_error,
+        },
+    }
+    met = [row for row in rows if "error" not in row]
+    if met:
+        captured = captured_by_view_order(chosen, met[-1]["order_f"]).tolist()
+        report["captured_by_view_order"] = {"order_f": met[-1]["order_f"], "captured": captured}
+    return report
+
+
+def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
+    lines = [f"{chosen!r}: {chosen.summary}"]
+    lines += [f"  source      {chosen.source}", f"  centre      {chosen.center}"]
+    lines += [f"  parameter   {line}" for line in _parameter_lines(chosen)]
+    lines += _examination_lines(chosen, report["examination"])
+    lines += [f"  {_row_text(row)}" for row in report["orders"]]
+    if not chosen.isotropic:
+        lines.append("  anisotropic; prefiltering refuses it, `shrm reference` renders it")
+    if "captured_by_view_order" in report:
+        held = report["captured_by_view_order"]
+        numbers = " ".join(f"{captured:.2%}" for captured in held["captured"])
+        lines.append(
+            f"  P = 0 .. {len(held['captured']) - 1}  {numbers} within F = {held['order_f']}"
+        )
+    return lines
+
+
+def _examination_lines(chosen: Brdf, found: dict[str, Any]) -> list[str]:
+    fibre = chosen.center == "tangent"
+    axis = "tangent" if fibre else "normal"
+    low, high = min(found["smallest"]), max(found["largest"])
+    what = "of rho_hat" if fibre else "1/sr, up to 80 degrees from the normal"
+    lines = [f"  values      {low:.4g} .. {high:.4g} {what}"]
+    angles = " ".join(f"{row['theta']:>6}" for row in found["albedo"])
+    lines.append(f"  albedo      {angles}  degrees from the {axis}")
+    channels = list(zip(*(row["rgb"] for row in found["albedo"]), strict=True))
+    grey = len(set(channels)) == 1
+    for name, channel in [("", channels[0])] if grey else zip("RGB", channels, strict=True):
+        lines.append(f"  {name:>10}  {' '.join(f'{albedo:>6.4f}' for albedo in channel)}")
+    verdict = "it gains energy" if found["gains_energy"] else "it gains no energy"
+    lines.append(
+        f"  furnace     {found['furnace_albedo']:.4f} at most, at {found['furnace_theta']:g} "
+        f"degrees: {verdict}"
+    )
+    error = found["reciprocity_error"]
+    lines.append(f"  reciprocity {error:.2%} RMS error" if error > 1e-6 else "  reciprocity exact")
+    return lines
 
 
 def _row_text(row: dict[str, Any]) -> str:

@@ -15,12 +15,15 @@ from shrm_cli.cli.options import make_read_options, print_json, read_options, re
 @read_options
 @report_options
 def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
-    """Print what FILE is: a map that shrm wrote, or a light probe and how it would be read."""
+    """Print what FILE is: a map or a table that shrm wrote, or a light probe."""
     from shrm_cli.exr import is_map
+    from shrm_cli.exr.brdf_table import is_table
 
     warnings: list[str] = []
     if is_map(file):
         values = _describe_map(file)
+    elif is_table(file):
+        values = _describe_table(file)
     else:
         values, found = _describe_probe(file, make_read_options(sampling, reading))
         warnings = [f"{file}: {line}" for line in found]
@@ -32,6 +35,19 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
         for key, value in values.items():
             click.echo(f"  {key.replace('_', ' '):<{width}}  {_text(value)}")
     warn(warnings, quiet)
+
+
+def _describe_table(file: str) -> dict[str, Any]:
+    from shrm_cli.brdf.table import Table
+
+    table = Table.open(file)
+    return {
+        "kind": "BRDF table",
+        "nodes": [len(axis) for axis in table.axes],
+        "center": table.center,
+        "includes_cosine": table.includes_cosine,
+        "see": f"shrm brdf {file}",
+    }
 
 
 def _describe_map(file: str) -> dict[str, Any]:
@@ -98,6 +114,8 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
 
 
 def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list | tuple):

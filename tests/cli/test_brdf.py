@@ -5,7 +5,7 @@ import json
 import pytest
 
 from shrm_cli.brdf.spec import MODELS
-from tests.cli.helpers import assert_refused, done, process, run
+from tests.cli.helpers import assert_refused, done, process, run, snapshot
 
 
 def test_list_names_every_model_and_parameter():
@@ -14,20 +14,35 @@ def test_list_names_every_model_and_parameter():
         assert f"{model.name} " in text
         assert model.summary in text
         for parameter in model.parameters:
-            assert f"{parameter.name}  {parameter.minimum:g} .. {parameter.maximum:g}, " in text
-            assert f"default {parameter.default:g}" in text
+            assert f"{parameter.name}  {parameter.domain}, default " in text
+
+
+def test_list_says_what_is_anisotropic_and_what_files_are_read():
+    text = done("brdf")
+    groups = ["Diffuse, about the normal:", "Glossy, about the mirror direction:"]
+    groups += ["Fibres, about the tangent:", "Measured, by the path of a file:"]
+    places = [text.index(group) for group in groups]
+    assert places == sorted(places)
+    assert places[0] < text.index("  lambertian ") < places[1] < text.index("  ggx ") < places[2]
+    assert places[2] < text.index("  kajiya-kay ") < places[3] < text.index("  merl ")
+    assert "anisotropic where ax and ay differ: prefiltering refuses it" in text
+    assert "\n                       anisotropic: prefiltering refuses it" in text
+    for name in ("rgl", "goniometer", "zernike", "table"):
+        assert f"\n  {name} " in text[places[3] :]
 
 
 def test_list_as_json():
     values = json.loads(done("brdf", "--json"))
     assert [each["name"] for each in values] == list(MODELS)
     for each in values:
-        assert list(each) == ["name", "summary", "source", "center", "parameters"]
+        assert list(each) == ["name", "summary", "source", "center", "isotropic", "parameters"]
     microfacet = next(each for each in values if each["name"] == "microfacet")
     assert microfacet["center"] == "reflection"
     (sigma,) = microfacet["parameters"]
     assert (sigma["name"], sigma["default"]) == ("sigma", 0.2)
-    assert next(each for each in values if each["name"] == "lambertian")["center"] == "normal"
+    by_name = {each["name"]: each for each in values}
+    assert by_name["lambertian"]["center"] == "normal"
+    assert not by_name["poulin-fournier"]["isotropic"]
 
 
 def test_one_is_explained_with_its_orders():
@@ -37,6 +52,118 @@ def test_one_is_explained_with_its_orders():
     assert "centre      reflection" in text
     assert "eps 0.03    F = 11, P = 2 (97." in text
     assert text.count("eps ") == 3
+
+
+def test_one_is_explained_with_what_it_does():
+    """A Lambertian of albedo .25 is .25 / pi everywhere, and keeps to its first order."""
+    text = done("brdf", "lambertian:albedo=0.25/0.5/0.25", "--eps", 0.03)
+    lines = [line.split() for line in text.splitlines()]
+    assert lines[4][:8] == ["values", "0.07958", "..", "0.1592", "1/sr,", "up", "to", "80"]
+    assert lines[5][:7] == ["albedo", "0", "15", "30", "45", "60", "75"]
+    for row, name, expected in zip(lines[6:9], "RGB", (0.25, 0.5, 0.25), strict=True):
+        assert row[0] == name
+        assert [float(value) for value in row[1:]] == pytest.approx([expected] * 6, abs=2e-3)
+    assert lines[9][0] == "furnace"
+    assert float(lines[9][1]) == pytest.approx(0.5, rel=2e-3)
+    assert "gains no energy" in text
+    assert "reciprocity exact" in text
+    assert text.count("%") == 7
+    assert text.rstrip().endswith("within F = 2")
+
+
+def test_one_is_explained_as_json():
+    values = json.loads(done("brdf", "microfacet:sigma=0.4", "--json", "--eps", 0.03))
+    found = values["examination"]
+    assert [row["theta"] for row in found["albedo"]] == [0, 15, 30, 45, 60, 75]
+    assert all(len(row["rgb"]) == 3 for row in found["albedo"])
+    assert not found["gains_energy"]
+    # Not reciprocal: the model leaves the cosine of the light out.
+    assert found["reciprocity_error"] > 0.1
+    captured = values["captured_by_view_order"]
+    assert captured["order_f"] == values["orders"][0]["order_f"]
+    assert len(captured["captured"]) == 6
+    assert captured["captured"] == sorted(captured["captured"])
+    order_p = values["orders"][0]["order_p"]
+    got = values["orders"][0]["brdf_energy_captured"]
+    assert captured["captured"][order_p] == pytest.approx(got, abs=2e-3)
+
+
+def test_one_that_gains_energy_is_told():
+    text = done("brdf", "kajiya-kay", "--eps", 0.1)
+    assert "it gains energy" in text
+    assert "degrees from the tangent" in text
+
+
+def test_an_anisotropic_one_is_explained_without_orders():
+    text = done("brdf", "ward:ax=0.1,ay=0.3")
+    assert "eps " not in text
+    assert "anisotropic; prefiltering refuses it, `shrm reference` renders it" in text
+    values = json.loads(done("brdf", "ward:ax=0.1,ay=0.3", "--json"))
+    assert values["orders"] == []
+    assert values["isotropic"] is False
+    assert "captured_by_view_order" not in values
+
+
+def test_a_measured_file_is_explained(shared):
+    file = shared / "brdf" / "rgl" / "paper_white_rgb.bsdf"
+    values = json.loads(done("brdf", file, "--json", "--eps", 0.1))
+    assert values["values"]["file"] == file.name
+    assert values["name"] == "rgl"
+    # The database's own albedo at normal incidence.
+    expected = pytest.approx([0.8186, 0.8329, 0.9791], rel=2e-3)
+    assert values["examination"]["albedo"][0]["rgb"] == expected
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind", "error"),
+    [("exr", "table", 0.01), ("npz", "table", 0.01), ("binary", "merl", 0.02)],
+)
+def test_saving_converts_and_tells_the_error(tmp_path, suffix, kind, error):
+    target = tmp_path / f"gold.{suffix}"
+    spec = "ggx:roughness=0.5,f0=gold"
+    values = json.loads(done("brdf", spec, "--save", target, "--json"))
+    assert list(values) == ["file", "format", "bytes", "rms_difference"]
+    assert values["format"] == kind
+    assert values["bytes"] == target.stat().st_size
+    assert 0 < values["rms_difference"] < error
+    original, written = (
+        json.loads(done("brdf", each, "--json", "--eps", 0.3)) for each in (spec, target)
+    )
+    assert written["values"]["file"] == target.name
+    for one, other in zip(
+        original["examination"]["albedo"], written["examination"]["albedo"], strict=True
+    ):
+        assert other["rgb"] == pytest.approx(one["rgb"], rel=0.02)
+    assert original["orders"][0]["order_p"] == written["orders"][0]["order_p"]
+
+
+def test_saving_speaks_of_what_was_written(tmp_path):
+    target = tmp_path / "t.npz"
+    text = done("brdf", "phong", "--save", target)
+    assert text.startswith(f"{target}: a table over half and difference angles, 128 x 72 x 64, ")
+    assert "RMS error" in text
+    assert "of phong:exponent=32" in text
+    target.unlink()
+    assert done("brdf", "phong", "--save", target, "--quiet") == ""
+    assert target.exists()
+
+
+def test_saving_refuses_what_cannot_be(tmp_path):
+    target = tmp_path / "t.exr"
+    done("brdf", "oren-nayar", "--save", target)
+    before = snapshot(tmp_path)
+    for arguments, code, parts in [
+        (["ggx", "--save", tmp_path / "t.png"], 2, ["--save", ".binary"]),
+        (["--save", target], 2, ["--save", "name one"]),
+        (["ward:ax=0.1,ay=0.2", "--save", target], 1, ["anisotropic"]),
+        (["poulin-fournier", "--save", tmp_path / "t.binary"], 1, ["isotropic"]),
+        (["kajiya-kay", "--save", tmp_path / "t.binary"], 1, ["about a normal"]),
+        (["ggx", "--save", tmp_path / "no" / "t.exr"], 1, ["no folder"]),
+        (["ggx", "--save", tmp_path], 2, ["--save"]),
+        ([target, "--save", target], 1, ["overwrite the input"]),
+    ]:
+        assert_refused(run("brdf", *arguments), code, *parts)
+    assert snapshot(tmp_path) == before
 
 
 def test_several_tolerances_keep_their_order():

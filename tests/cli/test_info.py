@@ -157,3 +157,11 @@ def test_bad_files(folder, kind):
     before = snapshot(folder)
     assert_refused(process("info", "bad.exr"), 1, "bad.exr: ")
     assert snapshot(folder) == before
+
+
+def test_a_table_of_a_brdf(folder):
+    done("brdf", "lambertian", "--save", "matte.exr")
+    values = json.loads(done("info", "matte.exr", "--json"))
+    assert values["kind"] == "BRDF table"
+    assert values["center"] == "normal"
+    assert "shrm brdf matte.exr" in done("info", "matte.exr")

@@ -132,7 +132,10 @@ def test_debug_shows_the_traceback_of_a_process():
     assert result.code == 1
     assert result.err.startswith("Traceback")
     assert "BrdfError: no BRDF is called 'phnog'" in result.err
-    assert process("brdf", "phnog").err == "Error: no BRDF is called 'phnog'; did you mean phong or blinn-phong?\n"
+    assert (
+        process("brdf", "phnog").err
+        == "Error: no BRDF is called 'phnog'; did you mean phong or blinn-phong?\n"
+    )
 
 
 def test_interrupted_is_130(monkeypatch):

@@ -1,0 +1,37 @@
+"""Evaluating what is defined above the horizon alone."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array
+
+_PAIRS_AT_ONCE = 2**14
+"""What is computed for so many pairs stays in the processor's cache."""
+
+
+def evaluate_above(kernel: Callable[[Array, Array], Array], light: Array, view: Array) -> Array:
+    """Values of a kernel where both directions are above the horizon, and 0 elsewhere.
+
+    Parameters
+    ----------
+    kernel : callable
+        From directions to light and viewer, (n, 3) each, to values (n, 3).
+    light, view : ndarray, shape (..., 3), broadcastable
+        Unit, in the frame of the normal, z = N.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Of the directions' precision.
+    """
+    dtype = np.result_type(light, view, np.float32)
+    above = (light[..., 2] > 0) & (view[..., 2] > 0)
+    shape = above.shape
+    lights, views = (np.broadcast_to(v, (*shape, 3)).reshape(-1, 3) for v in (light, view))
+    values = np.zeros((above.size, 3), dtype=dtype)
+    found = np.flatnonzero(above)
+    for start in range(0, len(found), _PAIRS_AT_ONCE):
+        part = found[start : start + _PAIRS_AT_ONCE]
+        values[part] = kernel(lights[part].astype(dtype), views[part].astype(dtype))
+    return values.reshape(*shape, 3)

@@ -1,0 +1,123 @@
+"""Bilinear grids over the unit square that depend on one parameter, and their warps."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Array
+
+Index = NDArray[np.intp]
+
+
+class Slices:
+    """Where a parameter lies between the slices of a table, linearly; beyond them at the end.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (s,)
+        The slices' parameters, increasing; two at least.
+    parameter : ndarray, shape (n,)
+    """
+
+    def __init__(self, nodes: Array, parameter: Array) -> None:
+        self.low: Index = np.clip(
+            np.searchsorted(nodes, parameter, side="right") - 1, 0, len(nodes) - 2
+        )
+        nodes = nodes.astype(parameter.dtype)
+        low, high = nodes[self.low], nodes[self.low + 1]
+        self.part = np.clip((parameter - low) / (high - low), 0, 1)
+
+    def blend(self, records: Array, index: Index, per_slice: int) -> Array:
+        """Records (s * per_slice, ...) at an index into a slice, between two slices."""
+        at = self.low * per_slice + index
+        low, high = records.take(at, axis=0), records.take(at + per_slice, axis=0)
+        part = self.part[(..., *(None,) * (records.ndim - 1))]
+        return low + part * (high - low)
+
+
+class Grid:
+    """Values with channels on a grid of every slice, bilinear between its nodes.
+
+    Parameters
+    ----------
+    values : ndarray, shape (s, rows, columns, channels)
+    """
+
+    def __init__(self, values: Array) -> None:
+        self.shape = values.shape[1:3]
+        # A record holds a node and its right neighbour, so that two fetches serve four corners.
+        pairs = np.stack([values[:, :, :-1], values[:, :, 1:]], axis=3)
+        pairs = np.pad(pairs, [(0, 0), (0, 0), (0, 1), (0, 0), (0, 0)])
+        self._records = np.ascontiguousarray(pairs, dtype=np.float32).reshape(-1, *pairs.shape[3:])
+
+    def __call__(self, x: Array, y: Array, slices: Slices) -> Array:
+        """Values (n, channels) at x (columns) and y (rows), both of 0 .. 1."""
+        columns = self.shape[1]
+        column, right = _cell(x, columns)
+        row, below = _cell(y, self.shape[0])
+        at, count = row * columns + column, self.shape[0] * columns
+        top = slices.blend(self._records, at, count)
+        bottom = slices.blend(self._records, at + columns, count)
+        pair = top + below[:, None, None] * (bottom - top)
+        return pair[:, 0] + right[:, None] * (pair[:, 1] - pair[:, 0])
+
+
+class Warp:
+    """Maps the unit square to itself so that a bilinear density becomes uniform.
+
+    First x within a row of the square, by the cumulative of the density along it, then y by the
+    cumulative of the rows' integrals; both exactly, for the density as interpolated.
+
+    Parameters
+    ----------
+    density : ndarray, shape (s, rows, columns)
+        Non-negative, with a positive integral in every slice; of any scale.
+
+    References
+    ----------
+    Dupuy and Jakob 2018, "An adaptive parameterization for efficient material acquisition and
+    rendering": the inverse of the sampling of visible normals.
+    """
+
+    def __init__(self, density: Array) -> None:
+        self.shape = density.shape[1:]
+        density = density.astype(np.float64)
+        along = np.zeros(density.shape)
+        along[:, :, 1:] = np.cumsum((density[:, :, :-1] + density[:, :, 1:]) / 2, axis=2)
+        rows = along[:, :, -1]
+        down = np.zeros(rows.shape)
+        down[:, 1:] = np.cumsum((rows[:, :-1] + rows[:, 1:]) / 2, axis=1)
+        total = down[:, -1]
+        self._down = (down / total[:, None]).astype(np.float32).reshape(-1)
+        # A record: the density at a node and at the next of its row, the cumulative up to the
+        # node, and that of the whole row.
+        following = np.concatenate([density[:, :, 1:], density[:, :, -1:]], axis=2)
+        whole = np.broadcast_to(rows[:, :, None], density.shape)
+        records = np.stack([density, following, along, whole], axis=-1) / total[:, None, None, None]
+        self._records = records.astype(np.float32).reshape(-1, 4)
+
+    def invert(self, x: Array, y: Array, slices: Slices) -> tuple[Array, Array]:
+        """Where the density's points x (columns) and y (rows) come from, in the unit square.
+
+        Rows of the density without any light end at x = 0.
+        """
+        columns = self.shape[1]
+        column, right = _cell(x, columns)
+        row, below = _cell(y, self.shape[0])
+        at, count = row * columns + column, self.shape[0] * columns
+        top = slices.blend(self._records, at, count)
+        bottom = slices.blend(self._records, at + columns, count)
+        left, after, along, whole = (top + below[:, None] * (bottom - top)).T
+        inside = right * (left + right / 2 * (after - left))
+        tiny = np.finfo(np.float32).tiny
+        source_x = (along + inside) / np.maximum(whole, tiny)
+        first, last = top[:, 3], bottom[:, 3]
+        source_y = slices.blend(self._down, row, self.shape[0])
+        source_y = source_y + below * (first + below / 2 * (last - first))
+        return np.clip(source_x, 0, 1), np.clip(source_y, 0, 1)
+
+
+def _cell(coordinate: Array, count: int) -> tuple[Index, Array]:
+    """The cell of a grid of `count` nodes that 0 .. 1 falls into, and where in it."""
+    scaled = np.clip(coordinate, 0, 1) * (count - 1)
+    low = np.minimum(scaled.astype(np.intp), count - 2)
+    return low, scaled - low.astype(scaled.dtype)

@@ -1,0 +1,393 @@
+"""Coefficients kept on disk: the same to the last bit, or computed anew."""
+
+import hashlib
+import json
+import os
+import sys
+from subprocess import Popen
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf import cache
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.cache import cached_coefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.sums import Sum
+from shrm_cli.errors import OutputError
+from tests.cli.helpers import environment
+
+ORDERS = (8, 3, 1e-3)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(cache, "_SLOW", -1.0)
+    monkeypatch.setattr(cache, "_enabled", True)
+    return tmp_path / "cache"
+
+
+class Counted:
+    """Computes, and counts how often."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, brdf, order_f, order_p, accuracy):
+        self.calls += 1
+        return compute_coefficients(brdf, order_f, order_p, accuracy)
+
+
+def same(one, other):
+    return one.samples == other.samples and all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        and getattr(one, name).dtype == getattr(other, name).dtype
+        for name in ("values", "total_energy", "degree_energy")
+    )
+
+
+def entry(folder):
+    (path,) = folder.iterdir()
+    return path
+
+
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.4", "lambertian:albedo=0.3", "ggx:f0=gold"])
+def test_what_was_computed_comes_back_to_the_last_bit(spec):
+    brdf, compute = parse_spec(spec), Counted()
+    first = cached_coefficients(brdf, *ORDERS, compute)
+    again = cached_coefficients(parse_spec(spec), *ORDERS, compute)
+    assert compute.calls == 1
+    assert same(first, again)
+    assert same(again, compute_coefficients(brdf, *ORDERS))
+    again.values[0, 0, 0] = 7  # a caller's own array
+    assert same(first, cached_coefficients(brdf, *ORDERS, compute))
+
+
+def test_the_key_is_all_that_coefficients_depend_on(monkeypatch):
+    compute = Counted()
+    brdf = parse_spec("microfacet:sigma=0.4")
+    cached_coefficients(brdf, *ORDERS, compute)
+    for changed in [(9, 3, 1e-3), (8, 4, 1e-3), (8, 3, 1e-4)]:
+        assert cached_coefficients(brdf, *changed, compute).order_f == changed[0]
+    cached_coefficients(parse_spec("microfacet:sigma=0.41"), *ORDERS, compute)
+    cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    cached_coefficients(brdf.recentered("normal"), *ORDERS, compute)
+    assert compute.calls == 7
+    monkeypatch.setattr(cache, "__version__", "999")
+    cached_coefficients(brdf, *ORDERS, compute)
+    monkeypatch.setattr(cache, "_code", lambda: [("brdf/microfacet.py", 1, 2)])
+    cached_coefficients(brdf, *ORDERS, compute)
+    assert compute.calls == 9
+    cached_coefficients(brdf, *ORDERS, compute)
+    assert compute.calls == 9
+
+
+def test_the_code_is_known_by_its_files():
+    names = [name for name, size, time in cache._code() if size and time]
+    assert "brdf/microfacet.py" in names
+    assert "sphere/harmonics.py" in names
+
+
+def test_quick_results_are_not_kept(folder, monkeypatch):
+    monkeypatch.setattr(cache, "_SLOW", 1000)
+    compute = Counted()
+    for _ in range(2):
+        cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    assert compute.calls == 2
+    assert not folder.exists()
+
+
+class Foreign(Brdf):
+    """A BRDF of somebody else, whose code is not known here."""
+
+    name, summary, source = "lambertian", "", ""
+
+    def evaluate(self, light, view):
+        return np.full((*np.broadcast_shapes(light.shape, view.shape)[:-1], 3), 0.1)
+
+
+@pytest.mark.parametrize(
+    "brdf", [Foreign(), Sum([(1, parse_spec("ggx")), (0.5, Foreign())])], ids=["alone", "in a sum"]
+)
+def test_brdfs_of_others_are_not_kept(folder, brdf):
+    compute = Counted()
+    for _ in range(2):
+        cached_coefficients(brdf, *ORDERS, compute)
+    assert compute.calls == 2
+    assert not folder.exists()
+
+
+def test_sums_are_kept():
+    compute = Counted()
+    for weights in [(1, 0.5), (1, 0.5), (1, 0.6)]:
+        terms = [parse_spec("phong"), parse_spec("lambertian")]
+        cached_coefficients(Sum(list(zip(weights, terms, strict=True))), *ORDERS, compute)
+    assert compute.calls == 2
+
+
+def test_it_can_be_switched_off(folder):
+    compute = Counted()
+    cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    before = entry(folder).stat().st_mtime_ns
+    cache.disable()
+    for _ in range(2):
+        cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    assert compute.calls == 3
+    assert entry(folder).stat().st_mtime_ns == before
+
+
+# Damaged and hostile entries.
+
+
+def rebuilt(path):
+    """Whether an entry is computed anew, correctly, and whole again afterwards."""
+    compute = Counted()
+    brdf = parse_spec("microfacet:sigma=0.4")
+    found = cached_coefficients(brdf, *ORDERS, compute)
+    assert same(found, compute_coefficients(brdf, *ORDERS))
+    again = cached_coefficients(brdf, *ORDERS, compute)
+    assert same(found, again)
+    return compute.calls == 1
+
+
+@pytest.fixture
+def kept(folder):
+    cached_coefficients(parse_spec("microfacet:sigma=0.4"), *ORDERS, compute_coefficients)
+    return entry(folder)
+
+
+def test_truncated_entries_are_made_anew(kept):
+    content = kept.read_bytes()
+    for length in [0, 1, 19, 20, 52, 55, 60, 500, len(content) // 2, len(content) - 1]:
+        kept.write_bytes(content[:length])
+        assert rebuilt(kept)
+        assert kept.read_bytes() == content
+
+
+def test_every_changed_bit_is_noticed(kept, rng):
+    content = kept.read_bytes()
+    for position in [*range(0, 60, 7), *rng.integers(0, len(content), 15)]:
+        damaged = bytearray(content)
+        damaged[position] ^= 1 << rng.integers(8)
+        kept.write_bytes(damaged)
+        assert rebuilt(kept)
+
+
+@pytest.mark.parametrize("content", [b"hello", b"\0" * 10000, b"\xff" * 100, b"{}"])
+def test_garbage_is_made_anew(kept, content):
+    kept.write_bytes(content)
+    assert rebuilt(kept)
+
+
+def test_longer_entries_are_made_anew(kept):
+    content = kept.read_bytes()
+    kept.write_bytes(content + b"\0")
+    assert rebuilt(kept)
+    with open(kept, "r+b") as stream:
+        stream.truncate(2**40)  # a terabyte of nothing is not read
+    assert rebuilt(kept)
+    assert kept.read_bytes() == content
+
+
+def parts(content):
+    """Header and arrays of an entry, by its description."""
+    start = len(b"shrm coefficients 1\n") + 32
+    length = int.from_bytes(content[start : start + 4], "little")
+    return json.loads(content[start + 4 : start + 4 + length]), content[start + 4 + length :]
+
+
+def forged(header, arrays):
+    """An entry with a correct digest."""
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    body = len(text).to_bytes(4, "little") + text + arrays
+    return b"shrm coefficients 1\n" + hashlib.sha256(body).digest() + body
+
+
+def test_the_format_is_the_one_described(kept):
+    header, arrays = parts(kept.read_bytes())
+    expected = compute_coefficients(parse_spec("microfacet:sigma=0.4"), *ORDERS)
+    assert header["shapes"]["values"] == [9, 4, 4, 3]
+    assert np.array_equal(np.frombuffer(arrays, "<f8")[: 9 * 4 * 4 * 3], expected.values.ravel())
+    assert forged(header, arrays) == kept.read_bytes()
+    assert json.loads(header["key"])["values"] == {"sigma": 0.4}
+
+
+def with_nan(header, arrays):
+    return header, arrays[:80] + np.float64(np.nan).tobytes() + arrays[88:]
+
+
+def with_shape(*shape):
+    def change(header, arrays):
+        return header | {"shapes": header["shapes"] | {"values": list(shape)}}, arrays
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        with_nan,
+        with_shape(9, 4, 12),
+        with_shape(3, 4, 12, 3),
+        with_shape(-1),
+        with_shape(),
+        with_shape(2**62, 2**62),
+        with_shape("a"),
+        with_shape(0),
+        lambda header, arrays: (header | {"key": "another"}, arrays),
+        lambda header, arrays: (header | {"shapes": []}, arrays),
+        lambda header, arrays: (header | {"shapes": {}}, arrays),
+        lambda header, arrays: (header | {"others": {}}, arrays),
+        lambda header, arrays: (header | {"others": {"samples": [1, 2, 3], "more": 1}}, arrays),
+        lambda header, arrays: ([header], arrays),
+        lambda header, arrays: (3, arrays),
+        lambda header, arrays: (b"[" * 60000, arrays),
+        lambda header, arrays: (b"\xff\xfe", arrays),
+        lambda header, arrays: (header, arrays[:-8]),
+        lambda header, arrays: (header, arrays + bytes(8)),
+        lambda header, arrays: (header, b""),
+    ],
+)
+def test_sound_digests_of_unsound_content(kept, change):
+    kept.write_bytes(forged(*change(*parts(kept.read_bytes()))))
+    assert rebuilt(kept)
+
+
+def test_entries_of_other_orders_are_not_taken(kept):
+    header, _ = parts(kept.read_bytes())
+    small = BrdfCoefficients(np.ones((2, 4, 4, 3)), np.ones(3), np.ones((2, 3)), (1, 1, 1))
+    header["shapes"] = {"values": [2, 4, 4, 3], "total_energy": [3], "degree_energy": [2, 3]}
+    data = b"".join(a.tobytes() for a in (small.values, small.total_energy, small.degree_energy))
+    kept.write_bytes(forged(header, data))
+    assert rebuilt(kept)
+
+
+def test_what_is_no_file_is_left_alone(kept):
+    kept.unlink()
+    os.mkfifo(kept)  # to open it would wait for ever
+    compute = Counted()
+    for _ in range(2):
+        cached_coefficients(parse_spec("microfacet:sigma=0.4"), *ORDERS, compute)
+    assert compute.calls == 2
+    kept.unlink()
+    kept.mkdir()
+    cached_coefficients(parse_spec("microfacet:sigma=0.4"), *ORDERS, compute)
+    assert compute.calls == 3
+    assert kept.is_dir()
+
+
+def test_a_folder_that_cannot_be_written_is_no_cache(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("in the way")
+    for name in ("file", "file/below", "x" * 300, "a\0b"):
+        if "\0" not in name:
+            monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / name))
+        else:
+            monkeypatch.setattr(cache, "folder", lambda: tmp_path / "a\0b")
+        compute = Counted()
+        for _ in range(2):
+            cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+        assert compute.calls == 2
+        assert cache.usage() == (0, 0)
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+# Room, and removal.
+
+
+def test_the_entries_used_longest_ago_make_room(folder, monkeypatch):
+    specs = [f"microfacet:sigma={s}" for s in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)]
+    compute = Counted()
+
+    def take(spec):
+        before = compute.calls
+        cached_coefficients(parse_spec(spec), *ORDERS, compute)
+        return compute.calls > before
+
+    for age, spec in enumerate(specs[:5]):
+        take(spec)
+        for path in folder.iterdir():
+            status = path.stat()
+            os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns - 10**9))
+        assert len(list(folder.iterdir())) == age + 1
+    assert not take(specs[0])  # used now
+    size = sum(path.stat().st_size for path in folder.iterdir())
+    monkeypatch.setattr(cache, "MOST_BYTES", size + 10)
+    assert take(specs[5])
+    assert len(list(folder.iterdir())) == 5
+    assert [take(specs[k]) for k in (0, 2, 3, 4, 5)] == [False] * 5
+    assert take(specs[1])
+
+
+def test_what_would_fill_the_cache_is_not_kept(folder, monkeypatch):
+    monkeypatch.setattr(cache, "MOST_BYTES", 4000)
+    cached_coefficients(parse_spec("phong"), 20, 8, 1e-3, compute_coefficients)
+    assert not folder.exists()
+
+
+def test_clearing_removes_entries_and_nothing_else(folder):
+    for spec in ("phong:exponent=2", "phong:exponent=3"):
+        cached_coefficients(parse_spec(spec), *ORDERS, compute_coefficients)
+    (folder / "notes.txt").write_text("mine")
+    (folder / "below").mkdir()
+    (folder / "below" / "x.coefficients").write_text("mine")
+    (folder / ".x.shrm-host-1-ab.coefficients").write_text("left by a killed process")
+    count, size = cache.usage()
+    assert count == 3
+    assert cache.clear() == (count, size)
+    assert sorted(path.name for path in folder.iterdir()) == ["below", "notes.txt"]
+    assert (folder / "below" / "x.coefficients").exists()
+    assert cache.clear() == (0, 0)
+
+
+def test_clearing_removes_an_empty_folder(folder, kept):
+    cache.clear()
+    assert not folder.exists()
+    assert cache.clear() == (0, 0)
+
+
+def test_what_cannot_be_removed_is_said(folder, kept, monkeypatch):
+    def refuse(self, missing_ok=False):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(type(kept), "unlink", refuse)
+    with pytest.raises(OutputError, match="cannot be removed"):
+        cache.clear()
+
+
+def test_links_are_not_followed(folder, tmp_path):
+    (tmp_path / "precious").write_text("data")
+    folder.mkdir()
+    (folder / "a.coefficients").symlink_to(tmp_path / "precious")
+    assert cache.usage() == (0, 0)
+    cache.clear()
+    assert (tmp_path / "precious").read_text() == "data"
+
+
+def test_the_default_is_the_users_cache_folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("SHRM_CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    if sys.platform == "linux":
+        assert cache.folder() == tmp_path / "home" / "shrm"
+    assert "shrm" in str(cache.folder())
+
+
+def test_concurrent_runs_share_it(folder):
+    code = (
+        "from shrm_cli.brdf import cache\n"
+        "from shrm_cli.brdf.coefficients import compute_coefficients as compute\n"
+        "from shrm_cli.brdf.spec import parse_spec\n"
+        "import numpy as np, sys\n"
+        "cache._SLOW, cache.MOST_BYTES = -1.0, 40000\n"
+        "for turn in range(12):\n"
+        "    brdf = parse_spec(f'microfacet:sigma=0.{3 + turn % 3}')\n"
+        "    found = cache.cached_coefficients(brdf, 8, 3, 1e-2, compute)\n"
+        "    right = np.array_equal(found.values, compute(brdf, 8, 3, 1e-2).values)\n"
+        "    sys.exit('wrong') if not right else cache.usage()\n"
+        "    cache.clear() if turn == 7 else None\n"
+    )
+    runs = [Popen([sys.executable, "-c", code], env=environment()) for _ in range(3)]
+    assert [run.wait(timeout=60) for run in runs] == [0, 0, 0]
+    assert all(path.name.endswith(".coefficients") for path in folder.iterdir())
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
