@@ -82,7 +82,8 @@ def choose_orders(
     if not enough[-1, -1] and order_f is None and order_p is None:
         raise OrderError(
             f"{brdf!r}: tolerance {tolerance:g} cannot be met within F = {MAX_ORDER_F} and "
-            f"P = {MAX_ORDER_P}; they reach {1 - captured[-1, -1]:.3g}, so ask for more than that"
+            f"P = {MAX_ORDER_P}; they reach {1 - captured[-1, -1]:.3g}; ask for more than that, or "
+            "name the orders and see what they miss"
         )
     return least_orders(coefficients, tolerance, order_f, order_p), coefficients
 
