@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import BrdfError
-from shrm_cli.sphere.directions import from_angles
+from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.grids import colatitude_weights, nodes
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 
@@ -230,19 +230,11 @@ def _transfer_samples(
         coverage = np.clip(0.5 - beyond / cell, 0.0, 1.0)
         if not brdf.has_horizon:
             coverage[:] = 1.0
-        light = _tilted(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
+        light = tilted_frame(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
         cut = np.nonzero((coverage > 0) & (coverage < 1) & (beyond >= 0))
         edge = from_angles(horizon[cut[1:]] * (1 - 1e-9), phi[cut[2]])
-        light[cut] = _tilted(edge, tilt[cut[1]])
+        light[cut] = tilted_frame(edge, tilt[cut[1]])
         yield rows, brdf.transfer(light, view), coverage
-
-
-def _tilted(light: Array, tilt: Array) -> Array:
-    """Directions (..., 3) about C in the frame of a normal tilted by angles (...)."""
-    cosine, sine = np.cos(tilt), np.sin(tilt)
-    x, y, z = np.moveaxis(light, -1, 0)
-    parts = cosine * x - sine * z, y, sine * x + cosine * z
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
 def _zonal_coefficients(brdf: Brdf, order_f: int) -> BrdfCoefficients:

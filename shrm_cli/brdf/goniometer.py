@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.brdf.half_angles import half_angles
 from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import file_values
 from shrm_cli.brdf.spectrum import to_linear_srgb
@@ -156,15 +157,9 @@ def _unit_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
 
     Directions that reciprocity or the mirror through the normal exchange have the same.
     """
-    half, difference = light + view, light - view
-    x, y, z = np.moveaxis(half, -1, 0)
-    length = np.sqrt(x * x + y * y + z * z)
-    theta_h = np.arctan2(np.sqrt(x * x + y * y), z)
-    theta_d = np.arctan2(np.sqrt((difference**2).sum(axis=-1)), length)
-    turned = light[..., 0] * view[..., 1] - light[..., 1] * view[..., 0]
-    # Both parts times sin(theta_h) |L - V| |L + V|; phi_d is 0 where light and view are as high
-    # as one another and the half vector is the normal.
-    phi_d = np.arctan2(2 * np.abs(turned), np.abs(difference[..., 2]) * length)
+    theta_h, theta_d, phi_d = half_angles(light, view)
+    phi_d = np.abs(phi_d)
+    phi_d = np.minimum(phi_d, phi_d.dtype.type(np.pi) - phi_d)
     scale = light.dtype.type(2 / np.pi)
     return np.sqrt(theta_h * scale), theta_d * scale, phi_d * scale
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, grey, scaled
-from shrm_cli.sphere.directions import from_angles
+from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.grids import gauss_legendre
 
 _ANGLES = 512
@@ -90,7 +90,7 @@ def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -
             height, swing = np.cos(tilt) * np.cos(polar), np.sin(tilt) * np.sin(polar)
             above = np.arctan2(np.sqrt(np.maximum(swing**2 - height**2, 0)), -height)
         phi = (nodes + 1) / 2 * above[..., None]
-        light = _tilted(from_angles(polar[..., None], phi), tilt[:, None])
+        light = tilted_frame(from_angles(polar[..., None], phi), tilt[:, None])
         samples = brdf.transfer(light, view)
         means = np.einsum("iopc,p->ioc", samples, weights / 2)
         result[start : start + rows] = means * (above / np.pi)[..., None]
@@ -191,11 +191,3 @@ def lobe_tail(brdf: Brdf, angle: float) -> Brdf:
 def _zonal_lobe(brdf: Brdf, theta: Array) -> Array:
     """A zonal BRDF at angles from C, shape (n, 3): the view may be C itself, and N too."""
     return brdf.transfer(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))
-
-
-def _tilted(light: Array, tilt: Array) -> Array:
-    """Directions (..., 3) about C in the frame of a normal tilted by angles (...)."""
-    cosine, sine = np.cos(tilt), np.sin(tilt)
-    x, y, z = np.moveaxis(light, -1, 0)
-    parts = cosine * x - sine * z, y, sine * x + cosine * z
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)

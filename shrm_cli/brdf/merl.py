@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import check_file, file_values
 from shrm_cli.errors import BrdfError
 from shrm_cli.files import replacing
-from shrm_cli.sphere.directions import from_angles, reflect
 
 CELLS = (90, 90, 180)
 """Cells in theta_h (slowest), theta_d and phi_d (fastest)."""
@@ -118,17 +118,7 @@ def half_difference(light: Array, view: Array) -> tuple[Array, Array, Array]:
     i, j, k : ndarray, shape (...)
         Of theta_h, theta_d and phi_d; k from -180.5 to 179.5, of period 180.
     """
-    x, y, z = np.moveaxis(light, -1, 0)
-    half = light + view
-    half_x, half_y, half_z = np.moveaxis(half, -1, 0)
-    across = half_x * half_x + half_y * half_y
-    length = np.sqrt(across + half_z * half_z)
-    theta_h = np.arctan2(np.sqrt(across), half_z)
-    theta_d = np.arctan2(np.linalg.norm(light - view, axis=-1), length)
-    # The light, turned so that the half vector becomes z; both parts times |half|^2 sin theta_h.
-    turned_x = half_z * (half_x * x + half_y * y) - across * z
-    turned_y = length * (half_x * y - half_y * x)
-    phi_d = np.arctan2(turned_y, turned_x)
+    theta_h, theta_d, phi_d = half_angles(light, view)
     degrees = 180 / np.pi
     i = CELLS[0] * np.sqrt(theta_h * (2 / np.pi))
     return i - 0.5, theta_d * degrees - 0.5, phi_d * degrees - 0.5
@@ -139,10 +129,7 @@ def cell_directions(row: int) -> tuple[Array, Array]:
     theta_h = np.pi / 2 * ((row + 0.5) / CELLS[0]) ** 2
     theta_d = (np.arange(CELLS[1]) + 0.5) * (np.pi / 2 / CELLS[1])
     phi_d = (np.arange(CELLS[2]) + 0.5) * (np.pi / CELLS[2])
-    x, y, z = np.moveaxis(from_angles(theta_d[:, None], phi_d), -1, 0)
-    cosine, sine = np.cos(theta_h), np.sin(theta_h)
-    light = np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=-1)
-    return light, reflect(light, np.array([sine, 0.0, cosine]))
+    return from_half_angles(np.asarray(theta_h), theta_d[:, None], phi_d)
 
 
 def write_merl(path: str | os.PathLike[str], brdf: Brdf) -> None:

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Center
+from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import file_values
 from shrm_cli.errors import BrdfError
-from shrm_cli.sphere.directions import from_angles
 
 AXES = ("theta_h", "theta_d", "phi_d")
 SHAPE = (128, 72, 64)
@@ -115,11 +115,17 @@ class Table(Brdf):
         return str(file) if file else f"table of {self.settings.made_from or 'values'}"
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        value = self._interpolate(half_angles(light, view))
+        value = self._interpolate(self._angles(light, view))
         value = value.astype(np.result_type(light, view), copy=False)
         if self.has_horizon or not self.includes_cosine:
             value = value * ((light[..., 2] > 0) & (view[..., 2] > 0))[..., None]
         return np.broadcast_to(value, (*value.shape[:-1], 3))
+
+    @staticmethod
+    def _angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
+        """Half angles with phi_d folded to 0 .. pi: what is isotropic is its own mirror image."""
+        theta_h, theta_d, phi_d = half_angles(light, view)
+        return theta_h, theta_d, np.abs(phi_d)
 
     def _interpolate(self, angles: tuple[Array, Array, Array]) -> Array:
         """Values at angles (...), shape (..., 1 or 3)."""
@@ -155,35 +161,6 @@ class Table(Brdf):
 def recognizes(head: bytes, path: Path) -> bool:
     """Whether a file can be a table: any OpenEXR or zip file, which then says what it holds."""
     return head.startswith((_EXR, _ZIP))
-
-
-def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
-    """theta_h, theta_d and phi_d (radians, phi_d in 0 .. pi) of unit directions, (..., 3)."""
-    total, difference = light + view, light - view
-    x, y, z = np.moveaxis(total, -1, 0)
-    u, v, w = np.moveaxis(difference, -1, 0)
-    across, length = np.hypot(x, y), np.sqrt(x * x + y * y + z * z)
-    spread = np.sqrt(u * u + v * v + w * w)
-    # The difference stands on the half vector: its parts along that vector's theta and phi, both
-    # times `across`, so that at theta_h = 0 nothing is divided by zero.
-    along_theta = np.where(across > 0, z * (u * x + v * y) - across * across * w, u)
-    along_phi = np.where(across > 0, (v * x - u * y) * length, v)
-    return (
-        np.arctan2(across, z),
-        np.arctan2(spread, length),
-        np.abs(np.arctan2(along_phi, along_theta)),
-    )
-
-
-def from_half_angles(theta_h: Array, theta_d: Array, phi_d: Array) -> tuple[Array, Array]:
-    """Light and view, shape (..., 3), with the half vector in the plane of x and z."""
-    cosine, sine = np.cos(theta_h), np.sin(theta_h)
-    result = []
-    for turn in (0.0, np.pi):
-        x, y, z = np.moveaxis(from_angles(theta_d, phi_d + turn), -1, 0)
-        parts = np.broadcast_arrays(cosine * x + sine * z, y, cosine * z - sine * x)
-        result.append(np.stack(parts, axis=-1))
-    return result[0], result[1]
 
 
 def tabulate(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:

@@ -70,6 +70,17 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
     return np.stack([np.where(pole, 1, z / scale), np.zeros_like(z), -x / scale], axis=-1)
 
 
+def tilted_frame(directions: Array, tilt: Array) -> Array:
+    """Directions (..., 3) in a frame whose z axis is tilted by angles (...) from +Z towards +X.
+
+    With half the angle of the view about C they are those of a normal.
+    """
+    cosine, sine = np.cos(tilt), np.sin(tilt)
+    x, y, z = np.moveaxis(directions, -1, 0)
+    parts = cosine * x - sine * z, y, sine * x + cosine * z
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
 def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:
     """Columns ``x' = dC/dtheta``, ``y' = dC/dphi / sin(theta)``, ``z' = C`` of a direction C.
 
