@@ -392,3 +392,12 @@ def test_image_is_written_whole(tmp_path):
     assert header["compression"] == OpenEXR.ZIP_COMPRESSION
     for k, colour in enumerate("RGB"):
         np.testing.assert_array_equal(channels[colour], pixels[..., k].astype(np.float16))
+
+
+def test_print_options_of_numpy_change_no_file(tmp_path):
+    with np.printoptions(precision=2):
+        write_map(tmp_path / "one.exr", random_map())
+        read = read_map(tmp_path / "one.exr")
+    assert read.info.tolerance == read_map(tmp_path / "one.exr").info.tolerance
+    with np.printoptions(legacy="1.13"):
+        assert read_map(tmp_path / "one.exr").info == read.info

@@ -73,7 +73,8 @@ def _weights(wavelengths: tuple[float, ...]) -> Array:
 def _observed_light() -> tuple[Array, Array]:
     """Wavelengths (n,) in nm, and what a reflectance there adds to linear sRGB (n, 3)."""
     try:
-        import colour
+        with np.printoptions():  # it sets numpy's for good: what is written here obeys none
+            import colour
     except ImportError as error:
         raise BrdfError(
             "spectra need the package colour-science; pip install 'shrm[measured]'"

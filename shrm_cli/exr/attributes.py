@@ -58,6 +58,12 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     return header
 
 
+def shortest(value: float) -> float:
+    """The number of fewest decimals that is this float32: 0.03, not 0.029999999329447746."""
+    # str() would obey numpy's print options, which other libraries set.
+    return float(np.format_float_scientific(np.float32(value), unique=True))
+
+
 def has_map_attributes(spec: Any) -> bool:
     """Whether an image says that it is a map."""
     return isinstance(spec.getattribute("shrm:representation"), str)
@@ -89,8 +95,7 @@ def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
         is_sound = type(value) is kind and is_valid(value)
         if not is_sound:
             raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
-        # The shortest decimals that are this float32: 0.03, not 0.029999999329447746.
-        result[name] = float(str(np.float32(value))) if kind is float else value
+        result[name] = shortest(value) if kind is float else value
     return {**result, "brdf": json.loads(result["brdf"])}
 
 

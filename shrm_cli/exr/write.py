@@ -8,7 +8,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.exr.attributes import common_header
+from shrm_cli.exr.attributes import common_header, shortest
 from shrm_cli.exr.container import Part, write_parts
 from shrm_cli.exr.layout import Arrangement
 from shrm_cli.exr.names import (
@@ -92,7 +92,7 @@ def _encode(reflection_map: Map) -> list[Part]:
         return _encode_sum(reflection_map)
     header = common_header(reflection_map, reflection_map.order_p)
     if isinstance(reflection_map, CompressedShrm):
-        rows = [[float(str(np.float32(x))) for x in row] for row in reflection_map.matrix]
+        rows = [[shortest(x) for x in row] for row in reflection_map.matrix]
         header |= {"shrm:version": 2, "shrm:pca_matrix": json.dumps(rows)}
         names = component_channels(reflection_map.count)
         return [Part(_channels(names, reflection_map.components), header)]

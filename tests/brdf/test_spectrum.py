@@ -1,5 +1,6 @@
 """Spectra to linear sRGB, against colour-science's own pipeline and known colours."""
 
+import subprocess
 import sys
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from shrm_cli.brdf import spectrum
 from shrm_cli.brdf.spectrum import to_linear_srgb
 from shrm_cli.errors import BrdfError
+from tests.cli.helpers import environment
 
 colour = pytest.importorskip("colour")
 
@@ -110,3 +112,15 @@ def test_says_what_to_install(monkeypatch):
     spectrum._observed_light.cache_clear()
     with pytest.raises(BrdfError, match=r"pip install 'shrm\[measured\]'"):
         to_linear_srgb([123.0, 456.0], [1.0, 1.0])
+
+
+def test_numpy_prints_as_before():
+    """colour-science sets numpy's print options when it is imported."""
+    code = (
+        "import numpy as np; before = np.get_printoptions();"
+        "from shrm_cli.brdf.spectrum import to_linear_srgb;"
+        "to_linear_srgb(np.array([400.0, 700.0]), np.ones(2));"
+        "assert np.get_printoptions() == before"
+    )
+    result = subprocess.run([sys.executable, "-c", code], env=environment(), check=False)
+    assert result.returncode == 0
