@@ -15,7 +15,10 @@ FORMATS = {
     "merl": ("Merl", "MERL's .binary tables"),
     "rgl": ("Rgl", "RGL's .bsdf tensor files"),
     "goniometer": ("Goniometer", "Cornell's goniometer samples"),
-    "zernike": ("Zernike", "Koenderink-van Doorn coefficients, CSV measurements"),
+    "zernike": (
+        "Zernike",
+        "Koenderink-van Doorn coefficients, CSV of theta_i,phi_i,theta_r,phi_r,r,g,b",
+    ),
     "table": ("Table", "tables that shrm brdf --save wrote, .exr or .npz"),
 }
 """Formats in the order in which they are tried: the module's name, its class, and what it reads."""

@@ -21,7 +21,7 @@ from shrm_cli.brdf.microfacet import Microfacet
 from shrm_cli.brdf.oren_nayar import OrenNayar
 from shrm_cli.brdf.phong import Phong
 from shrm_cli.brdf.poulin_fournier import PoulinFournier
-from shrm_cli.brdf.sums import is_sum, parse_sum
+from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.brdf.ward import Ward
 from shrm_cli.errors import BrdfError
 
@@ -88,6 +88,12 @@ def names_file(spec: str) -> bool:
     path = Path(spec)
     looks_like_path = path.suffix.lower() in _MEASURED_SUFFIXES or len(path.parts) > 1
     return path.is_file() or (looks_like_path and "=" not in rest)
+
+
+def named_files(spec: str) -> list[Path]:
+    """The files that a specification names: what must not be overwritten."""
+    parts = [spec] if Path(spec).is_file() else term_texts(spec)
+    return [Path(part) for part in parts if Path(part).is_file()]
 
 
 def _value(text: str) -> Value:

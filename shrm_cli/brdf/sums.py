@@ -1,11 +1,12 @@
 """BRDFs that are sums of terms, and how others come apart into a diffuse and a glossy term."""
 
+import json
 import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, value_text
+from shrm_cli.brdf.base import Array, Brdf, Value, value_text
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 
@@ -42,7 +43,7 @@ class Sum(Brdf):
             if term.center == "tangent":
                 raise BrdfError(f"{term!r}: hair has no normal in common with the other terms")
         self.terms = tuple(terms)
-        self.values = {"spec": repr(self)}
+        self.values = _record(repr(self), [term for _, term in terms])
         self.includes_cosine = any(term.includes_cosine for _, term in terms)
         self.has_horizon = False
         self.isotropic = all(term.isotropic for _, term in terms)
@@ -62,6 +63,14 @@ class Sum(Brdf):
 
     def __repr__(self) -> str:
         return "+".join(f"{value_text(weight)}*{term!r}" for weight, term in self.terms)
+
+
+def _record(spec: str, terms: Sequence[Brdf]) -> dict[str, Value]:
+    """What identifies a sum: its specification, and the contents of the files that it names."""
+    record: dict[str, Value] = {"spec": spec}
+    if any(term.is_measured for term in terms):
+        record["terms"] = json.dumps([term.values for term in terms], sort_keys=True)
+    return record
 
 
 class Diffuse(Brdf):
@@ -123,12 +132,13 @@ def split(brdf: Brdf) -> list[Brdf]:
 class _Weighted(Brdf):
     """A term of a sum."""
 
+    name = "sum"
     summary = "a term of a sum"
 
     def __init__(self, weight: float, term: Brdf) -> None:
         self.weight, self.term = weight, term
-        self.name, self.source = term.name, term.source
-        self.values = {**term.values, "weight": weight}
+        self.source = term.source
+        self.values = _record(repr(self), [term])
         self.center, self.zonal, self.isotropic = term.center, term.zonal, term.isotropic
         self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
 
@@ -136,7 +146,11 @@ class _Weighted(Brdf):
         return np.asarray(self.weight * self.term.evaluate(light, view))
 
     def __repr__(self) -> str:
-        return f"{self.weight:g}*{self.term!r}"
+        return f"{value_text(self.weight)}*{self.term!r}"
+
+    @property
+    def is_measured(self) -> bool:
+        return self.term.is_measured
 
 
 def diffuse_albedo(brdf: Brdf) -> Array:
@@ -158,6 +172,11 @@ def is_sum(spec: str) -> bool:
     return len(_PLUS.split(spec)) > 1 or _WEIGHT.match(spec) is not None
 
 
+def term_texts(spec: str) -> list[str]:
+    """The terms of a specification, without their weights."""
+    return [_WEIGHT.sub("", part, count=1).strip() for part in _PLUS.split(spec)]
+
+
 def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
     """The sum that ``0.5*lambertian+0.5*ggx:roughness=0.3`` names.
 
@@ -173,6 +192,8 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
     """
     terms = []
     for part in _PLUS.split(spec):
+        if not _WEIGHT.sub("", part, count=1).strip():
+            raise BrdfError(f"{spec!r}: a term is empty; '+' stands between terms")
         match = _WEIGHT.match(part)
         try:
             weight = float(match[1]) if match else 1.0

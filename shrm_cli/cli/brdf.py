@@ -89,7 +89,7 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
     """Write a BRDF as a table, read it back, and say how far it is from the original."""
     from shrm_cli.brdf.examine import difference
     from shrm_cli.brdf.measured import open_measured
-    from shrm_cli.brdf.spec import names_file, parse_spec
+    from shrm_cli.brdf.spec import named_files, parse_spec
     from shrm_cli.files import check_target
 
     suffix = Path(target).suffix.lower()
@@ -97,7 +97,7 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
         raise click.BadParameter(
             f"{target!r} does not end with {', '.join(_SUFFIXES)}", param_hint="'--save'"
         )
-    check_target(target, [spec] if names_file(spec) else [])
+    check_target(target, named_files(spec))
     chosen = parse_spec(spec)
     if suffix == ".binary":
         from shrm_cli.brdf.merl import write_merl

@@ -16,6 +16,7 @@ from shrm_cli.cli.options import (
     print_json,
     progress_bar,
     read_options,
+    refuse_read_options,
     report_options,
     view_count,
     view_options,
@@ -94,6 +95,7 @@ def convert(
     if target in LAYOUTS or target == "faces":
         _refuse_options(f"--to {target}", frame=frame, order_p=order_p)
     if is_map(source):
+        refuse_read_options("IN is a map")
         check_target(result_path, [source], (".exr",))
         result, warnings = _convert_map(
             source, result_path, target, frame, order_p, (count, components), size,
@@ -131,7 +133,7 @@ def _convert_map(
     precision: str,
 ) -> tuple[dict[str, Any], list[str]]:
     from shrm_cli.exr import read_map, write_map
-    from shrm_cli.maps.representations import as_shrm, map_count, represent
+    from shrm_cli.maps.representations import as_shrm, is_exact_in_half, map_count, represent
     from shrm_cli.maps.resample import resample
 
     found = read_map(source)
@@ -146,6 +148,8 @@ def _convert_map(
     else:
         layout = target
     chosen = orientation or ("openexr" if layout in ("openexr", "latlong") else "gl")
+    if precision == "auto" and not is_exact_in_half(made):
+        precision = "float"  # a conversion is not to lose anything
     pixels = write_map(path, made, precision, layout, chosen)  # type: ignore[arg-type]
     result = {
         "file": path,
@@ -181,6 +185,7 @@ def _convert_probe(
 
     from shrm_cli.exr import probe_attributes, write_images
     from shrm_cli.files import check_target
+    from shrm_cli.probe.layout import default_orientation
     from shrm_cli.probe.probe import face_paths, open_probe
     from shrm_cli.probe.resample import relay
 
@@ -188,14 +193,15 @@ def _convert_probe(
     sampled = sampling or "center"
     if target == "faces" and "%" not in Path(path).name:
         raise click.BadParameter(
-            f"{path}: six files need % in place of +X, -X, ...", param_hint="'--output'"
+            f"{path}: six files need % in place of +X, -X and so on", param_hint="'--output'"
         )
     files = face_paths(path) if target == "faces" else [path]
     for file in files:
         check_target(file, [each.path for each in probe.files], (".exr",))
     chosen = orientation or ("openexr" if target in ("openexr", "latlong", "angular") else "gl")
     image = relay(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
-    envmap = target if sampled == "border" and target in ("openexr", "latlong") else None
+    marked = (target, chosen) in (("openexr", "openexr"), ("latlong", "openexr"))
+    envmap = target if sampled == "border" and marked else None
     pictures = np.split(image, 6) if target == "faces" else [image]
     pixels = write_images(
         files, pictures, precision, probe_attributes(probe.chromaticities, envmap)
@@ -210,7 +216,12 @@ def _convert_probe(
         "height": pictures[0].shape[0],
         "precision": pixels,
     }
-    return result, [f"{source}: {line}" for line in probe.report.warnings()]
+    warnings = [f"{source}: {line}" for line in probe.report.warnings()]
+    if sampled == "border" and not marked:
+        warnings.append(f"{path}: no attribute tells of this; read it with --sampling border")
+    if target not in ("latlong", "angular") and chosen != default_orientation(target, "openexr"):  # type: ignore[arg-type]
+        warnings.append(f"{path}: no attribute tells of this; read it with --orientation {chosen}")
+    return result, warnings
 
 
 def _refuse_options(owner: str, **values: Any) -> None:
@@ -226,6 +237,7 @@ def _default_name(source: str, target: str) -> str:
     family = REPRESENTATIONS if target in REPRESENTATIONS else LAYOUTS
     if dot and last in family:
         stem = base
+    stem = stem.replace("%", "").rstrip("_-.") or "probe"
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
 
 
@@ -242,6 +254,6 @@ def _report(result: dict[str, Any]) -> str:
         f"{size} texels as {result['layout']}, {result['precision']}"
     ]
     for key, text in (("added_error", "added by its form"), ("fit_residual", "left by the fit")):
-        if result[key]:
-            lines.append(f"  RMS error      {result[key]:.3g} {text}")
+        if result[key] >= 5e-6:
+            lines.append(f"  RMS error      {result[key]:.3%} {text}")
     return "\n".join(lines)

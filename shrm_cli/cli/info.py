@@ -4,7 +4,14 @@ from typing import Any
 
 import click
 
-from shrm_cli.cli.options import make_read_options, print_json, read_options, report_options, warn
+from shrm_cli.cli.options import (
+    make_read_options,
+    print_json,
+    read_options,
+    refuse_read_options,
+    report_options,
+    warn,
+)
 
 
 @click.command()
@@ -21,6 +28,7 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
 
     warnings: list[str] = []
     if is_map(file):
+        refuse_read_options("FILE is a map")
         values = _describe_map(file)
     elif is_table(file):
         values = _describe_table(file)

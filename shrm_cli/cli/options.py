@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from shrm_cli import threads
 from shrm_cli.cli.types import STOPS, Components
@@ -27,7 +28,8 @@ LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
 
 brdf_option = click.option(
     "--brdf", "spec", metavar="SPEC", required=True,
-    help="NAME or NAME:key=value,key=value; `shrm brdf` lists them.",
+    help="NAME, NAME:key=value,key=value, a measured file, or a sum such as "
+    "0.5*lambertian+0.5*ggx; `shrm brdf` lists them.",
 )  # fmt: skip
 exposure_option = click.option(
     "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
@@ -133,6 +135,17 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
         raise click.BadParameter("must be a finite number of degrees", param_hint="'--yaw'")
     policy = PixelPolicy(values.pop("fix_nonfinite"), clamp)
     return ReadOptions(sampling=sampling, pixels=policy, **values)  # type: ignore[arg-type]
+
+
+def refuse_read_options(why: str) -> None:
+    """Refuse options about a probe's file where there is none: nothing would obey them."""
+    context = click.get_current_context()
+    about_probes = {"sampling", "layout", "orientation", "yaw", "mirror", "up", "linearize"}
+    about_probes |= {"fix_nonfinite", "clamp"}
+    for param in context.command.params:
+        given = param.name in about_probes and context.get_parameter_source(param.name)
+        if given is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{param.opts[-1]} is about a light probe; {why}", context)
 
 
 def view_options(command: Command) -> Command:

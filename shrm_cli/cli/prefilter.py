@@ -113,7 +113,7 @@ def prefilter(
 
     from shrm_cli.bake import bake
     from shrm_cli.bake.terms import bake_terms, plan_terms
-    from shrm_cli.brdf.spec import file_label, parse_spec
+    from shrm_cli.brdf.spec import file_label, named_files, parse_spec
     from shrm_cli.exr import write_map
     from shrm_cli.files import check_target
     from shrm_cli.probe.probe import open_probe
@@ -127,7 +127,8 @@ def prefilter(
     source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
     default = f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
     target = default if output is None else output
-    check_target(target, [file.path for file in source.files], (".exr",))
+    inputs = [*(file.path for file in source.files), *named_files(spec)]
+    check_target(target, inputs, (".exr",))
     common: dict[str, Any] = {
         "representation": representation,
         "view_count": count,
@@ -145,7 +146,8 @@ def prefilter(
         plan = plan_terms(brdf, tolerance, source)
     if plan is not None:
         notes.append(
-            f"  split          {plan.count:,} coefficients as terms, {plan.whole.count:,} as one"
+            f"  {'split' if wanted or plan.pays else 'not split':<15}"
+            f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
         )
         plan = plan if wanted or plan.pays else None
     with progress_bar("reading" if domain == "frequency" else "integrating", quiet) as progress:
@@ -240,9 +242,14 @@ def _report(result: dict[str, Any]) -> str:
         f"  RMS error      {result['predicted_error']:.2%} of the reflected light predicted"
         + ("" if bound is None else f", {bound:.2%} at most"),
     ]
+    if "+" in result["center"]:
+        lines[2] = (
+            f"  BRDF energy    {result['brdf_energy_captured']:.2%} captured by the terms, whose "
+            "error together is that of one map"
+        )
     if result["domain"] == "angular":
         lines[2] = f"  BRDF energy    {result['brdf_energy_captured']:.2%} in the truncated lobe"
-    if result["added_error"]:
+    if result["added_error"] >= 5e-5:
         lines.append(f"  and            {result['added_error']:.2%} from {_added_by(result)}")
     return "\n".join(lines)
 

@@ -16,6 +16,7 @@ from shrm_cli.cli.options import (
     probe_sampling_option,
     progress_bar,
     read_options,
+    refuse_read_options,
     report_options,
     warn,
 )
@@ -93,6 +94,8 @@ def render(
     pattern = output or _default_name(maps, frames)
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
+    if background is None:
+        refuse_read_options("give --background too")
     options = make_read_options(sampling, reading)
     probe = None if background is None else open_probe(background, options)
     inputs = [*maps, *(str(file.path) for file in (probe.files if probe else ()))]

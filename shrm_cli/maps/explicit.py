@@ -196,16 +196,17 @@ class ExplicitMap(ABC):
         info = replace(
             self.info,
             order_p=order_of(len(coefficients)),
-            fit_residual=rest / whole if whole > 0 else 0.0,
+            fit_residual=float(np.hypot(self.info.fit_residual, rest / whole if whole > 0 else 0)),
         )
         shaped = coefficients.reshape(-1, *planes.shape[1:]).transpose(2, 3, 0, 1)
         fitted = Shrm(shaped, self.frame, self.center, info, self.sampling)
-        # The fit takes back what interpolating added, but nothing else.
-        total, own = self.info.added_error, self._added_error(fitted, self.count)
+        # A fit to the map's own order takes back what interpolating added, but nothing else.
+        total = self.info.added_error
+        is_own = order_p is None or fitted.order_p >= self.info.order_p
+        own = self._added_error(fitted if is_own else self.to_shrm(), self.count)
         left = np.sqrt(max(total**2 - own**2, 0.0))
-        return replace(
-            fitted, info=replace(info, added_error=float(left) if left > _NOISE * total else 0.0)
-        )
+        added = float(left) if left > _NOISE * total else 0.0
+        return replace(fitted, info=replace(info, added_error=added))
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance, interpolated between the samples of the view.
@@ -249,6 +250,7 @@ class ExplicitMap(ABC):
         return self._samplers[index]
 
     def _fit_basis(self, order_p: int | None) -> Array:
+        """Harmonics to an order, by default to the map's own as far as its samples tell them."""
         wanted = self.info.order_p if order_p is None else order_p
         for order in range(wanted, -1, -1):
             basis = self.basis(order, self.count)

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from shrm_cli.errors import MapError
 from shrm_cli.maps.cabral import Cabral
 from shrm_cli.maps.compressed import CompressedShrm
@@ -105,3 +108,19 @@ def map_count(reflection_map: Map) -> int:
         return reflection_map.count
     every = reflection_map.order_p + 1
     return every if reflection_map.azimuth_free else every**2
+
+
+def is_exact_in_half(reflection_map: Map) -> bool:
+    """Whether half-precision floats hold every value of a map as it is."""
+    if isinstance(reflection_map, SummedShrm):
+        return all(is_exact_in_half(term) for term in reflection_map.terms)
+    if isinstance(reflection_map, ExplicitMap):
+        return all(_is_exact(image) for image in reflection_map.images)
+    if isinstance(reflection_map, CompressedShrm):
+        return _is_exact(reflection_map.components)
+    return _is_exact(reflection_map.coefficients)
+
+
+def _is_exact(values: NDArray[np.floating]) -> bool:
+    with np.errstate(over="ignore"):
+        return bool(np.array_equal(values.astype(np.float16), values))

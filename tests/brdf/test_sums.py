@@ -10,7 +10,9 @@ from shrm_cli.brdf.oren_nayar import OrenNayar
 from shrm_cli.brdf.phong import Phong
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum, diffuse_albedo, is_sum, parse_sum, split
+from shrm_cli.brdf.table import tabulate
 from shrm_cli.errors import BrdfError
+from shrm_cli.exr.brdf_table import write_table
 from tests.brute_force import unit
 
 
@@ -78,7 +80,7 @@ def test_what_is_no_sum(spec):
     ("spec", "words"),
     [
         ("1.2.3*lambertian+phong", "weight"),
-        ("lambertian+", "no BRDF"),
+        ("lambertian+", "a term is empty"),
         ("a*lambertian+phong", "a*"),
     ],
 )
@@ -118,6 +120,20 @@ def test_a_sum_comes_apart_into_its_weighted_terms(pairs):
     both = Sum([(0.3, OrenNayar()), (2.0, Microfacet())])
     light, view = pairs
     terms = split(both)
-    assert [term.name for term in terms] == ["oren-nayar", "microfacet"]
+    assert [term.term.name for term in terms] == ["oren-nayar", "microfacet"]
     total = sum(term.transfer(light, view) for term in terms)
     assert total == pytest.approx(both.transfer(light, view))
+
+
+def test_sums_of_different_files_of_one_name_are_different(tmp_path):
+    """The cache of coefficients, and the maps, know them by their contents."""
+    found = []
+    for folder, albedo in (("a", 0.2), ("b", 0.7)):
+        (tmp_path / folder).mkdir()
+        path = tmp_path / folder / "x.npz"
+        write_table(path, tabulate(Lambertian(albedo=albedo), (8, 8, 8)))
+        found.append(parse_sum(f"0.5*lambertian+0.5*{path}", parse_spec))
+    assert found[0].is_measured
+    assert found[0].values != found[1].values
+    alone = [split(each)[1] for each in found]
+    assert alone[0].values != alone[1].values

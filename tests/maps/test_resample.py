@@ -1,5 +1,7 @@
 """Maps on other cubes: as if they had been built there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,7 +53,7 @@ def test_as_if_built_there(name, frame, sampling, size, to):
     found = resample(source, size, to)
     assert type(found) is type(source)
     assert (found.size, found.sampling, found.frame) == (size, to, truth.frame)
-    assert found.info == source.info
+    assert replace(found.info, added_error=0.0) == replace(source.info, added_error=0.0)
     error = relative_rms(values_of(found), values_of(truth))
     print(f"{name} {frame} {sampling} 32 -> {to} {size}: {error:.2e}")
     assert error < 2e-4
@@ -79,7 +81,7 @@ def test_compressed_maps_keep_their_components(count, frame):
     found = resample(made, 20, "border")
     assert isinstance(found, CompressedShrm)
     assert (found.count, found.size, found.sampling, found.frame) == (count, 20, "border", frame)
-    assert found.info == made.info
+    assert replace(found.info, added_error=0.0) == replace(made.info, added_error=0.0)
     centers, views = unit(np.random.default_rng(51), 500), unit(np.random.default_rng(52), 500)
     if frame == "local" and count < 9:
         # Without some of its components a local map is not smooth where its frames turn, at +-Z.

@@ -18,11 +18,13 @@ def main(folder: Path) -> None:
     threads.limit(1)  # before numpy is loaded: both sides of every comparison have one thread
     import numpy as np
 
+    from shrm_cli.brdf import cache
     from shrm_cli.exr import write_image
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import resample_latlong
     from tests.paper import figures, page, timings
 
+    cache.disable()  # sampling the BRDF is part of the work that is timed
     folder.mkdir(parents=True, exist_ok=True)
     interior, studio = (open_probe(_find(name)) for name in ("interior", "studio"))
     parts = [page.introduction(platform.processor() or platform.machine(), np.__version__)]

@@ -22,7 +22,6 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import compare_spheres
 from shrm_cli.render.image import write_picture
 from shrm_cli.render.plots import plot_accuracy
-from tests.paper.brdfs import KajiyaKay
 
 ORDER_F = 30
 _HIGH_F, _HIGH_P = 48, 16
@@ -111,7 +110,7 @@ def figure_5_9(
     """Cabral's icosahedral interpolation beside an SHRM with no more maps."""
     light, coefficients, whole = _known(probe, brdf)
     shrm = whole.truncated(order_p)
-    if isinstance(brdf, KajiyaKay):
+    if coefficients.azimuth_free:
         shrm = _without_azimuth(shrm)
     twelve = Cabral.from_shrm(whole)
     return _compare(folder / name, probe, brdf, [
@@ -122,7 +121,7 @@ def figure_5_9(
 
 
 LOBES_5_9: tuple[tuple[Brdf, int, str], ...] = (
-    (KajiyaKay(exponent=32), 11, "figure-5.9-kajiya-kay.png"),
+    (parse_spec("kajiya-kay:exponent=32"), 11, "figure-5.9-kajiya-kay.png"),
     (parse_spec("microfacet:sigma=0.2"), 2, "figure-5.9-microfacet.png"),
 )
 """BRDF, P of an SHRM with twelve maps or less, and the picture's name."""
