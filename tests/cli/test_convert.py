@@ -247,3 +247,66 @@ def test_the_same_bytes_twice(folder):
         for name in ("one.exr", "two.exr"):
             done("convert", "m.shrm.exr", "--to", target, "-o", name)
         assert (folder / "one.exr").read_bytes() == (folder / "two.exr").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["prefilter", "m.shrm.exr", "--brdf", "phong", "-o", "x.exr"],
+        ["reference", "m.shrm.exr", "--brdf", "phong", "-o", "x.exr"],
+        ["render", "m.shrm.exr", "--background", "m.shrm.exr", "-o", "x.exr"],
+    ],
+)
+def test_a_map_is_no_probe(folder, arguments):
+    before = snapshot(folder)
+    assert_refused(run(*arguments), 1, "m.shrm.exr", "a map", "not a light probe")
+    assert snapshot(folder) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["convert", "m.shrm.exr", "--to", "cabral", "--yaw", "90"],
+        ["info", "m.shrm.exr", "--mirror"],
+        ["render", "m.shrm.exr", "--clamp", "3", "-o", "x.exr"],
+    ],
+)
+def test_options_about_probes_are_not_ignored(folder, arguments):
+    before = snapshot(folder)
+    assert_refused(run(*arguments), 2, "about a light probe")
+    assert snapshot(folder) == before
+
+
+def test_what_no_attribute_can_tell_is_said(folder):
+    """OpenEXR's envmap attribute means its own orientation."""
+    result = run(
+        "convert", "probe.exr", "--to", "openexr", "--to-orientation", "gl",
+        "--to-sampling", "border", "-o", "gl.exr",
+    )  # fmt: skip
+    assert result.code == 0
+    assert "--sampling border" in result.err
+    assert "--orientation gl" in result.err
+    assert "envmap" not in read_exr("gl.exr")[0]
+
+
+def test_smaller_maps_say_what_they_lost(folder):
+    done("convert", "m.shrm.exr", "--to", "openexr", "--size", "4", "-o", "small.exr")
+    whole, small = read_map("m.shrm.exr"), read_map("small.exr")
+    rng = np.random.default_rng(3)
+    normals = rng.normal(size=(500, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    views = np.array([0.3, 0.5, np.sqrt(1 - 0.34)])
+    lost = relative(small.radiance(normals, views), whole.radiance(normals, views))
+    assert small.info.added_error == pytest.approx(lost, rel=0.5)
+    assert small.info.added_error > 0.003
+
+
+def test_a_brdf_is_not_overwritten(folder):
+    done("brdf", "lambertian", "--save", "matte.exr")
+    before = snapshot(folder)
+    for spec in ("matte.exr", "0.5*matte.exr+0.5*lambertian"):
+        result = run("prefilter", "probe.exr", "--brdf", spec, "-o", "matte.exr")
+        assert_refused(result, 1, "matte.exr", "overwrite the input")
+    result = run("brdf", "0.5*matte.exr+0.5*lambertian", "--save", "matte.exr")
+    assert_refused(result, 1, "matte.exr", "overwrite the input")
+    assert snapshot(folder) == before
