@@ -10,7 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import parse_sum
 from shrm_cli.errors import MapError
 from shrm_cli.exr import read_map, write_map
-from shrm_cli.maps.representations import as_shrm, map_count
+from shrm_cli.maps.representations import as_shrm, map_count, tabulate_sum
 from shrm_cli.maps.resample import resample
 from shrm_cli.orders import choose_center
 from shrm_cli.probe.probe import open_probe
@@ -100,6 +100,27 @@ def test_a_sum_has_no_single_shrm(smooth):
         as_shrm(made)
     smaller = resample(made, 8, "border")
     assert {term.size for term in smaller.terms} == {8}
+
+
+@pytest.mark.parametrize("representation", ["cabral", "kautz-mccool", "lightfield"])
+def test_a_sum_as_an_explicit_map(smooth, representation):
+    """Exact at the sample views; between them the error is told."""
+    made = bake_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
+    found = tabulate_sum(made, representation, 6)
+    assert found.center == "reflection"
+    reflections, normals, views = pairs(800)
+    expected = made.radiance(normals, views)
+    error = found.radiance(normals, views) - expected
+    measured = np.sqrt(np.sum(error**2) / np.sum(expected**2))
+    assert measured == pytest.approx(found.info.added_error, rel=0.15)
+    if representation != "kautz-mccool":
+        view = found.sample_views(found.count)[5]
+        at_sample = reflections + view
+        at_sample /= np.linalg.norm(at_sample, axis=1)[:, None]
+        expected = made.radiance(at_sample, view)
+        difference = found.radiance(at_sample, view) - expected
+        # The diffuse term has a cube of its own, with other texels.
+        assert np.sqrt(np.sum(difference**2) / np.sum(expected**2)) < 5e-3
 
 
 def test_layouts_of_sums_are_refused(smooth, tmp_path):

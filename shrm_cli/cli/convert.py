@@ -133,13 +133,24 @@ def _convert_map(
     precision: str,
 ) -> tuple[dict[str, Any], list[str]]:
     from shrm_cli.exr import read_map, write_map
-    from shrm_cli.maps.representations import as_shrm, is_exact_in_half, map_count, represent
+    from shrm_cli.maps.representations import (
+        EXPLICIT,
+        as_shrm,
+        is_exact_in_half,
+        map_count,
+        represent,
+        tabulate_sum,
+    )
     from shrm_cli.maps.resample import resample
+    from shrm_cli.maps.summed import SummedShrm
 
     found = read_map(source)
     made = resample(found, size, sampling)  # type: ignore[arg-type]
     layout = "openexr"
-    if target in REPRESENTATIONS:
+    if target in EXPLICIT and isinstance(made, SummedShrm):
+        _refuse_options(f"a sum of terms and --to {target}", frame=frame, order_p=order_p)
+        made = tabulate_sum(made, target, views[0])
+    elif target in REPRESENTATIONS:
         if target != "shrm":
             _refuse_options(f"--to {target}", frame=frame)
         kept = "local" if found.frame == "local" and found.representation == "shrm" else "global"

@@ -1,6 +1,6 @@
 """The table of representations: what `--to` names, and how each is made from an SHRM."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,16 @@ from shrm_cli.maps.kautz_mccool import KautzMcCool
 from shrm_cli.maps.light_field import LightField
 from shrm_cli.maps.shrm import Frame, Shrm
 from shrm_cli.maps.summed import SummedShrm
+from shrm_cli.maps.tabulate import tabulate
+from shrm_cli.sphere.grids import spiral_directions
 
 EXPLICIT: dict[str, type[ExplicitMap]] = {
     model.representation: model for model in (Cabral, KautzMcCool, LightField)
 }
 REPRESENTATIONS = (Shrm.representation, *EXPLICIT)
+
+_PAIRS = 4096
+"""Of central directions and views at which the error of a tabulated sum is measured."""
 
 Map = Shrm | CompressedShrm | SummedShrm | ExplicitMap
 
@@ -68,6 +73,39 @@ def represent(
     return CompressedShrm.from_shrm(shrm, compression.count, compression.tolerance)
 
 
+def tabulate_sum(
+    summed: SummedShrm, representation: str, view_count: int | None = None
+) -> ExplicitMap:
+    """A sum of terms as an explicit map over the mirror direction.
+
+    Parameters
+    ----------
+    summed : SummedShrm
+    representation : str
+        One of `EXPLICIT`.
+    view_count : int, optional
+        Samples along an axis of the view.
+
+    Raises
+    ------
+    MapError
+        If the result would be too large.
+    """
+    kind = EXPLICIT[representation]
+    if view_count is None:
+        view_count = kind.default_view_count(max(summed.info.order_p, 1))
+    made = tabulate(
+        kind, summed, "reflection", summed.info, summed.size, view_count, summed.sampling
+    )
+    centers = spiral_directions(_PAIRS)
+    views = np.random.default_rng(0).permutation(centers)
+    exact = summed.central_radiance(centers, views)
+    error = np.sum((made.central_radiance(centers, views) - exact) ** 2)
+    added = np.sqrt(error / max(float(np.sum(exact**2)), 1e-300))
+    info = replace(summed.info, added_error=float(np.hypot(summed.info.added_error, added)))
+    return replace(made, info=info)
+
+
 def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = None) -> Shrm:
     """The SHRM that a map holds, or that fits it best.
 
@@ -85,8 +123,8 @@ def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = 
     """
     if isinstance(reflection_map, SummedShrm):
         raise MapError(
-            "the map is a sum of terms about different centres, which has no single SHRM; "
-            "prefilter again with --no-split"
+            "a sum of terms about different centres has no single SHRM; prefilter again with "
+            "--no-split, or convert it to explicit maps"
         )
     if isinstance(reflection_map, ExplicitMap):
         return reflection_map.to_shrm(order_p).to_frame(frame)

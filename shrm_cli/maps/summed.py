@@ -5,12 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.brdf.centers import normals_between
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm import Shrm
+from shrm_cli.sphere.directions import from_angles, local_frame, to_angles
 from shrm_cli.sphere.grids import Sampling
 
 Array = NDArray[np.floating]
+
+_AZIMUTHS = 32
 
 
 @dataclass(frozen=True)
@@ -58,3 +62,17 @@ class SummedShrm:
         """Reflected radiance, shape (..., 3), as `Shrm.radiance` gives it."""
         first, *others = (term.radiance(normals, views) for term in self.terms)
         return np.asarray(sum(others, start=first))
+
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Radiance by mirror directions, shape (..., 3), instead of normals."""
+        centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
+        return self.radiance(normals_between(centers, views), views)
+
+    def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
+        """Its mean over the views at an angle (radians) from mirror directions (..., 3)."""
+        frames = local_frame(*to_angles(centers))
+        phi = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+        parts = [
+            self.central_radiance(centers, frames @ from_angles(view_theta, each)) for each in phi
+        ]
+        return np.mean(parts, axis=0)
