@@ -60,10 +60,13 @@ class Plan:
     ----------
     terms : tuple of Term
     whole : Term
+    light : Lighting
+        Of the probe that it was made for, to the orders of all coefficients.
     """
 
     terms: tuple[Term, ...]
     whole: Term
+    light: Lighting
 
     @property
     def count(self) -> int:
@@ -76,7 +79,9 @@ class Plan:
         return self.count < self.whole.count
 
 
-def plan_terms(brdf: Brdf, tolerance: float, probe: Probe) -> Plan | None:
+def plan_terms(
+    brdf: Brdf, tolerance: float, probe: Probe, progress: Progress | None = None
+) -> Plan | None:
     """The terms of a BRDF, to orders that make no larger error than those of the whole.
 
     The energy of a diffuse term is in its mean, that of a glossy one in its peak: one and the
@@ -89,6 +94,8 @@ def plan_terms(brdf: Brdf, tolerance: float, probe: Probe) -> Plan | None:
     tolerance : float
         Of the whole.
     probe : Probe
+    progress : callable, optional
+        Called with rows read and rows in all.
 
     Returns
     -------
@@ -103,7 +110,7 @@ def plan_terms(brdf: Brdf, tolerance: float, probe: Probe) -> Plan | None:
         found = [choose_orders(term, tolerance)[1] for term in terms]
     except (OrderError, BrdfError):
         return None
-    light = project(probe, max(each.order_f for each in [whole, *found]))
+    light = project(probe, max(each.order_f for each in [whole, *found]), progress)
     power = light.power()
     goal = predicted_error(power, whole, whole_orders.order_f, whole_orders.order_p)
     for factor in _LOOSER:
@@ -112,7 +119,7 @@ def plan_terms(brdf: Brdf, tolerance: float, probe: Probe) -> Plan | None:
             for term, each in zip(terms, found, strict=True)
         ]
         if combined_error(chosen, light) <= goal:
-            return Plan(tuple(chosen), Term(brdf, whole, whole_orders))
+            return Plan(tuple(chosen), Term(brdf, whole, whole_orders), light)
     return None
 
 
@@ -138,15 +145,14 @@ def bake_terms(
     sampling: Sampling = "center",
     dtype: type = np.float64,
     compression: Compression | None = None,
-    progress: Progress | None = None,
 ) -> Baked:
-    """Prefilter the terms of a plan; the arguments are those of `bake`.
+    """Prefilter the terms of a plan for its probe; the arguments are those of `bake`.
 
     Raises
     ------
-    ProbeError, MapError
+    MapError
     """
-    light = project(probe, max(term.coefficients.order_f for term in plan.terms), progress)
+    light = plan.light
     power = light.power()
     energies = np.array([term.coefficients.total_energy.sum() for term in plan.terms])
     kept = np.array([term.orders.captured for term in plan.terms])

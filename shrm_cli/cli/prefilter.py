@@ -143,7 +143,8 @@ def prefilter(
         )
     plan = None
     if not single and wanted is not False:
-        plan = plan_terms(brdf, tolerance, source)
+        with progress_bar("reading", quiet) as progress:
+            plan = plan_terms(brdf, tolerance, source, progress)
     if plan is not None:
         notes.append(
             f"  {'split' if wanted or plan.pays else 'not split':<15}"
@@ -160,7 +161,7 @@ def prefilter(
         elif plan is not None:
             made = bake_terms(
                 source, plan, size, frame, common["sampling"],  # type: ignore[arg-type]
-                np.float32, components, progress,
+                np.float32, components,
             )  # fmt: skip
         else:
             made = bake(
