@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli import threads
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
-from shrm_cli.brdf.centers import central_directions, normals_between
+from shrm_cli.brdf.centers import central_directions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import Source
-from shrm_cli.sphere.directions import horizontal_tangents
+from shrm_cli.sphere.directions import bisector, horizontal_tangents
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
@@ -94,9 +94,7 @@ class Reference:
         centers, views = np.broadcast_arrays(centers, views)
         centers, views = centers.astype(float), views.astype(float)
         is_mirror = self.brdf.center == "reflection"
-        return self._radiance(
-            normals_between(centers, views) if is_mirror else centers, centers, views
-        )
+        return self._radiance(bisector(centers, views) if is_mirror else centers, centers, views)
 
     def _radiance(self, axes: Array, centers: Array, views: Array) -> Array:
         """As `radiance`, by the z axes of the frames that the BRDF is evaluated in."""

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.brdf.centers import normals_between
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm import Shrm
-from shrm_cli.sphere.directions import from_angles, local_frame, to_angles
+from shrm_cli.sphere.directions import bisector, from_angles, local_frame, to_angles
 from shrm_cli.sphere.grids import Sampling
 
 Array = NDArray[np.floating]
@@ -66,7 +65,7 @@ class SummedShrm:
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
         """Radiance by mirror directions, shape (..., 3), instead of normals."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
-        return self.radiance(normals_between(centers, views), views)
+        return self.radiance(bisector(centers, views), views)
 
     def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
         """Its mean over the views at an angle (radians) from mirror directions (..., 3)."""

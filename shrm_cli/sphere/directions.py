@@ -5,6 +5,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.floating]
 
+_GRAZING = 1e-6
+
 
 def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:
     """Unit vectors ``(sin t cos p, sin t sin p, cos t)``.
@@ -54,7 +56,13 @@ def reflect(views: ArrayLike, normals: ArrayLike) -> Array:
 
 def bisector(reflections: ArrayLike, views: ArrayLike) -> Array:
     """Normal ``N = (R + V) / |R + V|`` that mirrors each view into each reflection."""
-    return normalize(np.asarray(reflections) + np.asarray(views))
+    reflections, views = np.broadcast_arrays(reflections, views)
+    total = reflections + views
+    # Where R = -V every direction at a right angle is a normal: take one.
+    grazing = np.linalg.norm(total, axis=-1) < _GRAZING
+    axes = np.eye(3)[np.argmin(np.abs(views[grazing]), axis=-1)]
+    total[grazing] = np.cross(views[grazing], axes)
+    return normalize(total)
 
 
 def horizontal_tangents(normals: ArrayLike) -> Array:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.centers import central_directions, normals_between
-from shrm_cli.sphere.directions import horizontal_tangents
+from shrm_cli.brdf.centers import central_directions
+from shrm_cli.sphere.directions import bisector, horizontal_tangents
 from tests import oracles
 from tests.brute_force import unit
 
@@ -33,7 +33,7 @@ def test_tangents_run_around_the_up_axis():
 def test_normals_mirror_the_view_into_the_reflection(view, sampling, size):
     """Some texels look straight away from a view on an axis: R = -V."""
     texels, view = oracles.cube_texels(size, sampling).reshape(-1, 3), np.array(view, dtype=float)
-    normals = normals_between(texels, view)
+    normals = bisector(texels, view)
     assert np.linalg.norm(normals, axis=-1) == pytest.approx(1)
     cosine = np.sum(normals * view, axis=-1, keepdims=True)
     assert 2 * cosine * normals - view == pytest.approx(texels, abs=2e-6)
