@@ -177,7 +177,7 @@ def _sampled_coefficients(
     measure = 2 * np.pi * 2 * np.pi / shape[2]
     by_q = np.empty((shape[0], shape[1], 3, order_p + 1))
     energies = np.empty((3, shape[0]))
-    for rows, samples, coverage in _transfer_samples(brdf, theta_i, theta_o, phi):
+    for rows, samples, coverage in transfer_samples(brdf, theta_i, theta_o, phi):
         if not np.isfinite(samples.sum()):
             raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
         is_grey = samples.strides[-1] == 0
@@ -202,7 +202,7 @@ def _sampled_coefficients(
     return BrdfCoefficients(values, energy, degree_energy, (shape[0], shape[1], shape[2]))
 
 
-def _transfer_samples(
+def transfer_samples(
     brdf: Brdf, theta_i: Array, theta_o: Array, phi: Array
 ) -> Iterator[tuple[slice, Array, Array]]:
     """Yield blocks of theta_i, rho_hat there, and the part of each cell above the horizon.

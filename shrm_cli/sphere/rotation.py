@@ -47,19 +47,43 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     matrix = np.asarray(matrix, dtype=float)
     result = np.array(coefficients, dtype=float)
     order = order_of(len(result))
-    degree = degrees(order)
-    m = np.arange(len(result)) - degree * (degree + 1)
+    m, opposite = _azimuthal_orders(order)
     if np.linalg.det(matrix) < 0:  # y -> -y comes first: the sine harmonics change sign
         matrix = matrix @ np.diag([1.0, -1.0, 1.0])
         result[m < 0] *= -1
     alpha, beta, gamma = euler_zyz(matrix)
-    opposite = degree * (degree + 1) - m
     result = _turn_about_z(result, m, opposite, gamma)
     for at, tilt in enumerate(_tilts(order, beta)):
         rows = slice(at**2, (at + 1) ** 2)
         flat = result[rows].reshape(2 * at + 1, -1)
         result[rows] = (tilt @ flat).reshape(result[rows].shape)
     return _turn_about_z(result, m, opposite, alpha)
+
+
+def turn_about_z(coefficients: ArrayLike, angle: ArrayLike) -> Array:
+    """Rotate coefficients about +Z, f(phi) to f(phi - angle).
+
+    Parameters
+    ----------
+    coefficients : array_like, shape ((order+1)^2, ...)
+        Real coefficients, index l(l+1)+m.
+    angle : array_like, broadcastable with the last axes of `coefficients`
+        Radians.
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, ...)
+        Of the axes that both broadcast to.
+    """
+    values = np.asarray(coefficients)
+    return _turn_about_z(values, *_azimuthal_orders(order_of(len(values))), np.asarray(angle))
+
+
+def _azimuthal_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The m of every linear index, and the index of the same degree with -m."""
+    degree = degrees(order)
+    m = np.arange(len(degree)) - degree * (degree + 1)
+    return m, degree * (degree + 1) - m
 
 
 def _tilts(order: int, beta: float) -> Iterable[Array]:

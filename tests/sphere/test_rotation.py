@@ -3,7 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shrm_cli.sphere.rotation import euler_zyz, rotate_to_frames, transform_coefficients
+from shrm_cli.sphere.rotation import (
+    euler_zyz,
+    rotate_to_frames,
+    transform_coefficients,
+    turn_about_z,
+)
 from tests import oracles
 from tests.oracles import EPS, random_directions, random_rotation, tolerance, turn
 from tests.sphere.strategies import rotations
@@ -205,3 +210,27 @@ def test_exchanged_axes_at_high_order(rng, name, order):
     expected = oracles.real_harmonics(order, directions @ DEGENERATE[name]) @ coefficients
     scale = np.linalg.norm(coefficients) * (order + 1)
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance(order) * scale / 10)
+
+
+@pytest.mark.parametrize("order", [0, 3, 40])
+def test_turns_about_z(rng, order):
+    """Each of some functions by each of some angles: values at d are those at d turned back."""
+    angles = np.array([0.0, 0.7, -2.3, np.pi])
+    coefficients = rng.standard_normal(((order + 1) ** 2, 3))
+    directions = random_directions(rng, 10)
+    found = turn_about_z(coefficients[..., None], angles)
+    assert found.shape == ((order + 1) ** 2, 3, 4)
+    for at, angle in enumerate(angles):
+        expected = oracles.real_harmonics(order, directions @ turn("z", angle)) @ coefficients
+        np.testing.assert_allclose(
+            oracles.real_harmonics(order, directions) @ found[..., at],
+            expected,
+            rtol=0,
+            atol=tolerance(order) * 10,
+        )
+
+
+def test_no_turn_about_z_leaves_a_list_as_it_is():
+    assert np.array_equal(turn_about_z([1.0, 2.0, 3.0, 4.0], 0.0), [1.0, 2.0, 3.0, 4.0])
+    quarter = turn_about_z([1.0, 2.0, 3.0, 4.0], np.pi / 2)  # x becomes y, and y becomes -x
+    assert quarter == pytest.approx([1.0, 4.0, 3.0, -2.0], abs=1e-15)

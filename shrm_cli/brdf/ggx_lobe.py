@@ -1,0 +1,57 @@
+"""GGX as the split sum has it: seen along the normal, a lobe about the mirror direction."""
+
+from functools import cached_property
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, Value, grey
+from shrm_cli.sphere.grids import gauss_legendre
+
+_NODES = 128
+
+
+class GgxLobe(Brdf):
+    """``f_DV N.L`` of `Ggx` for ``N = V = R``, normalised: a mean of the light about R.
+
+    With ``c = R.L`` and H half way between, ``rho_hat = k D(N.H) c / (c + sqrt(a^2 + (1 - a^2)
+    c^2))``, where k makes the integral over the hemisphere 1. It is no model of a material, and
+    `shrm brdf` does not list it.
+    """
+
+    name = "ggx-lobe"
+    summary = "GGX seen along the normal, normalised: the kernel of the split sum"
+    source = "Karis 2013; Silvennoinen et al. 2025, section 3.2"
+    parameters = (
+        Parameter("roughness", 0.4, 0.05, 1.0, "perceptual roughness, the root of GGX's alpha"),
+    )
+    includes_cosine = True
+    has_horizon = False
+    zonal = True
+
+    def __init__(self, **values: Value) -> None:
+        super().__init__(**values)
+        self.ggx_alpha = self.number("roughness") ** 2
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        # |L - R|^2 / 4 = sin(angle / 2)^2 is exact where 1 - R.L would cancel.
+        x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
+        z = light[..., 2] - view[..., 2]
+        square_sine = (x * x + y * y + z * z) / 4
+        cosine = np.maximum(1 - 2 * square_sine, 0)
+        a2 = self.ggx_alpha**2
+        distribution = (self._peak * a2 * a2) / (a2 + (1 - a2) * square_sine) ** 2
+        return grey(distribution * cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2)))
+
+    @cached_property
+    def _peak(self) -> float:
+        """The factor k D(1): with ``tan(angle / 2) = a sinh(x)`` all scales are smooth in x."""
+        a2 = self.ggx_alpha**2
+        nodes, weights = gauss_legendre(_NODES)
+        end = np.arcsinh(1 / self.ggx_alpha)
+        x = (nodes + 1) / 2 * end
+        square_tangent = a2 * np.sinh(x) ** 2
+        cosine = (1 - square_tangent) / (1 + square_tangent)
+        visible = cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2))
+        # D N.H dH = 2 tanh(x) / cosh(x)^2 dx dphi / (2 pi), and dL = 4 N.H dH.
+        whole = 2 * end * np.sum(weights * visible * 2 * np.tanh(x) / np.cosh(x) ** 2)
+        return float(1 / (np.pi * a2 * whole))

@@ -1,0 +1,54 @@
+"""A BRDF's lobe for given views, as spherical harmonics about its central direction."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import transfer_samples
+from shrm_cli.sphere.grids import colatitude_weights, nodes
+from shrm_cli.sphere.harmonics import legendre_table
+
+Array = NDArray[np.floating]
+
+
+def lobe_harmonics(
+    brdf: Brdf, view_theta: Array, order: int, max_m: int, samples: tuple[int, int]
+) -> Array:
+    """Coefficients of rho_hat over the light's direction, for views at some angles from C.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    view_theta : ndarray, shape (n,)
+        Angles between C and the view, radians; the view lies in the plane of azimuth 0.
+    order, max_m : int
+        Largest l and m.
+    samples : tuple of 2 int
+        Fejer's nodes in theta_i, and nodes over half a turn of the azimuth.
+
+    Returns
+    -------
+    ndarray, shape (max_m+1, order+1, n, 3)
+        ``[m, l - m]`` over the real harmonics of m >= 0; the lobe is even in the azimuth.
+    """
+    count, azimuths = samples
+    theta_i, phi = ((nodes(n) + 1) * (np.pi / 2) for n in (count, azimuths))
+    by_m = np.empty((count, len(view_theta), 3, max_m + 1))
+    waves = np.cos(np.outer(phi, np.arange(max_m + 1))) * (2 * np.pi / azimuths)
+    waves[:, 1:] *= np.sqrt(2)
+    for rows, values, coverage in transfer_samples(brdf, theta_i, view_theta, phi):
+        for channel in range(3):
+            by_m[rows, :, channel] = (values[..., channel] * coverage) @ waves
+    flat = by_m.reshape(count, -1, max_m + 1).transpose(2, 0, 1)
+    return (_weighted_legendre(order, max_m, count) @ flat).reshape(
+        max_m + 1, order + 1, len(view_theta), 3
+    )
+
+
+@lru_cache(1)
+def _weighted_legendre(order: int, max_m: int, count: int) -> Array:
+    """Normalised Legendre functions at Fejer's nodes, times the weights: (m, l - m, nodes)."""
+    cosines = np.cos((nodes(count) + 1) * (np.pi / 2))
+    return legendre_table(order, cosines, max_m) * colatitude_weights(count)
