@@ -10,6 +10,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Center
 from shrm_cli.errors import MapError
+from shrm_cli.maps.engine import ENGINES
 from shrm_cli.maps.info import Domain, MapInfo
 from shrm_cli.maps.representations import REPRESENTATIONS, Map
 from shrm_cli.maps.shrm import Frame
@@ -18,9 +19,9 @@ from shrm_cli.probe.layout import LAYOUTS
 from shrm_cli.sphere.cube import Orientation
 from shrm_cli.sphere.grids import Sampling
 
-VERSION = 2
-"""2 since there are compressed maps and other layouts than OpenEXR's cube; others are written
-as 1, which earlier versions read."""
+VERSION = 3
+"""2 since there are compressed maps and other layouts than OpenEXR's cube, 3 since there are
+irradiance, split sums and SH exponentials; others are written as 1, which earlier versions read."""
 
 
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
@@ -82,7 +83,7 @@ def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
     version = spec.getattribute("shrm:version")
     if isinstance(version, int) and version > VERSION:
         raise MapError(f"{path}: written by a newer shrm (format {version}); update shrm")
-    if found not in REPRESENTATIONS:
+    if found not in (*REPRESENTATIONS, *ENGINES):
         raise MapError(f"{path}: a map of representation {found!r}, which this version cannot read")
     result: dict[str, Any] = {"representation": found}
     for name, (kind, is_valid) in _ATTRIBUTES.items():

@@ -15,12 +15,17 @@ from numpy.typing import NDArray
 from shrm_cli import threads
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files import replacing
+from shrm_cli.orders import MAX_ORDER_P
 
 Array = NDArray[np.floating]
 
 _HALF_MAX = float(np.finfo(np.float16).max)
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 _HALF_OVERFLOW = _HALF_MAX + 16  # from here on rounding to the nearest half gives infinity
+
+
+# OpenImageIO's own limit refuses SHRMs of high orders; what is too much to load, readers refuse.
+oiio.attribute("limits:channels", 3 * (MAX_ORDER_P + 1) ** 2)
 
 
 @dataclass(frozen=True)

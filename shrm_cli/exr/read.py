@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import has_map_attributes, map_info, read_attributes
 from shrm_cli.exr.container import open_image, open_map, part_specs, read_pixels
+from shrm_cli.exr.dfg import MEANINGS
+from shrm_cli.exr.engine import codec
 from shrm_cli.exr.layout import Arrangement
 from shrm_cli.exr.names import (
     COLOURS,
@@ -23,6 +25,7 @@ from shrm_cli.exr.names import (
     view_attributes,
 )
 from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.engine import ENGINES
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.representations import EXPLICIT, Map
 from shrm_cli.maps.shrm import MAX_SIZE, MAX_VALUES, Shrm
@@ -40,8 +43,17 @@ def read_map(path: str | os.PathLike[str]) -> Map:
         If the file is missing, damaged, or no map.
     """
     source, specs = _open(path)
+    attributes = read_attributes(path, specs[0])
+    name = attributes["representation"]
+    if name in ENGINES:
+        is_plain = (attributes["layout"], attributes["orientation"]) == ("openexr", "openexr")
+        if name != "irradiance" and not is_plain:
+            raise MapError(
+                f"{path}: a {name} map is never laid out as {attributes['layout']}; make it again"
+            )
+        engine_map: Map = codec(name).decode(path, source, specs)
+        return engine_map
     stored = _stored(path, source, specs, 0)
-    name = stored.attributes["representation"]
     if name in EXPLICIT:
         return _read_explicit(stored, EXPLICIT[name])
     if len(specs) == 1:
@@ -57,6 +69,26 @@ def is_map(path: str | os.PathLike[str]) -> bool:
     """Whether a readable image carries the attributes of a map."""
     source = open_image(path) if Path(path).is_file() else None
     return source is not None and has_map_attributes(source.spec())
+
+
+def environment_table(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """What an environment-BRDF table (`write_dfg`) holds; None of any other file."""
+    source = open_image(path) if Path(path).is_file() else None
+    spec = None if source is None else source.spec()
+    if spec is None or spec.get_string_attribute("shrm:table") != "dfg":
+        return None
+    multiscatter = spec.get_int_attribute("shrm:multiscatter") != 0
+    moments = spec.get_int_attribute("shrm:moments") != 0
+    meaning = MEANINGS["moments" if moments else "multiscatter" if multiscatter else "scale-bias"]
+    found = {
+        "width": spec.width,
+        "height": spec.height,
+        "multiscatter": multiscatter,
+        "moments": moments,
+        "channels": meaning.channels,
+        "reflectance": meaning.reflectance,
+    }
+    return {**found, "mean_direction": meaning.mean} if moments else found
 
 
 @dataclass(frozen=True)

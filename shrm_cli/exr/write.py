@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import common_header, shortest
 from shrm_cli.exr.container import Part, write_parts
+from shrm_cli.exr.engine import codec
 from shrm_cli.exr.layout import Arrangement
 from shrm_cli.exr.names import (
     COLOURS,
@@ -20,6 +21,7 @@ from shrm_cli.exr.names import (
     view_attributes,
 )
 from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.engine import EngineMap
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.kautz_mccool import KautzMcCool
 from shrm_cli.maps.representations import Map
@@ -45,7 +47,7 @@ def write_map(
     path : path-like
     reflection_map : Map
     precision : {"auto", "half", "float"}
-        ``auto`` is half unless a value exceeds its range.
+        ``auto`` is half unless a value exceeds its range; of an SH exponential it is float.
     layout, orientation
         Of the images: OpenEXR's stacked cube by default.
 
@@ -68,6 +70,11 @@ def write_map(
         )
     if isinstance(reflection_map, SummedShrm) and not arrangement.is_plain:
         raise MapError(f"{path}: a sum of terms is written as OpenEXR's cube only")
+    kind = reflection_map.representation
+    if kind in ("splitsum", "she") and not arrangement.is_plain:
+        raise MapError(f"{path}: a map of representation {kind} is written as OpenEXR's cube only")
+    if kind == "she" and precision == "auto":
+        precision = "float"  # a few hundred bytes, and exponents
     parts = _encode(reflection_map)
     if not arrangement.is_plain:
         parts = [_arranged(part, arrangement) for part in parts]
@@ -86,6 +93,9 @@ def _is_zonal(reflection_map: Map) -> bool:
 
 
 def _encode(reflection_map: Map) -> list[Part]:
+    if isinstance(reflection_map, EngineMap):
+        parts: list[Part] = codec(reflection_map.representation).encode(reflection_map)
+        return parts
     if isinstance(reflection_map, ExplicitMap):
         return _encode_explicit(reflection_map)
     if isinstance(reflection_map, SummedShrm):
@@ -145,7 +155,7 @@ def _arranged(part: Part, arrangement: Arrangement) -> Part:
     image = arrangement.apply(np.stack(list(part.channels.values()), axis=-1))
     header = {
         **part.header,
-        "shrm:version": 2,
+        "shrm:version": max(part.header["shrm:version"], 2),
         "shrm:layout": arrangement.layout,
         "shrm:orientation": arrangement.orientation,
         "shrm:sampling": arrangement.sampling,

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.maps.cabral import Cabral
 from shrm_cli.maps.compressed import CompressedShrm
+from shrm_cli.maps.engine import EngineMap
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.kautz_mccool import KautzMcCool
 from shrm_cli.maps.light_field import LightField
@@ -20,11 +21,13 @@ EXPLICIT: dict[str, type[ExplicitMap]] = {
     model.representation: model for model in (Cabral, KautzMcCool, LightField)
 }
 REPRESENTATIONS = (Shrm.representation, *EXPLICIT)
+"""Those that an SHRM becomes."""
 
 _PAIRS = 4096
 """Of central directions and views at which the error of a tabulated sum is measured."""
 
-Map = Shrm | CompressedShrm | SummedShrm | ExplicitMap
+BrdfMap = Shrm | CompressedShrm | SummedShrm | ExplicitMap
+Map = BrdfMap | EngineMap
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ def represent(
     representation: str,
     view_count: int | None = None,
     compression: Compression | None = None,
-) -> Map:
+) -> BrdfMap:
     """An SHRM in another representation.
 
     Parameters
@@ -126,6 +129,11 @@ def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = 
             "a sum of terms about different centres has no single SHRM; prefilter again with "
             "--no-split, or convert it to explicit maps"
         )
+    if isinstance(reflection_map, EngineMap):
+        raise MapError(
+            f"a map of representation {reflection_map.representation} has no SHRM; prefilter the "
+            "probe for a BRDF"
+        )
     if isinstance(reflection_map, ExplicitMap):
         return reflection_map.to_shrm(order_p).to_frame(frame)
     if isinstance(reflection_map, CompressedShrm):
@@ -139,7 +147,9 @@ def as_shrm(reflection_map: Map, frame: Frame = "global", order_p: int | None = 
 
 
 def map_count(reflection_map: Map) -> int:
-    """How many RGB cubes a map stores."""
+    """How many RGB cubes a map stores; an SH exponential has none."""
+    if isinstance(reflection_map, EngineMap):
+        return len(reflection_map.images())
     if isinstance(reflection_map, SummedShrm):
         return sum(map_count(term) for term in reflection_map.terms)
     if not isinstance(reflection_map, Shrm):
@@ -150,6 +160,8 @@ def map_count(reflection_map: Map) -> int:
 
 def is_exact_in_half(reflection_map: Map) -> bool:
     """Whether half-precision floats hold every value of a map as it is."""
+    if isinstance(reflection_map, EngineMap):
+        return all(_is_exact(image) for image in reflection_map.images())
     if isinstance(reflection_map, SummedShrm):
         return all(is_exact_in_half(term) for term in reflection_map.terms)
     if isinstance(reflection_map, ExplicitMap):

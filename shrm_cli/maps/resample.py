@@ -9,7 +9,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.representations import Map
+from shrm_cli.maps.representations import BrdfMap
 from shrm_cli.maps.shrm import MAX_SIZE, Shrm, check_size
 from shrm_cli.maps.summed import SummedShrm
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
@@ -19,12 +19,12 @@ from shrm_cli.sphere.sampling import CubeSampler
 Array = NDArray[np.floating]
 
 
-def resample(reflection_map: Map, size: int | None, sampling: Sampling | None) -> Map:
+def resample(reflection_map: BrdfMap, size: int | None, sampling: Sampling | None) -> BrdfMap:
     """A map on a cube of another size or sampling, filtered as `radiance` filters it.
 
     Parameters
     ----------
-    reflection_map : Map
+    reflection_map : BrdfMap
     size : int, optional
         Texels along a face's edge.
     sampling : {"center", "border"}, optional

@@ -1,0 +1,143 @@
+"""Split sums <-> the parts of a file: a cube for each roughness, of decreasing size."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+from shrm_cli.exr.attributes import common_header, map_info, read_attributes, shortest
+from shrm_cli.exr.container import Part, read_pixels
+from shrm_cli.exr.names import COLOURS
+from shrm_cli.maps.roughness import MAPPINGS, MOST_LEVELS
+from shrm_cli.maps.shrm import MAX_SIZE
+from shrm_cli.maps.split_sum import SplitSum
+
+Array = NDArray[np.floating]
+
+_FORMAT = 3
+_AGAIN = "make it again with shrm prefilter --to splitsum"
+
+
+def level_names(roughness: Sequence[float]) -> list[str]:
+    """Of the parts: ``roughness0.14``, with more decimals where two would be the same."""
+    decimals = 2
+    while True:
+        names = [f"roughness{value:.{decimals}f}" for value in roughness]
+        if len(set(names)) == len(names):
+            return names
+        decimals += 1
+
+
+def encode(split_sum: SplitSum) -> list[Part]:
+    """A part for each level, the sharpest first."""
+    size = split_sum.size
+    window = np.array([0, 0], np.int32), np.array([size - 1, 6 * size - 1], np.int32)
+    parts = []
+    levels = zip(
+        level_names(split_sum.roughness), split_sum.roughness, split_sum.levels,
+        split_sum.level_info, strict=True,
+    )  # fmt: skip
+    for name, roughness, level, info in levels:
+        # What is made of the light alone is no `Map`, but has all that the header needs.
+        one: Any = replace(split_sum, info=info)
+        header = {
+            "name": name,
+            **common_header(one, 0),
+            "shrm:version": _FORMAT,
+            "shrm:mapping": split_sum.mapping,
+            "shrm:roughness": float(roughness),
+            "displayWindow": window,
+        }
+        parts.append(Part({c: level[..., k] for k, c in enumerate(COLOURS)}, header))
+    return parts
+
+
+def decode(path: str | os.PathLike[str], source: Any, specs: list[Any]) -> SplitSum:
+    """The split sum that the parts of a file are.
+
+    Parameters
+    ----------
+    path : path-like
+    source : ImageInput
+        The opened file.
+    specs : list of ImageSpec
+        Of its parts.
+
+    Raises
+    ------
+    MapError
+        If parts or attributes are missing, or contradict each other.
+    """
+    if not 1 <= len(specs) <= MOST_LEVELS:
+        raise MapError(f"{path}: {len(specs)} levels are not a split sum; {_AGAIN}")
+    attributes = [read_attributes(path, spec) for spec in specs]
+    found = [_roughness(path, spec) for spec in specs]
+    order = sorted(range(len(specs)), key=found.__getitem__)
+    roughness = [found[part] for part in order]
+    names = [specs[part].get_string_attribute("oiio:subimagename") for part in order]
+    if len(set(roughness)) < len(roughness) or (len(specs) > 1 and names != level_names(roughness)):
+        raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
+    mappings = {spec.get_string_attribute("shrm:mapping") for spec in specs}
+    mapping = mappings.pop()
+    if mappings or mapping not in MAPPINGS or (mapping == "unreal" and roughness[0] == 0):
+        raise MapError(f"{path}: its attribute shrm:mapping is missing or wrong; {_AGAIN}")
+    for each in attributes:
+        if (each["representation"], each["center"]) != (SplitSum.representation, SplitSum.center):
+            raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
+        if (each["frame"], each["layout"], each["orientation"]) != ("global", "openexr", "openexr"):
+            raise MapError(f"{path}: a split sum is OpenEXR's cube in global axes; {_AGAIN}")
+    samplings = {bool(spec.get_int_attribute("oiio:sampleborder")) for spec in specs}
+    if len(samplings) > 1:
+        raise MapError(f"{path}: its parts are sampled differently; {_AGAIN}")
+    _check_sizes(path, [specs[part] for part in order])
+    infos = [map_info(attributes[part], specs[part]) for part in order]
+    whole = replace(
+        infos[-1],
+        order_f=max(info.order_f for info in infos),
+        captured=min(info.captured for info in infos),
+        predicted_error=max(info.predicted_error for info in infos),
+        brdf={"name": infos[-1].brdf.get("name"), "parameters": {"roughness": roughness}},
+        # Roughness 0 is the probe itself, in neither domain.
+        domain="angular"
+        if any(i.domain == "angular" for i, r in zip(infos, roughness, strict=True) if r > 0)
+        else "frequency",
+    )
+    return SplitSum(
+        tuple(_level(path, source, specs, part) for part in order),
+        tuple(roughness),
+        mapping,
+        whole,
+        "border" if samplings.pop() else "center",
+        tuple(infos),
+    )
+
+
+def _roughness(path: str | os.PathLike[str], spec: Any) -> float:
+    value = spec.getattribute("shrm:roughness")
+    if type(value) is not float or not 0 <= value <= 1:
+        raise MapError(f"{path}: its attribute shrm:roughness is missing or wrong; {_AGAIN}")
+    return shortest(value)
+
+
+def _check_sizes(path: str | os.PathLike[str], specs: list[Any]) -> None:
+    """Check that the parts are cubes of RGB that do not grow."""
+    last = MAX_SIZE
+    for spec in specs:
+        if not (spec.height == 6 * spec.width and 1 <= spec.width <= last):
+            raise MapError(
+                f"{path}: a level of {spec.width} x {spec.height} is not a cube, or larger than "
+                f"the one before it; {_AGAIN}"
+            )
+        numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
+        if sorted(spec.channelnames) != sorted(COLOURS) or not numbers <= {"half", "float"}:
+            raise MapError(f"{path}: the channels of a level are not R, G and B; {_AGAIN}")
+        last = spec.width
+
+
+def _level(path: str | os.PathLike[str], source: Any, specs: list[Any], part: int) -> Array:
+    held = list(specs[part].channelnames)
+    return read_pixels(path, source, part)[..., [held.index(name) for name in COLOURS]]

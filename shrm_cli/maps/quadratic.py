@@ -1,0 +1,99 @@
+"""The shortest vector within linear bounds: a quadratic program, by non-negative least squares."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+
+_TINY = 1e-13
+
+
+def shortest_within(rows: Array, bounds: Array) -> Array | None:
+    """The x of least ``|x|^2`` with ``rows @ x <= bounds``.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (m, n)
+        Of about unit length each, so that all are kept with the same precision.
+    bounds : ndarray, shape (m,)
+        No smaller than about -1, for the same reason.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        None if no x is within the bounds.
+
+    References
+    ----------
+    Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23: Least distance
+    programming, algorithm 23.27.
+    """
+    n = rows.shape[1]
+    matrix = -np.concatenate([rows.T, bounds[None]])
+    target = np.zeros(n + 1)
+    target[n] = 1.0
+    residual = target - matrix @ non_negative_least_squares(matrix, target)
+    if residual[n] <= _TINY:
+        return None
+    return np.asarray(-residual[:n] / residual[n])
+
+
+def non_negative_least_squares(matrix: Array, target: Array) -> Array:
+    """The u >= 0 of least ``|matrix @ u - target|``.
+
+    Columns that lower the residual join the set of free ones, one at a time; those that would
+    turn negative leave it.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (m, n)
+    target : ndarray, shape (m,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    References
+    ----------
+    Lawson and Hanson 1974, algorithm 23.10.
+    """
+    count = matrix.shape[1]
+    result: Array = np.zeros(count)
+    free = np.zeros(count, dtype=bool)
+    lengths = np.linalg.norm(matrix, axis=0)
+    tolerance = _TINY * lengths * np.linalg.norm(target)
+    for _ in range(3 * count):
+        gain = np.where(free, 0.0, matrix.T @ (target - matrix @ result))
+        joined = _join(matrix, target, free, np.where(gain > tolerance, gain, 0.0))
+        if joined is None:
+            break
+        solved = joined
+        while (solved[free] <= 0).any():
+            leaving = free & (solved <= 0)
+            shares = result[leaving] / (result[leaving] - solved[leaving])
+            result += shares.min() * (solved - result)
+            free &= result > _TINY * result.max()
+            result[~free] = 0.0
+            solved = _solved(matrix, target, free)
+        result = solved
+    return result
+
+
+def _join(matrix: Array, target: Array, free: NDArray[np.bool_], gain: Array) -> Array | None:
+    """Let the column that gains most join the free ones, and solve for them; None if none can."""
+    while gain.any():
+        joining = int(np.argmax(gain))
+        free[joining] = True
+        solved = _solved(matrix, target, free)
+        if solved[joining] > 0:
+            return solved
+        free[joining], gain[joining] = False, 0.0  # it gains by rounding alone
+    return None
+
+
+def _solved(matrix: Array, target: Array, free: NDArray[np.bool_]) -> Array:
+    """Least squares over the free columns; 0 for the others."""
+    result = np.zeros(matrix.shape[1])
+    if free.any():
+        result[free] = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
+    return result
