@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from shrm_cli.cli import options
+from shrm_cli.maps import engine, representations
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "shrm_cli"
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -133,6 +136,12 @@ def test_commands_import_heavy_modules_when_they_run(path):
             assert rest.split(".")[0] in ("cli", "errors", "files", "threads", "__version__"), full
         else:
             assert top == "click" or top in sys.stdlib_module_names, full
+
+
+def test_commands_name_the_representations_that_there_are():
+    """cli/options.py repeats their names, since `shrm --help` must not load the maps."""
+    assert options.REPRESENTATIONS == representations.REPRESENTATIONS
+    assert options.ENGINE_REPRESENTATIONS == engine.ENGINES
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name)

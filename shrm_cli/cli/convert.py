@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.engines import converted_for_engines
 from shrm_cli.cli.options import (
+    ALL_REPRESENTATIONS,
+    ENGINE_REPRESENTATIONS,
     LAYOUTS,
     REPRESENTATIONS,
     compression,
@@ -16,6 +19,7 @@ from shrm_cli.cli.options import (
     print_json,
     progress_bar,
     read_options,
+    refuse_options,
     refuse_read_options,
     report_options,
     view_count,
@@ -23,7 +27,10 @@ from shrm_cli.cli.options import (
     warn,
 )
 
-_TARGETS = [*REPRESENTATIONS, *LAYOUTS, "faces"]
+if TYPE_CHECKING:
+    from shrm_cli.maps.representations import BrdfMap, Map
+
+_TARGETS = [*ALL_REPRESENTATIONS, *LAYOUTS, "faces"]
 _SAMPLINGS = click.Choice(["center", "border"])
 
 
@@ -77,8 +84,10 @@ def convert(
     """Convert IN, a map or a light probe.
 
     A map becomes another representation, exactly at its samples; an SHRM is fitted to explicit
-    maps, and what the fit leaves is told. Maps and probes are laid out anew. The options from
-    --sampling to --clamp say how a probe is to be read.
+    maps, and what the fit leaves is told. What engines use (irradiance, splitsum, she) is made
+    from the probe alone, and converted to itself: other precision, other size of irradiance.
+    Maps and probes are laid out anew. The options from --sampling to --clamp say how a probe is
+    to be read.
 
     \b
       shrm convert probe.microfacet.shrm.exr --to cabral
@@ -92,8 +101,8 @@ def convert(
         view_count(target, slices, views),
         compression(target, compress),
     )
-    if target in LAYOUTS or target == "faces":
-        _refuse_options(f"--to {target}", frame=frame, order_p=order_p)
+    if target not in REPRESENTATIONS:
+        refuse_options(f"--to {target}", frame=frame, order_p=order_p)
     if is_map(source):
         refuse_read_options("IN is a map")
         check_target(result_path, [source], (".exr",))
@@ -102,7 +111,7 @@ def convert(
             to_orientation, to_sampling, precision,
         )  # fmt: skip
     else:
-        if target in REPRESENTATIONS:
+        if target in ALL_REPRESENTATIONS:
             raise click.BadParameter(
                 f"{source} is no map; a probe becomes {target} by shrm prefilter",
                 param_hint="'--to'",
@@ -133,31 +142,15 @@ def _convert_map(
     precision: str,
 ) -> tuple[dict[str, Any], list[str]]:
     from shrm_cli.exr import read_map, write_map
-    from shrm_cli.maps.representations import (
-        EXPLICIT,
-        as_shrm,
-        is_exact_in_half,
-        map_count,
-        represent,
-        tabulate_sum,
-    )
-    from shrm_cli.maps.resample import resample
-    from shrm_cli.maps.summed import SummedShrm
+    from shrm_cli.maps.engine import EngineMap
+    from shrm_cli.maps.representations import is_exact_in_half, map_count
 
     found = read_map(source)
-    made = resample(found, size, sampling)  # type: ignore[arg-type]
-    layout = "openexr"
-    if target in EXPLICIT and isinstance(made, SummedShrm):
-        _refuse_options(f"a sum of terms and --to {target}", frame=frame, order_p=order_p)
-        made = tabulate_sum(made, target, views[0])
-    elif target in REPRESENTATIONS:
-        if target != "shrm":
-            _refuse_options(f"--to {target}", frame=frame)
-        kept = "local" if found.frame == "local" and found.representation == "shrm" else "global"
-        shrm = as_shrm(made, frame or kept, order_p)  # type: ignore[arg-type]
-        made = represent(shrm, target, *views)
+    layout = "openexr" if target in ALL_REPRESENTATIONS else target
+    if isinstance(found, EngineMap) or target in ENGINE_REPRESENTATIONS:
+        made = converted_for_engines(source, found, target, size, sampling)
     else:
-        layout = target
+        made = _converted(found, target, frame, order_p, views, size, sampling)
     chosen = orientation or ("openexr" if layout in ("openexr", "latlong") else "gl")
     if precision == "auto" and not is_exact_in_half(made):
         precision = "float"  # a conversion is not to lose anything
@@ -179,6 +172,32 @@ def _convert_map(
         "precision": pixels,
     }
     return result, []
+
+
+def _converted(
+    found: BrdfMap,
+    target: str,
+    frame: str | None,
+    order_p: int | None,
+    views: tuple[int | None, Any],
+    size: int | None,
+    sampling: str | None,
+) -> Map:
+    from shrm_cli.maps.representations import EXPLICIT, as_shrm, represent, tabulate_sum
+    from shrm_cli.maps.resample import resample
+    from shrm_cli.maps.summed import SummedShrm
+
+    made = resample(found, size, sampling)  # type: ignore[arg-type]
+    if target not in REPRESENTATIONS:
+        return made
+    if target in EXPLICIT and isinstance(made, SummedShrm):
+        refuse_options(f"a sum of terms and --to {target}", frame=frame, order_p=order_p)
+        return tabulate_sum(made, target, views[0])
+    if target != "shrm":
+        refuse_options(f"--to {target}", frame=frame)
+    kept = "local" if found.frame == "local" and found.representation == "shrm" else "global"
+    shrm = as_shrm(made, frame or kept, order_p)  # type: ignore[arg-type]
+    return represent(shrm, target, *views)
 
 
 def _convert_probe(
@@ -235,17 +254,10 @@ def _convert_probe(
     return result, warnings
 
 
-def _refuse_options(owner: str, **values: Any) -> None:
-    for name, value in values.items():
-        if value is not None:
-            option = f"--{name.replace('_', '-')}"
-            raise click.BadParameter(f"says nothing with {owner}", param_hint=f"'{option}'")
-
-
 def _default_name(source: str, target: str) -> str:
     stem = Path(source).stem
     base, dot, last = stem.rpartition(".")
-    family = REPRESENTATIONS if target in REPRESENTATIONS else LAYOUTS
+    family = ALL_REPRESENTATIONS if target in ALL_REPRESENTATIONS else LAYOUTS
     if dot and last in family:
         stem = base
     stem = stem.replace("%", "").rstrip("_-.") or "probe"
@@ -260,6 +272,8 @@ def _report(result: dict[str, Any]) -> str:
             f"{result['precision']}"
         )
     size, kind = result["size"], result["representation"]
+    if kind in ENGINE_REPRESENTATIONS:
+        return f"{result['file']}: {kind}, {result['precision']}"
     lines = [
         f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "
         f"{size} texels as {result['layout']}, {result['precision']}"

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -15,7 +16,7 @@ from shrm_cli import threads
 from shrm_cli.cli.types import STOPS, Components
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
     from shrm_cli.maps.representations import Compression
     from shrm_cli.probe.probe import ReadOptions
@@ -23,14 +24,17 @@ if TYPE_CHECKING:
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 REPRESENTATIONS = ("shrm", "cabral", "kautz-mccool", "lightfield")
+ENGINE_REPRESENTATIONS = ("irradiance", "splitsum", "she")
+ALL_REPRESENTATIONS = (*REPRESENTATIONS, *ENGINE_REPRESENTATIONS)
 LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
 
 
-brdf_option = click.option(
-    "--brdf", "spec", metavar="SPEC", required=True,
-    help="NAME, NAME:key=value,key=value, a measured file, or a sum such as "
-    "0.5*lambertian+0.5*ggx; `shrm brdf` lists them.",
-)  # fmt: skip
+_SPEC = (
+    "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
+    "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
+)
+brdf_option = click.option("--brdf", "spec", metavar="SPEC", required=True, help=_SPEC)
+optional_brdf_option = click.option("--brdf", "spec", metavar="SPEC", help=_SPEC)
 exposure_option = click.option(
     "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
@@ -148,6 +152,43 @@ def refuse_read_options(why: str) -> None:
             raise click.UsageError(f"{param.opts[-1]} is about a light probe; {why}", context)
 
 
+def refuse_foreign(
+    representation: str, owners: Mapping[str, Sequence[str]], notes: Mapping[str, str]
+) -> None:
+    """Refuse options that say nothing with the representation that --to names.
+
+    Parameters
+    ----------
+    representation : str
+    owners : mapping
+        By the name of an option's parameter: the representations that it is for. What it does
+        not name is for all.
+    notes : mapping
+        By the same names: what to add to the refusal.
+    """
+    context = click.get_current_context()
+    for param in context.command.params:
+        of = owners.get(param.name or "", (representation,))
+        given = context.get_parameter_source(param.name or "") is ParameterSource.COMMANDLINE
+        if given and representation not in of:
+            *others, last = of
+            names = f"{', '.join(others)} or {last}" if others else last
+            note = notes.get(param.name or "", "")
+            raise click.BadParameter(
+                f"is for --to {names}{note and '; '}{note}",
+                context,
+                param_hint=f"'{param.opts[0]}'",
+            )
+
+
+def refuse_options(owner: str, **values: Any) -> None:
+    """Refuse options, by their names, whose values are not None where nothing obeys them."""
+    for name, value in values.items():
+        if value is not None:
+            option = f"--{name.replace('_', '-')}"
+            raise click.BadParameter(f"says nothing with {owner}", param_hint=f"'{option}'")
+
+
 def view_options(command: Command) -> Command:
     """--slices, --views, --compress; pass the values on to `view_count` and `compression`."""
     return _apply(
@@ -191,6 +232,11 @@ def compression(
     if representation != "shrm":
         raise click.BadParameter("is for --to shrm", param_hint="'--compress'")
     return Compression(*components)
+
+
+def probe_stem(probe: str) -> str:
+    """Name of the outputs of a probe; six files have their ``%`` left out."""
+    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
 
 
 def warn(lines: list[str], quiet: bool) -> None:

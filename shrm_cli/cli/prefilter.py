@@ -1,20 +1,24 @@
 """`shrm prefilter`: from a probe and a BRDF to a map."""
 
 import os
-from pathlib import Path
 from typing import Any
 
 import click
 
+from shrm_cli.cli.engines import ENGINE_OPTIONS, OWN_BRDF, engine_options, prefilter_for_engines
 from shrm_cli.cli.options import (
+    ALL_REPRESENTATIONS,
+    ENGINE_REPRESENTATIONS,
     REPRESENTATIONS,
-    brdf_option,
     compression,
     make_read_options,
+    optional_brdf_option,
     precision_option,
     print_json,
+    probe_stem,
     progress_bar,
     read_options,
+    refuse_foreign,
     report_options,
     view_count,
     view_options,
@@ -24,13 +28,28 @@ from shrm_cli.cli.types import Fraction
 
 _SAMPLINGS = click.Choice(["center", "border"])
 
+# The representations that an option is for, where it is not for all.
+_OWNERS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("spec", "tolerance", "order_p", "center"), REPRESENTATIONS),
+    **dict.fromkeys(("domain", "source_height", "frame"), REPRESENTATIONS),
+    "order_f": (*REPRESENTATIONS, "irradiance"),
+    "wanted": ("shrm",),
+    "compress": ("shrm",),
+    "slices": ("kautz-mccool",),
+    "views": ("lightfield",),
+    "size": (*REPRESENTATIONS, "irradiance", "splitsum"),
+    "map_sampling": (*REPRESENTATIONS, "irradiance", "splitsum"),
+    **ENGINE_OPTIONS,
+}
+
 
 @click.command()
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@brdf_option
+@optional_brdf_option
 @click.option(
-    "--to", "representation", type=click.Choice(REPRESENTATIONS), default="shrm",
-    show_default=True, help="Representation to write.",
+    "--to", "representation", type=click.Choice(ALL_REPRESENTATIONS),
+    default="shrm", show_default=True,
+    help="Representation to write; irradiance, splitsum and she have their BRDF.",
 )  # fmt: skip
 @click.option(
     "--eps", "tolerance", type=Fraction(), metavar="X", default=0.03, show_default=True,
@@ -50,6 +69,7 @@ _SAMPLINGS = click.Choice(["center", "border"])
     help="Prefilter diffuse and glossy terms each about its own centre.  [default: by count]",
 )
 @view_options
+@engine_options
 @click.option(
     "--domain", type=click.Choice(["frequency", "angular"]), default="frequency",
     show_default=True, help="Where to prefilter explicit maps; angular takes minutes.",
@@ -80,7 +100,7 @@ _SAMPLINGS = click.Choice(["center", "border"])
 @report_options
 def prefilter(
     probe: str,
-    spec: str,
+    spec: str | None,
     representation: str,
     tolerance: float,
     order_f: int | None,
@@ -108,7 +128,25 @@ def prefilter(
     The orders F and P are the least that keep the BRDF's energy within --eps; the error that
     they make in the reflected light is predicted and printed. In the angular domain --eps is
     the part of the BRDF's lobe that may be left out.
+
+    What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
+    (splitsum) and an SH exponential (she) are of GGX.
     """
+    refuse_foreign(representation, _OWNERS, {"spec": OWN_BRDF.get(representation, "")})
+    of_engines = {name: reading.pop(name) for name in ENGINE_OPTIONS}
+    read_as = make_read_options(probe_sampling or sampling, reading)
+    map_sampling = map_sampling or sampling or "center"
+    if representation in ENGINE_REPRESENTATIONS:
+        prefilter_for_engines(
+            probe, read_as, representation, output,
+            {**of_engines, "order_f": order_f, "size": size, "sampling": map_sampling},
+            precision, as_json, quiet,
+        )  # fmt: skip
+        return
+    if spec is None:
+        raise click.MissingParameter(
+            f"--to {representation} needs one", param_hint="'--brdf'", param_type="option"
+        )
     import numpy as np
 
     from shrm_cli.bake import bake
@@ -124,8 +162,8 @@ def prefilter(
         compression(representation, compress),
     )
     brdf, notes = _centered(parse_spec(spec), tolerance, center)
-    source = open_probe(probe, make_read_options(probe_sampling or sampling, reading))
-    default = f"{_stem(probe)}.{file_label(spec)}.{representation}.exr"
+    source = open_probe(probe, read_as)
+    default = f"{probe_stem(probe)}.{file_label(spec)}.{representation}.exr"
     target = default if output is None else output
     inputs = [*(file.path for file in source.files), *named_files(spec)]
     check_target(target, inputs, (".exr",))
@@ -133,7 +171,7 @@ def prefilter(
         "representation": representation,
         "view_count": count,
         "size": size,
-        "sampling": map_sampling or sampling or "center",
+        "sampling": map_sampling,
     }
     single = (representation, domain) != ("shrm", "frequency") or center is not None
     single = single or (order_f, order_p) != (None, None)
@@ -185,11 +223,6 @@ def prefilter(
     elif not quiet:
         click.echo("\n".join([_report(result), *notes]))
     warn(warnings, quiet)
-
-
-def _stem(probe: str) -> str:
-    """Name of the outputs of a probe; six files have their ``%`` left out."""
-    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
 
 
 def _centered(brdf: Any, tolerance: float, center: str | None) -> tuple[Any, list[str]]:

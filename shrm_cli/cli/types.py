@@ -1,8 +1,11 @@
 """Parameter types of the command line. Imports nothing heavy: `shrm --help` loads it."""
 
 import math
+from itertools import pairwise
 
 import click
+
+_MOST_LEVELS = 64
 
 
 class Fraction(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 only
@@ -119,6 +122,66 @@ class Components(click.ParamType):  # type: ignore[type-arg]
                 ctx,
             )
         return None, numbers[0]
+
+
+class Interval(click.ParamType):  # type: ignore[type-arg]
+    """A range ``A..B`` of numbers within two others; a number alone is both ends of it."""
+
+    name = "A..B"
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low, self.high = low, high
+
+    def convert(
+        self,
+        value: str | tuple[float, float],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[float, float]:
+        """Two numbers, the first no larger than the second."""
+        if isinstance(value, tuple):
+            return value
+        ends = value.split("..")
+        numbers = [_numbers(end) for end in ends]
+        if len(ends) > 2 or any(len(each) != 1 for each in numbers):
+            self.fail(f"{value!r} is not a range A..B such as 0.5..1", param, ctx)
+        (first,), (last,) = numbers[0], numbers[-1]
+        if not self.low <= first <= last <= self.high:
+            self.fail(f"{value!r} does not rise within {self.low:g} .. {self.high:g}", param, ctx)
+        return first, last
+
+
+class Levels(click.ParamType):  # type: ignore[type-arg]
+    """Levels of a split sum: how many, or the roughness of each, with commas between."""
+
+    name = "N|R,R,..."
+
+    def convert(
+        self,
+        value: str | int | tuple[float, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> int | tuple[float, ...]:
+        """A number of levels, or roughnesses that rise within 0 .. 1."""
+        if not isinstance(value, str):
+            return value
+        if value.isascii() and value.isdigit():
+            count = int(value[:9])
+            if not 1 <= count <= _MOST_LEVELS:
+                self.fail(f"{value[:9]} levels are not 1 .. {_MOST_LEVELS}", param, ctx)
+            return count
+        numbers = _numbers(value)
+        if not numbers or len(numbers) > _MOST_LEVELS:
+            self.fail(
+                f"{value!r} is neither a number of levels nor up to {_MOST_LEVELS} roughnesses "
+                "such as 0.2,0.5,1.0",
+                param,
+                ctx,
+            )
+        rises = all(a < b for a, b in pairwise(numbers))
+        if not rises or not 0 <= numbers[0] <= numbers[-1] <= 1:
+            self.fail(f"{value!r} does not rise within 0 .. 1", param, ctx)
+        return numbers
 
 
 def _numbers(text: str) -> tuple[float, ...]:

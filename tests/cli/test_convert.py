@@ -1,6 +1,7 @@
 """`shrm convert`, by what it writes."""
 
 import json
+import shutil
 
 import numpy as np
 import OpenEXR
@@ -310,3 +311,124 @@ def test_a_brdf_is_not_overwritten(folder):
     result = run("brdf", "0.5*matte.exr+0.5*lambertian", "--save", "matte.exr")
     assert_refused(result, 1, "matte.exr", "overwrite the input")
     assert snapshot(folder) == before
+
+
+ENGINES = {
+    "irradiance": ("--size", "8", "--precision", "float"),
+    "splitsum": ("--levels", "0.5,1.0", "--size", "16"),
+    "she": ("--p-order", "2", "--q-order", "1"),
+}
+
+
+@pytest.fixture(scope="module")
+def engine_maps(tmp_path_factory):
+    """A map of each kind that engines use, made once."""
+    made = tmp_path_factory.mktemp("engines")
+    light = polynomial_light(oracles.latlong_pixels(64, 32)).astype(np.float32)
+    write_exr(made / "probe.exr", light)
+    for kind, options in ENGINES.items():
+        done(
+            "prefilter",
+            made / "probe.exr",
+            "--to",
+            kind,
+            *options,
+            "-o",
+            made / f"probe.{kind}.exr",
+        )
+    return made
+
+
+@pytest.fixture
+def engines(folder, engine_maps):
+    """Besides: copies of them."""
+    for kind in ENGINES:
+        shutil.copy(engine_maps / f"probe.{kind}.exr", folder)
+    return folder
+
+
+def test_irradiance_of_another_size_is_exact(engines):
+    report = json.loads(
+        done("convert", "probe.irradiance.exr", "--to", "openexr", "--size", "12",
+             "--to-sampling", "border", "--json")
+    )  # fmt: skip
+    assert report["file"] == "probe.irradiance.openexr.exr"
+    assert (report["size"], report["sampling"], report["precision"]) == (12, "border", "float")
+    done("prefilter", "probe.exr", "--to", "irradiance", "--size", "12", "--map-sampling", "border",
+         "--precision", "float", "-o", "direct.exr")  # fmt: skip
+    assert (engines / report["file"]).read_bytes() == (engines / "direct.exr").read_bytes()
+
+
+@pytest.mark.parametrize("layout", [*CUBE, "latlong"])
+def test_irradiance_in_other_layouts(engines, layout):
+    done("convert", "probe.irradiance.exr", "--to", layout, "-o", "there.exr")
+    header, channels = read_exr("there.exr")
+    assert header["shrm:version"] == 3
+    columns, rows = (4, 2) if layout == "latlong" else CUBE[layout]
+    assert channels["G"].shape == (rows * 8, columns * 8)
+    done("convert", "there.exr", "--to", "openexr", "-o", "back.exr")
+    assert (engines / "back.exr").read_bytes() == (engines / "probe.irradiance.exr").read_bytes()
+
+
+@pytest.mark.parametrize("kind", list(ENGINES))
+def test_what_engines_use_becomes_itself(engines, kind):
+    done("convert", f"probe.{kind}.exr", "--to", kind, "-o", "same.exr")
+    assert read_map("same.exr").representation == kind
+    one, two = run("info", f"probe.{kind}.exr"), run("info", "same.exr")
+    assert one.out.splitlines()[1:] == two.out.splitlines()[1:]
+    done("convert", f"probe.{kind}.exr", "--to", kind, "-o", "half.exr", "--precision", "half")
+    with OpenEXR.File("half.exr") as file:
+        assert file.parts[0].channels["RGB"].pixels.dtype == np.float16
+
+
+@pytest.mark.parametrize("kind", list(ENGINES))
+@pytest.mark.parametrize("target", ["shrm", "cabral", "irradiance", "splitsum", "she"])
+def test_what_engines_use_becomes_nothing_else(engines, kind, target):
+    if target == kind:
+        return
+    before = snapshot(engines)
+    result = run("convert", f"probe.{kind}.exr", "--to", target, "-o", "x.exr")
+    assert_refused(result, 2, f"probe.{kind}.exr", kind, f"shrm prefilter PROBE --to {target}")
+    assert snapshot(engines) == before
+
+
+@pytest.mark.parametrize("target", list(ENGINES))
+def test_what_engines_use_is_made_from_probes_alone(engines, target):
+    before = snapshot(engines)
+    result = run("convert", "m.shrm.exr", "--to", target, "-o", "x.exr")
+    assert_refused(result, 2, "m.shrm.exr", f"shrm prefilter PROBE --to {target}")
+    result = run("convert", "probe.exr", "--to", target, "-o", "x.exr")
+    assert_refused(result, 2, "probe.exr is no map", "shrm prefilter")
+    assert snapshot(engines) == before
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "code", "words"),
+    [
+        ("splitsum", ["--to", "strip"], 1, "OpenEXR's cube only"),
+        ("splitsum", ["--to", "hcross"], 1, "OpenEXR's cube only"),
+        ("splitsum", ["--to", "openexr", "--to-orientation", "gl"], 1, "OpenEXR's cube only"),
+        ("irradiance", ["--to", "angular"], 1, "angular"),
+        ("she", ["--to", "openexr"], 2, "no images"),
+        ("she", ["--to", "strip"], 2, "no images"),
+        ("splitsum", ["--to", "openexr", "--size", "8"], 2, "'--size': says nothing"),
+        (
+            "splitsum",
+            ["--to", "splitsum", "--to-sampling", "border", "-o", "x.exr"],
+            2,
+            "'--to-sampling'",
+        ),
+        ("she", ["--to", "she", "--size", "8", "-o", "x.exr"], 2, "'--size': says nothing"),
+        ("irradiance", ["--to", "irradiance", "--frame", "local"], 2, "'--frame'"),
+        ("irradiance", ["--to", "irradiance", "--order-p", "1"], 2, "'--order-p'"),
+        ("irradiance", ["--to", "irradiance", "--slices", "3"], 2, "'--slices'"),
+        ("irradiance", ["--to", "irradiance", "--compress", "pca:2"], 2, "'--compress'"),
+        ("irradiance", ["--to", "irradiance", "--yaw", "3"], 2, "about a light probe"),
+        ("irradiance", ["--to", "irradiance"], 1, "overwrite the input"),
+        ("irradiance", ["--to", "irradiance", "--size", "5000", "-o", "x.exr"], 1, "--size"),
+    ],
+)
+def test_what_says_nothing_of_what_engines_use(engines, kind, arguments, code, words):
+    before = snapshot(engines)
+    assert_refused(run("convert", f"probe.{kind}.exr", *arguments), code, words)
+    assert snapshot(engines) == before

@@ -165,3 +165,102 @@ def test_a_table_of_a_brdf(folder):
     assert values["kind"] == "BRDF table"
     assert values["center"] == "normal"
     assert "shrm brdf matte.exr" in done("info", "matte.exr")
+
+
+ENGINE_KEYS = [
+    "file", "kind", "representation", "frame", "center", "probe", "probe_sha256",
+    "chromaticities", "warnings",
+]  # fmt: skip
+
+
+def test_irradiance(folder):
+    made = json.loads(
+        done("prefilter", "probe.exr", "--to", "irradiance", "--window", "hann", "--json")
+    )
+    values = json.loads(done("info", "probe.irradiance.exr", "--json"))
+    assert values.keys() >= set(ENGINE_KEYS)
+    shared = (
+        "representation", "center", "size", "sampling", "order_f", "coefficients",
+        "lighting_coefficients", "irradiance_matrices", "minimum_irradiance", "probe_sha256",
+    )  # fmt: skip
+    for key in shared:
+        assert values[key] == made[key]
+    for key in ("predicted_error", "added_error"):
+        assert values[key] == pytest.approx(made[key], rel=1e-6)
+    assert values["window"]["name"] == "hann"
+    assert values["window"]["width"] == 3
+    assert values["window"]["factors"] == pytest.approx([1, 0.75, 0.25])
+    _, pairs = lines(done("info", "probe.irradiance.exr"))
+    assert pairs["order f"] == "2"
+    assert "name hann, width 3, factors 1, 0.75, 0.25" in pairs["window"]
+
+
+def test_many_coefficients_are_left_to_json(folder):
+    done("prefilter", "probe.exr", "--to", "irradiance", "--order-f", "20", "--quiet")
+    assert (
+        len(json.loads(done("info", "probe.irradiance.exr", "--json"))["lighting_coefficients"])
+        == 441
+    )
+    _, pairs = lines(done("info", "probe.irradiance.exr"))
+    assert pairs["coefficients"] == "441"
+    assert pairs["lighting coefficients"] == "see --json"
+
+
+def test_split_sum(folder):
+    made = json.loads(
+        done(
+            "prefilter", "probe.exr", "--to", "splitsum", "--levels", "0.4,0.7,1.0", "--size", "16",
+            "--mapping", "filament", "--json",
+        )
+    )  # fmt: skip
+    values = json.loads(done("info", "probe.splitsum.exr", "--json"))
+    assert values.keys() >= set(ENGINE_KEYS)
+    assert (values["mapping"], values["size"]) == ("filament", made["size"])
+    assert [level["roughness"] for level in values["levels"]] == pytest.approx([0.4, 0.7, 1])
+    for found, expected in zip(values["levels"], made["levels"], strict=True):
+        for key in ("size", "order_f", "domain"):
+            assert found[key] == expected[key]
+    text = done("info", "probe.splitsum.exr")
+    assert "mapping" in text
+    for level in values["levels"]:
+        assert f"roughness {level['roughness']:g}, size {level['size']}" in text
+
+
+def test_exponential(folder):
+    done(
+        "prefilter", "probe.exr", "--to", "she", "--p-order", "3", "--q-order", "1",
+        "--roughness", "0.6..0.9",
+    )  # fmt: skip
+    values = json.loads(done("info", "probe.she.exr", "--json"))
+    assert values.keys() >= set(ENGINE_KEYS)
+    assert (values["p_order"], values["q_order"]) == (3, 1)
+    assert values["coefficients"] == 16 + 3
+    assert values["roughness"] == pytest.approx([0.6, 0.9], rel=1e-6)
+    assert values["ggx_alpha"] == pytest.approx([0.36, 0.81], rel=1e-6)
+    assert np.shape(values["p_coefficients"]) == (16, 3)
+    assert np.shape(values["q_coefficients"]) == (3, 3)
+    _, pairs = lines(done("info", "probe.she.exr"))
+    assert (pairs["p order"], pairs["q order"]) == ("3", "1")
+
+
+@pytest.mark.parametrize("multiscatter", [False, True])
+def test_an_environment_table(folder, multiscatter):
+    option = "--multiscatter" if multiscatter else "--no-multiscatter"
+    done("dfg", "--size", "8", option, "-o", "dfg.exr")
+    values = json.loads(done("info", "dfg.exr", "--json"))
+    assert values["kind"] == "environment-BRDF table"
+    assert (values["width"], values["height"]) == (8, 8)
+    assert values["multiscatter"] is multiscatter
+    _, pairs = lines(done("info", "dfg.exr"))
+    assert pairs["multiscatter"] == ("yes" if multiscatter else "no")
+    assert "bias" in pairs["channels"]
+    assert "f0" in pairs["reflectance"]
+    assert_refused(run("info", "dfg.exr", "--mirror"), 2, "environment-BRDF table")
+
+
+def test_levels_of_a_split_sum_are_all_shown(folder):
+    levels = [0.3 + 0.05 * k for k in range(12)]
+    spec = ",".join(f"{level:.2f}" for level in levels)
+    done("prefilter", "probe.exr", "--to", "splitsum", "--levels", spec, "--size", "8")
+    text = done("info", "probe.splitsum.exr")
+    assert text.count("domain frequency") + text.count("domain angular") == 12

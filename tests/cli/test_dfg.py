@@ -1,0 +1,165 @@
+"""`shrm dfg`: the table, reopened by OpenEXR and used as its attributes say."""
+
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot
+
+
+def albedo(roughness, cosine, f0, count=400):
+    """Directional albedo of GGX by the midpoint rule over the light's own angles."""
+    a2 = roughness**4
+    height = (np.arange(count)[:, None] + 0.5) / count
+    azimuth = (np.arange(count) + 0.5) / count * np.pi
+    view = np.array([np.sqrt(1 - cosine**2), 0, cosine])
+    light = np.stack(
+        np.broadcast_arrays(
+            np.sqrt(1 - height**2) * np.cos(azimuth), np.sqrt(1 - height**2) * np.sin(azimuth),
+            height,
+        ), axis=-1,
+    )  # fmt: skip
+    half = light + view
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    d = a2 / (np.pi * (half[..., 2] ** 2 * (a2 - 1) + 1) ** 2)
+    lambdas = [(np.sqrt(1 + a2 * (1 / c**2 - 1)) - 1) / 2 for c in (light[..., 2], cosine)]
+    fresnel = f0 + (1 - f0) * (1 - half @ view) ** 5
+    value = fresnel * d / (1 + sum(lambdas)) / (4 * cosine)
+    return float(value.mean() * 2 * np.pi)
+
+
+def test_the_table_holds_scale_and_bias(tmp_path):
+    target = tmp_path / "table.exr"
+    out = done("dfg", "--size", "8", "-o", target, "--precision", "float")
+    assert "f0 * R + G" in out
+    header, planes = read_exr(target)
+    assert header["shrm:table"] == "dfg"
+    assert header["shrm:multiscatter"] == 0
+    assert header["shrm:reflectance"] == "f0 * R + G"
+    assert {plane.shape for plane in planes.values()} == {(8, 8)}
+    assert not planes["B"].any()
+    for row, column in [(3, 0), (3, 5), (5, 2), (7, 7)]:
+        roughness, cosine = (row + 0.5) / 8, (column + 0.5) / 8
+        for f0 in (0.04, 0.7):
+            found = f0 * planes["R"][row, column] + planes["G"][row, column]
+            assert found == pytest.approx(albedo(roughness, cosine, f0), abs=2e-4)
+
+
+def test_the_other_table_loses_nothing_in_a_white_furnace(tmp_path):
+    target = tmp_path / "table.exr"
+    result = json.loads(
+        done("dfg", "--multiscatter", "--size", "8", "-o", target, "--precision", "float", "--json")
+    )
+    header, planes = read_exr(target)
+    assert header["shrm:multiscatter"] == 1
+    assert result["reflectance"] == header["shrm:reflectance"]
+    low, high = planes["R"], planes["G"]
+    mixed = low * (1 - 1.0) + high * 1.0
+    assert np.abs(mixed * (1 + 1.0 * (1 / high - 1)) - 1).max() < 1e-6
+    row, column = 6, 3
+    single = 0.3 * (high[row, column] - low[row, column]) + low[row, column]
+    assert single == pytest.approx(albedo(6.5 / 8, 3.5 / 8, 0.3), abs=2e-4)
+    assert result["white_furnace"]["minimum"] == pytest.approx(high.min(), rel=1e-6)
+    assert result["maximum"] == pytest.approx(high.max(), rel=1e-6)
+
+
+def lobe_integral(roughness, cosine, f0, count=400):
+    """Albedo, and N.L and T.L times the lobe, of GGX by the midpoint rule over the light."""
+    a2 = roughness**4
+    height = (np.arange(count)[:, None] + 0.5) / count
+    azimuth = (np.arange(2 * count) + 0.5) / count * np.pi
+    view = np.array([np.sqrt(1 - cosine**2), 0, cosine])
+    sine = np.sqrt(1 - height**2)
+    light = np.stack(np.broadcast_arrays(
+        sine * np.cos(azimuth), sine * np.sin(azimuth), height
+    ), axis=-1)  # fmt: skip
+    half = light + view
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    d = a2 / (np.pi * (half[..., 2] ** 2 * (a2 - 1) + 1) ** 2)
+    lambdas = [(np.sqrt(1 + a2 * (1 / c**2 - 1)) - 1) / 2 for c in (light[..., 2], cosine)]
+    fresnel = f0 + (1 - f0) * (1 - half @ view) ** 5
+    value = fresnel * d / (1 + sum(lambdas)) / (4 * cosine)
+    # Tangential is what points away from the viewer.
+    return np.array([np.mean(value * k) for k in (1, height, -light[..., 0])]) * 2 * np.pi
+
+
+def test_moments_are_those_of_the_lobe(tmp_path):
+    """As its attributes say it is used: how much is reflected, and from where on average."""
+    target = tmp_path / "moments.exr"
+    result = json.loads(
+        done("dfg", "--moments", "--size", "8", "-o", target, "--precision", "float", "--json")
+    )
+    header, planes = read_exr(target)
+    assert set(planes) == {f"{kind}.{moment}" for kind in ("base", "tail") for moment in "ENT"}
+    assert (header["shrm:table"], header["shrm:moments"]) == ("dfg", 1)
+    assert header["shrm:multiscatter"] == 0
+    assert result["moments"] is True
+    for name in ("channels", "reflectance", "mean_direction"):
+        assert result[name] == header[f"shrm:{name}"]
+    assert header["shrm:reflectance"] == "mix(tail.E, base.E, f0)"
+    assert "mix(tail.T, base.T, f0) * T" in header["shrm:mean_direction"]
+    for row, column in [(3, 1), (3, 5), (5, 2), (7, 7)]:
+        for f0 in (0.04, 1.0):
+            expected = lobe_integral((row + 0.5) / 8, (column + 0.5) / 8, f0)
+            for moment, value in zip("ENT", expected, strict=True):
+                base, tail = (planes[f"{kind}.{moment}"][row, column] for kind in ("base", "tail"))
+                assert (1 - f0) * tail + f0 * base == pytest.approx(value, abs=2e-4)
+    assert result["white_furnace"]["maximum"] == pytest.approx(planes["base.E"].max(), rel=1e-6)
+
+
+def test_moments_hold_the_plain_table(tmp_path):
+    for options in (["--moments"], []):
+        target = tmp_path / f"{len(options)}.exr"
+        done("dfg", "--size", "6", "-o", target, "--precision", "float", *options)
+    moments, plain = (read_exr(tmp_path / f"{k}.exr")[1] for k in (1, 0))
+    np.testing.assert_allclose(moments["base.E"], plain["R"] + plain["G"], atol=1e-6)
+    np.testing.assert_allclose(moments["tail.E"], plain["G"], atol=1e-6)
+
+
+def test_info_tells_of_moments(tmp_path):
+    target = tmp_path / "moments.exr"
+    text = done("dfg", "--moments", "--size", "4", "-o", target)
+    assert "base.E, base.N, base.T, tail.E, tail.N, tail.T; half" in text
+    assert "mean           (mix(tail.N" in text
+    values = json.loads(done("info", target, "--json"))
+    assert values["kind"] == "environment-BRDF table"
+    assert (values["moments"], values["multiscatter"]) == (True, False)
+    assert values["mean_direction"] in done("info", target)
+    assert "(1 - V.H)^5" in values["channels"]
+    done("dfg", "--size", "4", "-o", target)
+    plain = json.loads(done("info", target, "--json"))
+    assert plain["moments"] is False
+    assert "mean_direction" not in plain
+
+
+def test_two_runs_give_the_same_bytes_and_half_is_the_default(tmp_path):
+    for name in ("a.exr", "b.exr"):
+        assert ", " not in done("dfg", "--size", "4", "-o", tmp_path / name, "--quiet")
+    one, other = snapshot(tmp_path).values()
+    assert one == other
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        assert file.channels()["R"].pixels.dtype == np.float16
+
+
+def test_it_is_no_map(tmp_path):
+    target = tmp_path / "table.exr"
+    done("dfg", "--size", "4", "-o", target)
+    assert_refused(run("render", target, "-o", tmp_path / "x.png"), 1, "table.exr")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "part"),
+    [
+        (["--moments", "--multiscatter"], 2, "--multiscatter"),
+        (["--size", "1"], 2, "--size"),
+        (["--size", "2000"], 2, "--size"),
+        (["-o", "table.png"], 1, ".exr"),
+        (["-o", "no/such/folder/table.exr"], 1, "table.exr"),
+    ],
+)
+def test_what_is_refused(tmp_path, monkeypatch, arguments, code, part):
+    monkeypatch.chdir(tmp_path)
+    assert_refused(run("dfg", *arguments), code, part)
+    assert snapshot(tmp_path) == {}
