@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 import re
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
+from shrm_cli.cli.differences import TruthProgress, numbers_of, table_of
 from shrm_cli.cli.options import (
     exposure_option,
     make_read_options,
@@ -21,15 +20,17 @@ from shrm_cli.cli.options import (
     report_options,
     warn,
 )
-from shrm_cli.cli.types import AzimuthElevation, Within
+from shrm_cli.cli.shading import f0_option, shaded_maps, surface_values
+from shrm_cli.cli.types import AzimuthElevation, Fraction, Interval, Within
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from shrm_cli.render.comparison import Comparison, Difference
+    from collections.abc import Iterable, Sequence
 
 _VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
+_SIZE = 128
+_OF_MAPS = {"probe", "spec", "amplify", "no_picture"}
+_OF_REPRESENTATIONS = {"tolerance", "steps"}
 
 
 @click.command()
@@ -42,8 +43,27 @@ _TRUTH = "truth"
     "--brdf", "spec", metavar="SPEC", help="BRDF of the truth.  [default: the one of all maps]"
 )
 @click.option(
+    "--representations", is_flag=True,
+    help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
+)  # fmt: skip
+@click.option(
+    "--roughness", type=Interval(0.05, 1), metavar="R",
+    help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
+    "as; of --representations A..B.  [default: 0.4; 0.5..1]",
+)  # fmt: skip
+@f0_option
+@click.option(
+    "--steps", type=click.IntRange(2, 32), metavar="N",
+    help="Roughnesses of --representations, evenly spaced.  [default: 4]",
+)  # fmt: skip
+@click.option(
+    "--eps", "tolerance", type=Fraction(), metavar="X", default=0.03, show_default=True,
+    help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
+)  # fmt: skip
+@click.option(
     "--source-height", type=click.IntRange(2, 8192), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the truth: faster.  [default: all]",
+    help="Rows that the probe is averaged down to for the truth: faster.  [default: all; with "
+    "--representations 24 / roughness^2 within 64 .. 256, right to 1 %]",
 )  # fmt: skip
 @click.option(
     "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS,
@@ -51,8 +71,9 @@ _TRUTH = "truth"
     f"several times.  [default: {' '.join(_VIEWS)}]",
 )  # fmt: skip
 @click.option(
-    "--size", type=click.IntRange(16, 2048), default=128, show_default=True,
-    help="Width and height of a sphere's picture, pixels.",
+    "--size", type=click.IntRange(16, 2048),
+    help="Width and height of a sphere's picture, pixels.  [default: 128; with "
+    "--representations 48, and 96 with -o]",
 )  # fmt: skip
 @exposure_option
 @click.option(
@@ -61,7 +82,8 @@ _TRUTH = "truth"
 )  # fmt: skip
 @click.option(
     "-o", "--output", type=click.Path(),
-    help="PNG or EXR to write.  [default: compare.png in the current folder]",
+    help="PNG or EXR to write.  [default: compare.png in the current folder; with "
+    "--representations none]",
 )  # fmt: skip
 @click.option("--no-picture", is_flag=True, help="Write no picture.")
 @click.option(
@@ -76,9 +98,14 @@ def compare(
     maps: tuple[str, ...],
     probe: str | None,
     spec: str | None,
+    representations: bool,
+    roughness: tuple[float, float] | None,
+    f0: tuple[float, float, float] | None,
+    steps: int | None,
+    tolerance: float,
     source_height: int | None,
     views: tuple[tuple[float, float], ...],
-    size: int,
+    size: int | None,
     exposure: float,
     amplify: float,
     output: str | None,
@@ -91,12 +118,23 @@ def compare(
     """Compare each MAP with the truth of a --probe; without one, with the first MAP.
 
     Prints the differences over the sphere, and draws it: a view in each row, with the absolute
-    differences. The options from --sampling to --clamp are about the file of --probe.
+    differences. The options from --sampling to --clamp are about the file of the probe.
 
     \b
       shrm compare a.shrm.exr b.shrm.exr
       shrm compare a.shrm.exr a.cabral.exr --probe a.exr --amplify 4
+      shrm compare a.splitsum.exr a.she.exr --probe a.exr --roughness 0.6 --f0 0.04
+      shrm compare a.exr --representations --roughness 0.5..1
     """
+    if representations:
+        from shrm_cli.cli.representations import compare_representations
+
+        _check_representations(ctx, maps, output, roughness)
+        compare_representations(
+            maps[0], make_read_options(sampling, reading), roughness, steps, f0, tolerance, views,
+            size, source_height, exposure, output, as_json, quiet,
+        )  # fmt: skip
+        return
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.exr import read_map
     from shrm_cli.files import check_target
@@ -106,7 +144,8 @@ def compare(
     from shrm_cli.render.image import file_type, write_picture
     from shrm_cli.render.provenance import common_brdf, differing_origins, record_of
 
-    _check_usage(ctx, maps, probe, ["spec", "source_height", "sampling", *reading])
+    _check_usage(ctx, maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
+    size = size or _SIZE
     source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
     names = maps[1:] if source is None else maps
     target = None if no_picture else output or "compare.png"
@@ -116,31 +155,35 @@ def compare(
             target, [*maps, *(str(file.path) for file in (source.files if source else ()))]
         )
         sheet_layout(len(names), len(views), size)  # refuses what is too large
-    loaded = [read_map(path) for path in maps]
+    loaded, surface, warnings = shaded_maps(
+        [read_map(path) for path in maps], maps, roughness and roughness[0], f0
+    )
     infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
     baseline: Any = loaded[0]
     label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf
     viewers = [Viewer(*view) for view in views]
     with progress_bar("comparing", quiet) as bar:
-        progress = _TruthProgress(len(viewers), size, bar)
+        progress = TruthProgress(len(viewers), size, bar)
         if source is not None:
             from shrm_cli.reference import Reference
 
-            brdf = common_brdf(infos) if spec is None else parse_spec(spec)
+            advice = "give --brdf" + (", or another --roughness and --f0" if surface else "")
+            brdf = common_brdf(infos, advice) if spec is None else parse_spec(spec)
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=progress.points)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, progress.rows)
-    warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
+    warnings += [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
     warnings += differing_origins(infos, label, digest, record)
     result = {
         "baseline": maps[0] if source is None else _TRUTH,
         "probe": probe,
         "brdf": record,
         "size": size,
-        **_numbers(comparison, names, views),
+        **surface_values(surface),
+        **numbers_of(comparison, names, views),
         "picture": target,
     }
-    report = [_table(result)]
+    report = [table_of(result)]
     if target is not None:
         # The baseline's first: the truth, or the first map.
         labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
@@ -157,15 +200,29 @@ def compare(
     warn(warnings, quiet)
 
 
-def _check_usage(
-    ctx: click.Context, maps: Sequence[str], probe: str | None, of_truth: Sequence[str]
-) -> None:
-    """Refuse what has no meaning: a map alone, options that nothing obeys."""
-    given = {
+def _given(ctx: click.Context) -> dict[str, str]:
+    """The options on the command line: their flags by their names."""
+    return {
         param.name: param.opts[-1]
         for param in ctx.command.params
         if param.name and ctx.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
     }
+
+
+def _check_usage(
+    ctx: click.Context,
+    maps: Sequence[str],
+    probe: str | None,
+    roughness: tuple[float, float] | None,
+    of_truth: Iterable[str],
+) -> None:
+    """Refuse what has no meaning: a map alone, options that nothing obeys."""
+    given = _given(ctx)
+    alien = [given[name] for name in given if name in _OF_REPRESENTATIONS]
+    if alien:
+        raise click.UsageError(f"{alien[0]} is for --representations; leave it out", ctx)
+    if roughness is not None and roughness[0] < roughness[1]:
+        raise click.UsageError("a range of --roughness is for --representations; give one", ctx)
     unused = [given[name] for name in of_truth if name in given]
     if probe is None and unused:
         raise click.UsageError(f"{unused[0]} is about the truth; give --probe too", ctx)
@@ -177,71 +234,29 @@ def _check_usage(
         raise click.UsageError("-o and --no-picture exclude each other; leave one out", ctx)
 
 
-class _TruthProgress:
-    """Rows of the truth's pictures, and within them the points; maps take no time beside it."""
-
-    def __init__(self, views: int, size: int, bar: Callable[[int, int], None] | None) -> None:
-        self.done, self.size, self.total, self.bar = 0, size, views * size, bar
-
-    def rows(self, count: int) -> None:
-        """Take note of whole rows."""
-        self.done = min(self.done + count, self.total)
-        self._show(self.done)
-
-    def points(self, done: int, total: int) -> None:
-        """Take note of points in the view that is being drawn."""
-        self._show(self.done + (self.size - self.done % self.size) * done // total)
-
-    def _show(self, rows: int) -> None:
-        if self.bar is not None:
-            self.bar(rows, self.total)
-
-
-def _numbers(
-    comparison: Comparison, names: Sequence[str], views: Sequence[tuple[float, float]]
-) -> dict[str, Any]:
-    """Differences of each view and of all together, as the JSON has them."""
-
-    def rows(view: int | None) -> list[dict[str, Any]]:
-        return [
-            {"file": name, **_values(comparison.difference(index, view))}
-            for index, name in enumerate(names)
-        ]
-
-    each = [{"view": list(view), "maps": rows(index)} for index, view in enumerate(views)]
-    return {"views": each, "summary": rows(None)}
-
-
-def _values(difference: Difference) -> dict[str, float | None]:
-    # JSON knows no infinity.
-    return {key: v if math.isfinite(v) else None for key, v in asdict(difference).items()}
-
-
-def _table(result: dict[str, Any]) -> str:
-    rows = [["view", "map", "RMSE", "relative", "maximum", "PSNR"]]
-    for each in result["views"]:
-        rows += [["{:g},{:g}".format(*each["view"]), *_cells(row)] for row in each["maps"]]
-    rows += [["all", *_cells(row)] for row in result["summary"]]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    of_probe = "" if result["probe"] is None else f" of {result['probe']}"
-    lines = [f"compared with {result['baseline']}{of_probe}"]
-    for view, name, *numbers in rows:
-        cells = [view.ljust(widths[0]), name.ljust(widths[1])]
-        cells += [text.rjust(width) for text, width in zip(numbers, widths[2:], strict=True)]
-        lines.append("  ".join(cells))
-    return "\n".join(lines)
-
-
-def _cells(row: dict[str, Any]) -> list[str]:
-    rmse, relative, psnr = row["rmse"], row["relative_rmse"], row["psnr"]
-    none = "inf dB" if rmse == 0 else "-inf dB"
-    return [
-        row["file"],
-        f"{rmse:.4g}",
-        "inf" if relative is None else f"{relative:.2%}",
-        f"{row['maximum']:.4g}",
-        none if psnr is None else f"{psnr:.1f} dB",
-    ]
+def _check_representations(
+    ctx: click.Context,
+    paths: Sequence[str],
+    output: str | None,
+    roughness: tuple[float, float] | None,
+) -> None:
+    """Refuse what has no meaning for a table of representations."""
+    given = _given(ctx)
+    if len(paths) > 1:
+        raise click.UsageError(
+            f"--representations takes a single light probe, not {len(paths)} files", ctx
+        )
+    if "probe" in given:
+        raise click.UsageError(
+            "with --representations the probe stands in place of MAP; leave --probe out", ctx
+        )
+    alien = [given[name] for name in given if name in _OF_MAPS]
+    if alien:
+        raise click.UsageError(f"{alien[0]} is for maps; leave it or --representations out", ctx)
+    if output is None and "exposure" in given:
+        raise click.UsageError("--exposure is about the picture; give -o too", ctx)
+    if "steps" in given and roughness is not None and roughness[0] == roughness[1]:
+        raise click.UsageError("--steps is for a range of --roughness such as 0.5..1", ctx)
 
 
 def _labels(maps: Sequence[str]) -> list[str]:
@@ -257,10 +272,11 @@ def _attributes(
 ) -> dict[str, Any]:
     """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
     probe = settings["probe"]
-    recipe = {
+    recipe: dict[str, Any] = {
         "compare": [Path(path).name for path in settings["maps"]],
         "probe": None if probe is None else Path(probe).name,
         "views": [each["view"] for each in settings["views"]],
+        **{key: settings[key] for key in ("roughness", "f0") if key in settings},
         **{key: settings[key] for key in ("brdf", "size", "exposure", "amplify")},
     }
     attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}

@@ -20,12 +20,13 @@ from shrm_cli.cli.options import (
     report_options,
     warn,
 )
+from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from shrm_cli.maps.representations import Map
+    from shrm_cli.render.shading import KnownMap
 
 
 @click.command()
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     "--size", type=click.IntRange(16, 8192), default=512, show_default=True,
     help="Width and height of a sphere's picture, pixels.",
 )  # fmt: skip
+@roughness_option
+@f0_option
 @exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
@@ -64,6 +67,8 @@ def render(
     output: str | None,
     view: tuple[float, float],
     size: int,
+    roughness: float | None,
+    f0: tuple[float, float, float] | None,
     exposure: float,
     background: str | None,
     frames: int | None,
@@ -76,11 +81,13 @@ def render(
 ) -> None:
     """Render a sphere from each MAP, as a distant viewer sees it.
 
-    PNG is 8-bit sRGB, EXR is linear. Several maps make one contact sheet. The options from
-    --sampling to --clamp are about the file of --background.
+    PNG is 8-bit sRGB, EXR is linear. Several maps make one contact sheet. Split sums and SH
+    exponentials are shown as GGX of --roughness and --f0, irradiance as white and diffuse. The
+    options from --sampling to --clamp are about the file of --background.
 
     \b
       shrm render probe.microfacet.shrm.exr --view 30,10 --background probe.exr
+      shrm render probe.splitsum.exr --roughness 0.3 --f0 gold
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
     """
     from shrm_cli.exr import read_map
@@ -101,13 +108,14 @@ def render(
     inputs = [*maps, *(str(file.path) for file in (probe.files if probe else ()))]
     for target in targets:
         check_target(target, inputs)
-    loaded = [read_map(path) for path in maps]
+    loaded, surface, warnings = shaded_maps([read_map(path) for path in maps], maps, roughness, f0)
     scene = Scene(loaded, [_stem(path) for path in maps], size, exposure, probe, columns)
     height, width = scene.shape
     settings = {
         "maps": list(maps),
         "view": list(view),
         "size": size,
+        **surface_values(surface),
         "exposure": exposure,
         "background": background,
         "frames": frames,
@@ -122,7 +130,7 @@ def render(
             attributes = _attributes(loaded, settings, viewer.azimuth)
             pixel_type = write_picture(target, pixels, precision, attributes)
             written.append({"file": target, "azimuth": viewer.azimuth, "pixels": pixel_type})
-    warnings = [] if probe is None else [f"{background}: {w}" for w in probe.report.warnings()]
+    warnings += [] if probe is None else [f"{background}: {w}" for w in probe.report.warnings()]
     if as_json:
         print_json({"files": written, **settings, "warnings": warnings})
     elif not quiet:
@@ -153,13 +161,16 @@ def _default_name(maps: Sequence[str], frames: int | None) -> str:
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
 
 
-def _attributes(maps: Sequence[Map], settings: dict[str, Any], azimuth: float) -> dict[str, Any]:
+def _attributes(
+    maps: Iterable[KnownMap], settings: dict[str, Any], azimuth: float
+) -> dict[str, Any]:
     """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
     probe = settings["background"]
-    recipe = {
+    recipe: dict[str, Any] = {
         "render": [Path(path).name for path in settings["maps"]],
         "view": [azimuth, settings["view"][1]],
         "size": settings["size"],
+        **{key: settings[key] for key in ("roughness", "f0") if key in settings},
         "exposure": settings["exposure"],
         "background": None if probe is None else Path(probe).name,
     }

@@ -28,13 +28,20 @@ def spec_of(record: Mapping[str, Any]) -> str:
     return f"{name}:{inside}" if inside else name
 
 
-def common_brdf(infos: Mapping[str, MapInfo]) -> Brdf:
+def same_brdf(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two records are of the same BRDF, in whatever order, greys as one number or three."""
+    return _canonical(one) == _canonical(other)
+
+
+def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give --brdf") -> Brdf:
     """The BRDF of all maps.
 
     Parameters
     ----------
     infos : mapping
         Of each file.
+    advice : str
+        What to do where there is none.
 
     Raises
     ------
@@ -43,16 +50,16 @@ def common_brdf(infos: Mapping[str, MapInfo]) -> Brdf:
     """
     (path, first), *others = infos.items()
     for other, info in others:
-        if info.brdf != first.brdf:
+        if not same_brdf(info.brdf, first.brdf):
             raise BrdfError(
                 f"{other}: its BRDF is {spec_of(info.brdf)}, but that of {path} is "
-                f"{spec_of(first.brdf)}; give --brdf"
+                f"{spec_of(first.brdf)}; {advice}"
             )
     try:
         return parse_spec(spec_of(first.brdf))
     except BrdfError as error:
         raise BrdfError(
-            f"{path}: its BRDF, {spec_of(first.brdf)}, cannot be evaluated; give --brdf"
+            f"{path}: its BRDF, {spec_of(first.brdf)}, cannot be evaluated; {advice}"
         ) from error
 
 
@@ -78,6 +85,12 @@ def differing_origins(
     for path, info in infos.items():
         if probe_sha256 and info.probe_sha256 not in ("", probe_sha256):
             lines.append(f"{path}: its probe is not {probe}")
-        if brdf and info.brdf not in ({}, brdf):
+        if brdf and info.brdf and not same_brdf(info.brdf, brdf):
             lines.append(f"{path}: its BRDF is {spec_of(info.brdf)}, not {spec_of(brdf)}")
     return lines
+
+
+def _canonical(record: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
+    parameters = record.get("parameters")
+    values = parameters.items() if isinstance(parameters, dict) else ()
+    return str(record.get("name")), {key: value_text(value) for key, value in values}

@@ -21,6 +21,7 @@ Picture = NDArray[np.float32]
 _PIXELS_AT_ONCE = 2**19
 _SAMPLES = 4  # a pixel's edge; on the rim only
 _RIM = 2.0  # pixels inside the silhouette
+_INSIDE = 0.25 / _SAMPLES  # pixels; on the silhouette itself, N.V = 0, BRDFs have no value
 _ALMOST_NOTHING = 1e-6
 
 
@@ -135,11 +136,13 @@ def _rim_samples(x: Array, y: Array, radius: float) -> tuple[Array, Array, Array
     -------
     x, y, weights : ndarray, shape (n, k)
         The weights of the samples on the sphere are equal, those of samples off it almost
-        nothing: they count where the sphere covers a pixel but none of its samples. Rows sum
-        to 1.
+        nothing: they count where the sphere covers a pixel but none of its samples, and lie
+        just inside the silhouette. Rows sum to 1.
     """
     offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) / radius
     down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
     x, y = x[:, None] + right, y[:, None] + down
-    weights = np.where(x**2 + y**2 <= 1, 1.0, _ALMOST_NOTHING)
-    return x, y, weights / weights.sum(axis=-1, keepdims=True)
+    distance = np.hypot(x, y)
+    weights = np.where(distance <= 1, 1.0, _ALMOST_NOTHING)
+    inwards = np.where(distance <= 1, 1.0, (1 - _INSIDE / radius) / distance)
+    return x * inwards, y * inwards, weights / weights.sum(axis=-1, keepdims=True)

@@ -8,9 +8,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from shrm_cli.bake.irradiance import bake_irradiance
+from shrm_cli.bake.split_sum import bake_split_sum
 from shrm_cli.exr import read_map, write_image, write_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm import Shrm
+from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer, sphere_coverage
 from shrm_cli.render.image import encode_srgb
 from shrm_cli.render.sphere import render_sphere
@@ -416,4 +419,97 @@ def test_a_broken_picture_leaves_the_old_one(folder):
     before = snapshot(folder)
     arguments = ["bright.exr", "fine.map.exr", "--size", 16, "--exposure", 4, "-o", "compare.exr"]
     assert_refused(run("compare", *arguments), 1, "compare.exr")
+    assert snapshot(folder) == before
+
+
+ROUGH = ["--roughness", 0.7, "--f0", "1/0.5/0.04"]
+
+
+@pytest.fixture
+def engines(folder):
+    """Maps of white light of radiance 2: a split sum, irradiance, and an SHRM of GGX."""
+    write_exr("white.exr", np.full((16, 32, 3), 2, np.float32))
+    probe = open_probe("white.exr")
+    write_map("white.splitsum.exr", bake_split_sum(probe, (0.5, 0.7, 1.0), size=8).map)
+    write_map("white.irradiance.exr", bake_irradiance(probe).map)
+    done("prefilter", "white.exr", "--brdf", "ggx:f0=1/0.5/0.04,roughness=0.7", "-o", "ggx.exr",
+         "--order-f", 16, "--order-p", 8, "--quiet")  # fmt: skip
+    return folder
+
+
+def test_the_truth_of_a_split_sum_is_ggx_of_that_surface(engines):
+    """White light is prefiltered exactly: scale and bias give all that GGX reflects."""
+    truth = ["--probe", "white.exr", *SMALL]
+    value = strict(done("compare", "white.splitsum.exr", *truth, *ROUGH, "--json"))
+    assert value["brdf"] == {"name": "ggx", "parameters": {"roughness": 0.7, "f0": [1, 0.5, 0.04]}}
+    assert (value["roughness"], value["f0"]) == (0.7, [1, 0.5, 0.04])
+    assert value["summary"][0]["relative_rmse"] < 0.002
+    for other in ("ggx:roughness=0.5,f0=1/0.5/0.04", "ggx:roughness=0.7"):
+        result = run("compare", "white.splitsum.exr", *truth, *ROUGH, "--brdf", other, "--json")
+        assert strict(result.out)["summary"][0]["relative_rmse"] > 0.03
+        assert "white.splitsum.exr: its BRDF is ggx:roughness=0.7,f0=1/0.5/0.04, not" in result.err
+    defaults = strict(done("compare", "white.splitsum.exr", *truth, "--roughness", 0.5, "--json"))
+    assert defaults["brdf"] == {"name": "ggx", "parameters": {"roughness": 0.5, "f0": 1}}
+    assert defaults["f0"] == [1, 1, 1]
+
+
+def test_split_sums_beside_an_shrm_of_the_same_surface(engines):
+    pair = ["white.splitsum.exr", "ggx.exr"]
+    value = strict(done("compare", *pair, "--probe", "white.exr", *SMALL, *ROUGH, "--json"))
+    assert [row["file"] for row in value["summary"]] == pair
+    assert max(row["relative_rmse"] for row in value["summary"]) < 0.1
+    assert value["warnings"] == []
+    alone = strict(done("compare", *pair, *SMALL, *ROUGH, "--json"))
+    assert alone["baseline"] == "white.splitsum.exr"
+    assert alone["brdf"]["parameters"]["roughness"] == 0.7
+    assert alone["summary"][0]["relative_rmse"] < 0.1
+    assert_refused(
+        run("compare", *pair, "--probe", "white.exr", *SMALL, "--roughness", 0.5),
+        1,
+        "ggx.exr: its BRDF is ggx:f0=1/0.5/0.04,roughness=0.7, but that of white.splitsum.exr is "
+        "ggx:roughness=0.5,f0=1; give --brdf, or another --roughness and --f0",
+    )
+    outside = run("compare", *pair, *SMALL, *ROUGH[2:], "--roughness", 0.3)
+    assert outside.err.splitlines() == [
+        "Warning: white.splitsum.exr: it was made for roughness 0.5 .. 1, not 0.3",
+        "Warning: ggx.exr: its BRDF is ggx:f0=1/0.5/0.04,roughness=0.7, not "
+        "ggx:roughness=0.3,f0=1/0.5/0.04",
+    ]
+
+
+def test_the_truth_of_irradiance_is_white_and_diffuse(engines):
+    value = strict(
+        done("compare", "white.irradiance.exr", "--probe", "white.exr", *SMALL, "--json")
+    )
+    assert value["brdf"] == {"name": "lambertian", "parameters": {"albedo": 1}}
+    assert value["summary"][0]["relative_rmse"] < 0.01
+    assert "roughness" not in value
+    assert value["summary"][0]["maximum"] < 0.02
+
+
+def test_the_surface_is_in_the_recipe(engines):
+    pair = ["white.splitsum.exr", "white.splitsum.exr"]
+    done("compare", *pair, "--size", 16, "-o", "x.exr", *ROUGH)
+    spec = oiio.ImageInput.open("x.exr").spec()
+    recipe = json.loads(spec.get_string_attribute("shrm:recipe"))
+    assert (recipe["roughness"], recipe["f0"]) == (0.7, [1, 0.5, 0.04])
+
+
+SURFACE = {
+    "roughness of none": (["fine.map.exr", "coarse.map.exr", "--roughness", 0.5], "and no MAP is"),
+    "f0 of none": (["fine.map.exr", "coarse.map.exr", "--f0", 1], "--f0 is for split sums"),
+    "range": (["a", "b", "--roughness", "0.5..1"], "a range of --roughness is for --represent"),
+    "falling": (["a", "b", "--roughness", "1..0.5"], "does not rise"),
+    "smooth": (["a", "b", "--roughness", 0.01], "--roughness"),
+    "f0": (["a", "b", "--f0", "2"], "f0=2 is outside 0 .. 1"),
+    "eps": (["a", "b", "--eps", 0.1], "--eps is for --representations"),
+    "steps": (["a", "b", "--steps", 3], "--steps is for --representations"),
+}
+
+
+@pytest.mark.parametrize("case", SURFACE)
+def test_wrong_usage_of_the_surface(folder, case):
+    arguments, part = SURFACE[case]
+    before = snapshot(folder)
+    assert_refused(run("compare", *arguments), 2, part)
     assert snapshot(folder) == before

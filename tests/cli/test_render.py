@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -14,7 +15,9 @@ from shrm_cli.cli.render import render
 from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
 from shrm_cli.exr import write_image, write_map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.irradiance import Irradiance
 from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.split_sum import SplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.image import encode_srgb
 from shrm_cli.render.sphere import render_background, render_sphere
@@ -308,3 +311,90 @@ def test_warnings_of_the_background_are_told(folder):
     assert result.stderr.startswith("Warning: negative.exr: 1 pixels with negative radiance")
     quiet = CliRunner().invoke(render, [*arguments, "--quiet"])
     assert (quiet.stdout, quiet.stderr) == ("", "")
+
+
+def white_split_sum(*roughness):
+    """Light of radiance 1 from everywhere, at some roughnesses."""
+    level = np.ones((24, 4, 3), np.float32)
+    return SplitSum((level,) * len(roughness), roughness, "linear", MapInfo(0, 0, 0.0, 1.0, 0.0))
+
+
+def help_text():
+    return " ".join(run("--help").stdout.split())
+
+
+def test_split_sums_are_shown_with_a_roughness_and_a_reflectance(folder):
+    write_map("white.splitsum.exr", white_split_sum(0.0, 1.0), "float")
+    options = ["-o", "x.exr", "--size", 32, "--precision", "float"]
+    done("white.splitsum.exr", *options)
+    smooth, default = ["--roughness", 0.05, "--f0", "0.04/0.5/1"], read("x.exr")[16, 16]
+    done("white.splitsum.exr", *options, *smooth)
+    middle = read("x.exr")[16, 16]
+    np.testing.assert_allclose(middle, [0.04, 0.5, 1], rtol=5e-3)
+    spec = oiio.ImageInput.open("x.exr").spec()
+    recipe = json.loads(spec.get_string_attribute("shrm:recipe"))
+    assert (recipe["roughness"], recipe["f0"]) == (0.05, [0.04, 0.5, 1])
+    assert {"[default: 0.4]", "[default: 1]"} <= set(re.findall(r"\[.*?\]", help_text()))
+    done("white.splitsum.exr", *options, "--roughness", 0.4, "--f0", 1)
+    np.testing.assert_array_equal(read("x.exr")[16, 16], default)
+    value = json.loads(done("white.splitsum.exr", *options, "--f0", "gold", "--json"))
+    assert (value["roughness"], value["f0"]) == (0.4, [1, 0.782, 0.344])
+
+
+def test_irradiance_is_shown_as_white_and_diffuse(folder):
+    """E over pi: with L = 2 in the constant harmonic alone, 2 everywhere."""
+    info = MapInfo(0, 0, 0.0, 1.0, 0.0)
+    write_map("e.exr", Irradiance(np.full((1, 3), 2 * np.sqrt(4 * np.pi)), info), "float")
+    done("e.exr", "-o", "x.exr", "--size", 16, "--precision", "float")
+    np.testing.assert_allclose(read("x.exr")[8, 8], 2, rtol=1e-5)
+
+
+def test_of_several_maps_those_that_need_a_surface_get_it(folder):
+    write_map("white.exr", white_split_sum(0.0, 1.0), "float")
+    options = ["--size", 32, "--precision", "float"]
+    surface = ["--roughness", 0.05, "--f0", 0.25]
+    done("spot.exr", "white.exr", "-o", "s.exr", *options, *surface)
+    done("spot.exr", "-o", "1.exr", *options)
+    done("white.exr", "-o", "2.exr", *options, *surface)
+    sheet = read("s.exr")
+    np.testing.assert_array_equal(sheet[2:34, 2:34], read("1.exr"))
+    np.testing.assert_array_equal(sheet[2:34, 36:68], read("2.exr"))
+    recipe = oiio.ImageInput.open("1.exr").spec().get_string_attribute("shrm:recipe")
+    assert "roughness" not in json.loads(recipe)
+    assert "roughness" not in json.loads(done("spot.exr", "-o", "1.exr", "--json"))
+
+
+def test_a_roughness_that_a_map_was_not_made_for_is_warned_of(folder):
+    write_map("rough.exr", white_split_sum(0.5, 1.0))
+    arguments = ["rough.exr", "-o", "x.png", "--size", "16"]
+    result = CliRunner().invoke(render, arguments)
+    warning = "Warning: rough.exr: it was made for roughness 0.5 .. 1, not 0.4\n"
+    assert (result.exit_code, result.stderr) == (0, warning)
+    assert CliRunner().invoke(render, [*arguments, "--quiet"]).stderr == ""
+    assert done(*arguments, "--roughness", 0.5) != ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["spot.exr", "--roughness", "0.5"], "--roughness is for split sums and SH exponentials"),
+        (["spot.exr", "spot.exr", "--f0", "1"], "--f0 is for split sums and SH exponentials"),
+        (["white.exr", "--roughness", "0.04"], "--roughness"),
+        (["white.exr", "--roughness", "1.1"], "--roughness"),
+        (["white.exr", "--roughness", "nan"], "--roughness"),
+        (["white.exr", "--f0", "1.5"], "f0=1.5 is outside 0 .. 1"),
+        (["white.exr", "--f0", "nan"], "--f0"),
+        (["white.exr", "--f0", "1/1"], "f0=1/1 has 2 channels; give R/G/B"),
+        (["white.exr", "--f0", "1,1,1"], "'1,1,1' is not a colour such as 0.04, 1/0.78/0.34"),
+        (["white.exr", "--f0", "1,roughness=1"], "is not a colour"),
+        (["white.exr", "--f0", ""], "is not a colour"),
+        (["white.exr", "--f0", "gould"], "did you mean gold?"),
+    ],
+)
+def test_wrong_usage_of_the_surface(folder, arguments, message):
+    write_map("white.exr", white_split_sum(0.0, 1.0))
+    before = files(folder)
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.split())
+    assert files(folder) == before

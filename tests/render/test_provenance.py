@@ -5,7 +5,13 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.render.provenance import common_brdf, differing_origins, record_of, spec_of
+from shrm_cli.render.provenance import (
+    common_brdf,
+    differing_origins,
+    record_of,
+    same_brdf,
+    spec_of,
+)
 
 MICROFACET = {"name": "microfacet", "parameters": {"sigma": 0.1, "ior": 1.7}}
 LAMBERT = {"name": "lambertian", "parameters": {}}
@@ -75,3 +81,22 @@ def test_differing_origins():
         "both: its BRDF is lambertian, not microfacet:sigma=0.1,ior=1.7",
     ]
     assert differing_origins(infos, "that of x.exr", "", {}) == []
+
+
+def test_a_record_is_the_same_in_any_order_and_with_greys_as_colours():
+    one = {"name": "ggx", "parameters": {"roughness": 0.3, "f0": 0.04}}
+    other = {"parameters": {"f0": [0.04, 0.04, 0.04], "roughness": 0.3}, "name": "ggx"}
+    assert same_brdf(one, other)
+    assert differing_origins({"a": info(other)}, "x", "", one) == []
+    assert common_brdf({"a": info(one), "b": info(other)}).values == one["parameters"]
+    for roughness, f0 in [(0.4, 0.04), (0.3, [0.04, 0.04, 0.05]), (0.3, None)]:
+        assert not same_brdf(one, {"name": "ggx", "parameters": {"roughness": roughness, "f0": f0}})
+    assert not same_brdf(one, {**other, "name": "charlie"})
+    assert not same_brdf(one, {"name": "ggx", "parameters": {"roughness": 0.3}})
+    assert not same_brdf(one, {"name": "ggx", "parameters": "x"})
+
+
+def test_advice_is_the_callers():
+    infos = {"a": info(MICROFACET), "b": info(LAMBERT)}
+    with pytest.raises(BrdfError, match=r"; try another$"):
+        common_brdf(infos, "try another")

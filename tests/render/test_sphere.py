@@ -154,3 +154,16 @@ def test_background_has_each_side_in_its_place(rooms, azimuth, elevation):
         expected = lit_room(ray / np.linalg.norm(ray))
         np.testing.assert_allclose(latlong[row, column], expected, atol=2e-3)
     np.testing.assert_allclose(cube, latlong, atol=2e-3)
+
+
+@pytest.mark.parametrize("size", [16, 33, 128])
+def test_normals_face_the_viewer_up_to_the_silhouette(size):
+    """On it, at N.V = 0, BRDFs have no value: the picture is its coverage."""
+
+    class White:
+        def radiance(self, normals, views):
+            return np.repeat(np.where(normals @ views > 1e-3, 1.0, 0.0)[:, None], 3, axis=1)
+
+    picture = render_sphere(White(), Viewer(30, 10), size)
+    coverage = sphere_coverage(size, *pixel_centers(size, 0, size))
+    np.testing.assert_allclose(picture, np.repeat(coverage[..., None], 3, axis=-1), atol=1e-6)

@@ -1,0 +1,161 @@
+"""The part of `shrm compare` that sets representations of one probe beside each other."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import print_json, progress_bar, warn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shrm_cli.analysis.representations import FormResult, FormTable
+    from shrm_cli.probe.probe import ReadOptions
+
+ROUGHNESS = (0.5, 1.0)
+STEPS = 4
+SIZE, SIZE_OF_PICTURE = 48, 96
+
+
+def compare_representations(
+    path: str,
+    options: ReadOptions,
+    roughness: tuple[float, float] | None,
+    steps: int | None,
+    f0: tuple[float, float, float] | None,
+    tolerance: float,
+    views: Sequence[tuple[float, float]],
+    size: int | None,
+    source_height: int | None,
+    exposure: float,
+    output: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """A table of what each representation of a probe stores, takes and misses."""
+    import numpy as np
+
+    from shrm_cli.analysis.representations import compare_forms, sheet_layout
+    from shrm_cli.brdf import cache
+    from shrm_cli.exr import is_map
+    from shrm_cli.files import check_target
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.image import file_type, write_picture
+    from shrm_cli.render.shading import ggx_surface
+
+    if is_map(path):
+        raise click.UsageError(
+            f"{path} is a map; --representations takes a light probe", click.get_current_context()
+        )
+    source = open_probe(path, options)
+    low, high = roughness or ROUGHNESS
+    size = size or (SIZE if output is None else SIZE_OF_PICTURE)
+    steps = 1 if low == high else steps or STEPS
+    sheet_layout(steps * len(views), size)  # refuses what is too large
+    if output is not None:
+        file_type(output)
+        check_target(output, [str(file.path) for file in source.files])
+    surfaces = [ggx_surface(float(each), f0) for each in np.linspace(low, high, steps)]
+    cache.disable()  # or the second run would take less than the first
+    with progress_bar("comparing", quiet) as progress:
+        table = compare_forms(
+            source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
+            progress,
+        )  # fmt: skip
+    result = {
+        "probe": path,
+        "probe_sha256": source.digest(),
+        "roughness": [each.number("roughness") for each in surfaces],
+        "f0": list(surfaces[0].color("f0")),
+        "epsilon": tolerance,
+        "views": [list(view) for view in views],
+        "size": size,
+        "source_heights": list(table.source_heights),
+        "representations": [_values(each) for each in table.results],
+        "picture": output,
+    }
+    warnings = [f"{path}: {line}" for line in source.report.warnings()]
+    warnings += [f"{each.form.title}: {why}" for each in table.results for why in each.failures]
+    report = [_report(table, path)]
+    if output is not None:
+        pixels = table.sheet(exposure)
+        attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
+        pixel_type = write_picture(output, pixels, attributes=attributes)
+        report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
+    if as_json:
+        print_json({**result, "warnings": warnings})
+    elif not quiet:
+        click.echo("\n".join(report))
+    warn(warnings, quiet)
+
+
+def _values(result: FormResult) -> dict[str, Any]:
+    return {
+        "representation": result.form.name,
+        "files": result.files,
+        "bytes": result.stored,
+        "seconds": result.seconds,
+        "relative_rmse": [_finite(each) for each in result.errors],
+        "relative_rmse_of_all": _finite(result.error),
+        "failures": list(result.failures),
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    # JSON knows no infinity.
+    return None if value is None or not math.isfinite(value) else value
+
+
+def _report(table: FormTable, path: str) -> str:
+    from shrm_cli.brdf.base import value_text
+
+    roughness = [f"{each.number('roughness'):.3g}" for each in table.surfaces]
+    f0 = value_text(table.surfaces[0].color("f0"))
+    rows = [["", "files", "storage", "build", *roughness, *(["all"] if roughness[1:] else [])]]
+    for each in table.results:
+        errors = [*each.errors, *([each.error] if roughness[1:] else [])]
+        costs = [_bytes(each.stored), f"{each.seconds:.2f} s"] if each.files else ["-", "-"]
+        rows.append([each.form.title, str(each.files), *costs, *map(_share, errors)])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [f"{path} on GGX of f0 {f0}: relative RMS error by roughness, against brute force"]
+    for title, *cells in rows:
+        right = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
+        lines.append("  ".join([title.ljust(widths[0]), *right]))
+    single = " and ".join(each.form.title for each in table.results if each.form.is_of_one)
+    lines.append(f"{single} need a file for each roughness, all counted; the others serve all.")
+    return "\n".join(lines)
+
+
+def _share(error: float | None) -> str:
+    if error is None:
+        return "-"
+    return f"{error:.2%}" if math.isfinite(error) else "inf"
+
+
+def _bytes(count: int) -> str:
+    """In the units of files: 1 kB is 1000 bytes."""
+    if count < 10_000:
+        return f"{count} B"
+    return f"{count / 1e3:.0f} kB" if count < 10_000_000 else f"{count / 1e6:.1f} MB"
+
+
+def _attributes(
+    settings: dict[str, Any], chromaticities: tuple[float, ...] | None
+) -> dict[str, Any]:
+    """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
+    keys = ("roughness", "f0", "epsilon", "views", "size", "source_heights", "exposure")
+    recipe = {
+        "compare": [Path(settings["probe"]).name],
+        "representations": [each["representation"] for each in settings["representations"]],
+        **{key: settings[key] for key in keys},
+    }
+    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
+    if chromaticities is not None:
+        attributes["chromaticities"] = chromaticities
+    return attributes

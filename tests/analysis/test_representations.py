@@ -1,0 +1,143 @@
+"""The errors of a table of representations against brute force that shares no code with it."""
+
+import os
+
+import numpy as np
+import pytest
+
+from shrm_cli.analysis.representations import FORMS, compare_forms, source_height
+from shrm_cli.bake import bake
+from shrm_cli.bake.split_sum import bake_split_sum
+from shrm_cli.exr import write_image, write_map
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.shading import ggx_surface, shade
+from tests.brute_force import latlong_samples
+from tests.oracles import latlong_pixels
+
+ROUGHNESS = (0.6, 1.0)
+F0 = (1.0, 0.5, 0.1)
+VIEW = (40.0, 20.0)
+TOLERANCE = 0.1
+
+
+def lamp(directions):
+    """Smooth light from one side: a bright lobe and a dim sky."""
+    axis = np.array([0.48, 0.6, 0.64])
+    lobe = np.exp(8 * (np.asarray(directions, dtype=float) @ axis - 1))
+    return 0.2 + lobe[..., None] * np.array([4.0, 2.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "lamp.exr"
+    write_image(path, lamp(latlong_pixels(64, 32)).astype(np.float32), "float")
+    return open_probe(path)
+
+
+@pytest.fixture(scope="module")
+def table(probe):
+    surfaces = [ggx_surface(roughness, F0) for roughness in ROUGHNESS]
+    return compare_forms(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 64)
+
+
+def ggx(roughness, normal, view, light):
+    """f_r cos of GGX with Schlick and correlated Smith, after Walter 2007 and Heitz 2014."""
+    alpha = roughness**2
+    half = light + view
+    half /= np.sqrt(np.sum(half**2, axis=1, keepdims=True))
+    nl, nv, nh, vh = light @ normal, view @ normal, half @ normal, half @ view
+    distribution = alpha**2 / (np.pi * (nh**2 * (alpha**2 - 1) + 1) ** 2)
+
+    def lam(cosine):
+        return (np.sqrt(1 + alpha**2 * (1 / cosine**2 - 1)) - 1) / 2
+
+    lit = nl > 1e-9
+    shadowing = 1 / (1 + lam(np.where(lit, nl, 1)) + lam(nv))
+    fresnel = np.array(F0) + (1 - np.array(F0)) * (1 - vh[:, None]) ** 5
+    value = distribution * shadowing / (4 * nv)
+    return np.where(lit, value, 0)[:, None] * fresnel
+
+
+def disc():
+    """Normals of the sphere's visible half, their shares of the picture's area, and the view."""
+    azimuth, elevation = np.radians(VIEW)
+    view = np.array([np.sin(azimuth), 0, np.cos(azimuth)]) * np.cos(elevation)
+    view[1] = np.sin(elevation)
+    right = np.array([np.cos(azimuth), 0, -np.sin(azimuth)])
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    depth, phi = (nodes + 1) / 2, 2 * np.pi * np.arange(48) / 48
+    x, y = (np.sqrt(1 - depth**2)[:, None] * turn for turn in (np.cos(phi), np.sin(phi)))
+    z = np.broadcast_to(depth[:, None], x.shape)
+    normals = np.stack([x, y, z], axis=-1) @ np.array([right, np.cross(view, right), view])
+    return normals.reshape(-1, 3), np.repeat(weights * depth, 48)[:, None], view
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """Radiance at the normals of the disc, for each roughness."""
+    light, weights = latlong_samples(40)
+    radiance = lamp(light) * weights[:, None]
+    normals, _, view = disc()
+    return [
+        np.array([np.sum(ggx(each, normal, view, light) * radiance, axis=0) for normal in normals])
+        for each in ROUGHNESS
+    ]
+
+
+def relative(found, expected):
+    _, area, _ = disc()
+    return np.sqrt(np.sum(area * (found - expected) ** 2) / np.sum(area * np.square(expected)))
+
+
+def maps(name, probe):
+    """What reflects, for each roughness, never written to a file."""
+    surfaces = [ggx_surface(each, F0) for each in ROUGHNESS]
+    if name == "splitsum":
+        split = bake_split_sum(probe).map
+        return [shade(split, each) for each in surfaces]
+    return [bake(probe, each, TOLERANCE, representation=name).map for each in surfaces]
+
+
+@pytest.mark.parametrize("name", ["shrm", "cabral", "splitsum"])
+def test_errors_are_those_of_brute_force(probe, table, truth, name):
+    (result,) = (each for each in table.results if each.form.name == name)
+    normals, _, view = disc()
+    found = [each.radiance(normals, view) for each in maps(name, probe)]
+    expected = [relative(*pair) for pair in zip(found, truth, strict=True)]
+    np.testing.assert_allclose(result.errors, expected, rtol=0.03)
+    assert result.error == pytest.approx(relative(np.array(found), np.array(truth)), rel=0.03)
+    assert min(expected) > 0.01
+
+
+def test_the_exponential_is_near_the_truth(table):
+    (result,) = (each for each in table.results if each.form.name == "she")
+    assert 0 < result.error < 0.3
+    assert result.files == 1
+
+
+def test_storage_is_that_of_files(probe, table, tmp_path):
+    sizes = []
+    for roughness in ROUGHNESS:
+        made = bake(probe, ggx_surface(roughness, F0), TOLERANCE, dtype=np.float32).map
+        write_map(tmp_path / "map.exr", made)
+        sizes.append(os.path.getsize(tmp_path / "map.exr"))
+    first = table.results[0]
+    assert (first.form.name, first.files, first.stored) == ("shrm", 2, sum(sizes))
+
+
+def test_pictures_and_shapes(table):
+    assert table.truth.shape == (2, 1, 64, 64, 3)
+    assert [each.form for each in table.results] == list(FORMS)
+    for each in table.results:
+        assert [picture.shape for picture in each.pictures] == [(1, 64, 64, 3)] * 2
+        assert each.seconds > 0
+    assert table.source_heights == (None, None)  # the probe's own rows are fewer
+
+
+def test_rows_of_the_truth_follow_the_roughness(probe, tmp_path):
+    write_image(tmp_path / "tall.exr", np.ones((300, 600, 3), np.float32))
+    tall = open_probe(tmp_path / "tall.exr")
+    heights = [source_height(tall, roughness) for roughness in (0.1, 0.4, 0.5, 0.7, 1.0)]
+    assert heights == [256, 150, 96, 64, 64]
+    assert source_height(probe, 0.1) is None

@@ -1,0 +1,266 @@
+"""`shrm compare PROBE --representations`: the table, the JSON, the sheet, and bad input."""
+
+import json
+from functools import partial
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.analysis import representations
+from shrm_cli.bake.split_sum import bake_split_sum
+from shrm_cli.errors import OrderError
+from shrm_cli.exr import write_map
+from tests.cli.helpers import assert_refused, done, polynomial_light, run, snapshot, write_exr
+from tests.oracles import latlong_pixels
+from tests.render.materials import furnace
+
+NAMES = ["shrm", "splitsum", "she", "cabral"]
+QUICK = ["--representations", "--eps", 0.1, "--size", 16, "--source-height", 8, "--view", "30,10"]
+TWO = [*QUICK, "--roughness", "0.6..1", "--steps", 2]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with a smooth probe and a map; split sums of two levels are quick."""
+    quick = partial(bake_split_sum, levels=(0.5, 1.0), size=16)
+    monkeypatch.setattr(representations, "bake_split_sum", quick)
+    directions = latlong_pixels(32, 16)
+    write_exr(tmp_path / "room.exr", polynomial_light(directions).astype(np.float32))
+    write_map(tmp_path / "white.shrm.exr", furnace((1, 1, 1)))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def only_shrm(monkeypatch):
+    """For what does not depend on the other forms: they take a second."""
+    monkeypatch.setattr(representations, "FORMS", representations.FORMS[:1])
+
+
+def told(*arguments):
+    """Standard JSON, without NaN and infinities."""
+
+    def refuse(name):
+        raise AssertionError(name)
+
+    return json.loads(done("compare", *arguments, "--json"), parse_constant=refuse)
+
+
+def without_times(value):
+    for each in value["representations"]:
+        each.pop("seconds")
+    return value
+
+
+def test_json(folder):
+    """All but the times is the same again."""
+    before = snapshot(folder)
+    value = told("room.exr", *TWO, "--f0", "1/0.5/0.5")
+    assert snapshot(folder) == before
+    assert (value["roughness"], value["f0"]) == ([0.6, 1], [1, 0.5, 0.5])
+    assert (value["epsilon"], value["size"], value["views"]) == (0.1, 16, [[30, 10]])
+    assert (value["source_heights"], value["picture"]) == ([8, 8], None)
+    assert [each["representation"] for each in value["representations"]] == NAMES
+    for each in value["representations"]:
+        assert each["files"] == (2 if each["representation"] in ("shrm", "cabral") else 1)
+        assert 100 < each["bytes"] < 10_000_000
+        assert each["seconds"] > 0
+        assert each["failures"] == []
+        assert len(each["relative_rmse"]) == 2
+        low, high = sorted(each["relative_rmse"])
+        assert 0 < low <= each["relative_rmse_of_all"] <= high < 0.4
+    lines = done("compare", "room.exr", *TWO, "--f0", "1/0.5/0.5").splitlines()
+    assert lines[0] == (
+        "room.exr on GGX of f0 1/0.5/0.5: relative RMS error by roughness, against brute force"
+    )
+    assert lines[1].split() == ["files", "storage", "build", "0.6", "1", "all"]
+    for line, title, each in zip(
+        lines[2:6], ["SHRM", "split sum", "SH exponential", "Cabral"], value["representations"],
+        strict=True,
+    ):  # fmt: skip
+        assert line.startswith(title + "  ")
+        cells = line[len(title) :].split()
+        assert cells[0] == str(each["files"])
+        errors = [*each["relative_rmse"], each["relative_rmse_of_all"]]
+        assert cells[-3:] == [f"{error:.2%}" for error in errors]
+        assert cells[2] in ("B", "kB")
+        assert cells[4] == "s"
+    assert lines[6:] == [
+        "SHRM and Cabral need a file for each roughness, all counted; the others serve all."
+    ]
+    assert len({len(line) for line in lines[1:6]}) == 1  # the columns are flush
+
+
+def test_the_same_again_and_nothing(folder, only_shrm):
+    first, second = (without_times(told("room.exr", *TWO)) for _ in range(2))
+    assert first == second
+    assert done("compare", "room.exr", *TWO, "--quiet") == ""
+
+
+def test_a_single_roughness(folder):
+    value = told("room.exr", *QUICK, "--roughness", 0.8)
+    assert value["roughness"] == [0.8]
+    assert [each["files"] for each in value["representations"]] == [1, 1, 1, 1]
+    for each in value["representations"]:
+        assert each["relative_rmse"] == [each["relative_rmse_of_all"]]
+
+
+def test_the_table_of_a_single_roughness(folder, only_shrm):
+    header = done("compare", "room.exr", *QUICK, "--roughness", 0.8).splitlines()[1]
+    assert header.split() == ["files", "storage", "build", "0.8"]
+
+
+def test_defaults(folder, monkeypatch):
+    seen = []
+
+    def note(probe, surfaces, tolerance, viewers, size, height, progress):
+        seen.append((surfaces, tolerance, viewers, size, height))
+        raise OrderError("stop here")
+
+    monkeypatch.setattr(representations, "compare_forms", note)
+    run("compare", "room.exr", "--representations")
+    run("compare", "room.exr", "--representations", "-o", "x.png")
+    (surfaces, tolerance, viewers, size, height), (*_, picture_size, _) = seen
+    roughness = [each.number("roughness") for each in surfaces]
+    np.testing.assert_allclose(roughness, [1 / 2, 2 / 3, 5 / 6, 1])
+    assert {each.color("f0") for each in surfaces} == {(1, 1, 1)}
+    assert (tolerance, len(viewers), size, height, picture_size) == (0.03, 3, 48, None, 96)
+
+
+def test_the_sheet_has_a_row_for_each_roughness(folder):
+    out = done("compare", "room.exr", *TWO, "-o", "sheet.exr", "--exposure", 1)
+    layout = representations.sheet_layout(2, 16)
+    assert layout.columns == 5
+    height, width = layout.shape
+    assert out.splitlines()[-1] == f"sheet.exr: {width} x {height}, half"
+    image = oiio.ImageBuf("sheet.exr")
+    pixels = image.get_pixels(oiio.FLOAT)
+    for index in range(10):
+        top, left = layout.origin(index)
+        # No map is far from the truth, which stands in the first column.
+        middle = pixels[top + 8, left + 8]
+        expected = pixels[layout.origin(index // 5 * 5)[0] + 8, layout.origin(0)[1] + 8]
+        assert expected.min() > 0.3
+        np.testing.assert_allclose(middle, expected, rtol=0.3)
+    recipe = json.loads(image.spec().get_string_attribute("shrm:recipe"))
+    assert recipe["representations"] == NAMES
+    assert (recipe["compare"], recipe["roughness"], recipe["exposure"]) == (
+        ["room.exr"],
+        [0.6, 1],
+        1,
+    )
+
+
+def test_sheets_have_the_same_bytes_twice(folder, only_shrm):
+    assert told("room.exr", *TWO, "-o", "s.exr")["picture"] == "s.exr"
+    first = (folder / "s.exr").read_bytes()
+    done("compare", "room.exr", *TWO, "-o", "s.exr")
+    assert (folder / "s.exr").read_bytes() == first
+
+
+def test_what_cannot_be_made_is_said(folder, monkeypatch):
+    def fail(probe, surfaces, tolerance):
+        raise OrderError("too sharp")
+
+    broken = representations.Form("shrm", "SHRM", fail, True)
+    forms = broken, representations.FORMS[-1]
+    monkeypatch.setattr(representations, "FORMS", forms)
+    result = run("compare", "room.exr", *TWO, "-o", "x.png")
+    assert result.code == 0
+    assert result.err.splitlines() == [
+        "Warning: SHRM: roughness 0.6: too sharp",
+        "Warning: SHRM: roughness 1: too sharp",
+    ]
+    assert result.out.splitlines()[2].split() == ["SHRM", "0", "-", "-", "-", "-", "-"]
+    assert result.out.splitlines()[3].startswith("Cabral")
+    result = run("compare", "room.exr", *TWO, "--json")
+    first = json.loads(result.out)["representations"][0]
+    assert first["relative_rmse"] == [None, None]
+    assert (first["relative_rmse_of_all"], first["bytes"]) == (None, 0)
+    assert first["failures"] == ["roughness 0.6: too sharp", "roughness 1: too sharp"]
+
+
+def test_black_light_has_no_relative_error(folder):
+    write_exr("black.exr", np.zeros((8, 16, 3), np.float32))
+    arguments = ["black.exr", *QUICK, "--roughness", 0.8]
+    result = run("compare", *arguments, "--json")
+    assert result.code == 0
+    for each in json.loads(result.out)["representations"]:
+        assert each["relative_rmse_of_all"] in (0, None)
+
+
+def test_probes_options_are_obeyed_and_warnings_told(folder, only_shrm):
+    pixels = np.ones((8, 16, 3), np.float32)
+    pixels[2, 3] = -1
+    write_exr("negative.exr", pixels)
+    result = run("compare", "negative.exr", *QUICK, "--roughness", 0.8)
+    assert result.err.startswith("Warning: negative.exr: 1 pixels with negative radiance")
+    yawed = told("room.exr", *QUICK, "--roughness", 0.8, "--yaw", 90)
+    plain = told("room.exr", *QUICK, "--roughness", 0.8)
+    assert (
+        yawed["representations"][0]["relative_rmse"]
+        != (plain["representations"][0]["relative_rmse"])
+    )
+
+
+def test_progress(folder, only_shrm, monkeypatch):
+    seen = []
+
+    class Bar:
+        def __init__(self, label, quiet):
+            assert label
+
+        def __enter__(self):
+            return lambda done, total: seen.append((done, total))
+
+        def __exit__(self, *error):
+            return None
+
+    monkeypatch.setattr("shrm_cli.cli.representations.progress_bar", Bar)
+    done("compare", "room.exr", *TWO)
+    steps = [step for step, _ in seen]
+    assert len({total for _, total in seen}) == 1
+    assert steps == sorted(steps)
+    assert steps[-1] == seen[-1][1]
+    assert len(set(steps)) > 3
+
+
+USAGE = {
+    "map": (["white.shrm.exr", *QUICK], "white.shrm.exr is a map; --representations takes a light"),
+    "two": (["room.exr", "room.exr", *QUICK], "takes a single light probe, not 2 files"),
+    "nothing": (QUICK, "MAP..."),
+    "probe": (["room.exr", *QUICK, "--probe", "room.exr"], "leave --probe out"),
+    "brdf": (["room.exr", *QUICK, "--brdf", "phong"], "--brdf is for maps"),
+    "amplify": (["room.exr", *QUICK, "--amplify", 2], "--amplify is for maps"),
+    "no picture": (["room.exr", *QUICK, "--no-picture"], "--no-picture is for maps"),
+    "exposure": (["room.exr", *QUICK, "--exposure", 2], "--exposure is about the picture; give -o"),
+    "steps": (["room.exr", *QUICK, "--roughness", 1, "--steps", 2], "--steps is for a range"),
+    "one step": (["room.exr", *QUICK, "--steps", 1], "--steps"),
+    "eps": (["room.exr", "--representations", "--eps", 1], "--eps"),
+    "range": (["room.exr", *QUICK, "--roughness", "0.01..1"], "--roughness"),
+}
+
+
+@pytest.mark.parametrize("case", USAGE)
+def test_wrong_usage(folder, case):
+    arguments, part = USAGE[case]
+    before = snapshot(folder)
+    assert_refused(run("compare", *arguments), 2, part)
+    assert snapshot(folder) == before
+
+
+REFUSED = {
+    "missing": (["no.exr", *QUICK], "no.exr: no such file"),
+    "onto the probe": (["room.exr", *QUICK, "-o", "room.exr"], "overwrite"),
+    "jpeg": (["room.exr", *QUICK, "-o", "x.jpg"], ".png or .exr"),
+    "too large": (["room.exr", *QUICK, "--size", 2048, "--steps", 32], "give a smaller --size"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_before_anything_is_written(folder, case):
+    arguments, part = REFUSED[case]
+    before = snapshot(folder)
+    assert_refused(run("compare", *arguments), 1, part)
+    assert snapshot(folder) == before

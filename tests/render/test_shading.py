@@ -1,0 +1,100 @@
+"""Which maps take a surface, which surface they get, and the range that they were made for."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import BrdfError
+from shrm_cli.maps.exponential import SphericalHarmonicExponential
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.split_sum import SplitSum
+from shrm_cli.render.provenance import record_of, same_brdf
+from shrm_cli.render.shading import ggx_surface, needs_surface, outside_range, shade
+from tests.render.materials import furnace
+
+INFO = MapInfo(0, 0, 0.0, 1.0, 0.0)
+NORMALS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+VIEW = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass
+class Recorder:
+    """A map that notes the surface it is told."""
+
+    told: list = field(default_factory=list)
+
+    def shaded(self, roughness, f0):
+        self.told.append((roughness, f0))
+        return furnace((1, 2, 3))
+
+
+def split_sum(roughness):
+    """Light of radiance 2, 1 and 0.5 from everywhere."""
+    level = np.broadcast_to(np.array([2, 1, 0.5], np.float32), (24, 4, 3))
+    return SplitSum((level,) * len(roughness), roughness, "linear", INFO)
+
+
+def exponential(low, high):
+    """Light of radiance 1 from everywhere: the logarithm is 0."""
+    zero = np.zeros((4, 3))
+    return SphericalHarmonicExponential(zero, zero[1:], (low, high), INFO)
+
+
+def test_the_surface_is_ggx_with_its_defaults():
+    assert record_of(ggx_surface()) == record_of(parse_spec("ggx"))
+    gold = parse_spec("ggx:roughness=0.3,f0=gold")
+    assert ggx_surface(0.3, gold.color("f0")).values == gold.values
+    assert ggx_surface(f0=(0.04, 0.04, 0.04)).values == parse_spec("ggx:f0=0.04").values
+    for values in [(0.04, None), (1.01, None), (None, (0.5, 0.5, 2.0)), (float("nan"), None)]:
+        with pytest.raises(BrdfError):
+            ggx_surface(*values)
+
+
+def test_only_maps_that_need_a_surface_get_one():
+    recorder, white = Recorder(), furnace((1, 1, 1))
+    assert needs_surface(recorder)
+    assert needs_surface(split_sum((0.5,)))
+    assert needs_surface(exponential(0.25, 1.0))
+    assert not needs_surface(white)
+    surface = ggx_surface(0.3, (1.0, 0.5, 0.25))
+    assert shade(white, surface) is white
+    shade(recorder, surface)
+    shade(recorder, ggx_surface())
+    assert recorder.told == [(0.3, (1.0, 0.5, 0.25)), (0.4, (1.0, 1.0, 1.0))]
+
+
+def test_a_shaded_map_remembers_the_surface_as_an_shrm_does():
+    for spec in ("ggx:roughness=0.3,f0=0.04", "ggx:roughness=0.7,f0=gold"):
+        surface = parse_spec(spec)
+        info = shade(split_sum((0.0, 1.0)), surface).info
+        assert same_brdf(info.brdf, record_of(surface))
+        other = replace(info, brdf={"name": "ggx", "parameters": {"roughness": 0.3, "f0": 1.0}})
+        assert not same_brdf(other.brdf, record_of(surface))
+
+
+def test_white_light_shows_the_albedo():
+    """Of a smooth surface Schlick's: 0.04 + 0.96 (1 - N.V)^5."""
+    shown = shade(split_sum((0.05, 1.0)), ggx_surface(0.05, (0.04, 1.0, 0.5)))
+    albedo = np.array([0.04, 1, 0.5]) + (1 - np.array([0.04, 1, 0.5])) * 0.2**5
+    expected = np.array([2, 1, 0.5]) * np.array([[0.04, 1, 0.5], albedo])
+    np.testing.assert_allclose(shown.radiance(NORMALS, VIEW), expected, rtol=2e-3)
+
+
+def test_lines_about_maps_of_another_range():
+    maps = {
+        "s": split_sum((0.25, 0.75)),
+        "one": split_sum((0.5,)),
+        "e": exponential(0.0400000005, 0.25),
+        "shrm": furnace((1, 1, 1)),
+    }
+    assert outside_range(maps, 0.5) == []
+    assert outside_range(maps, 0.2) == [
+        "s: it was made for roughness 0.25 .. 0.75, not 0.2",
+        "one: it was made for roughness 0.5, not 0.2",
+    ]
+    assert outside_range(maps, 0.6) == [
+        "one: it was made for roughness 0.5, not 0.6",
+        "e: it was made for roughness 0.2 .. 0.5, not 0.6",
+    ]
