@@ -1,9 +1,10 @@
-"""`make tables`: the paper's tables 5.4 and 5.5 and figures 5.5, 5.6, 5.8 and 5.9, made anew."""
+"""`make tables`: the papers' tables and figures, made anew."""
 
 import os
 import platform
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from shrm_cli import threads
@@ -22,7 +23,8 @@ def main(folder: Path) -> None:
     from shrm_cli.exr import write_image
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import resample_latlong
-    from tests.paper import figures, page, timings
+    from tests.paper import exponentials, figures, page, page_engines, spheres, timings
+    from tests.paper.irradiance import irradiance_rows
 
     cache.disable()  # sampling the BRDF is part of the work that is timed
     folder.mkdir(parents=True, exist_ok=True)
@@ -50,6 +52,14 @@ def main(folder: Path) -> None:
     for brdf, order_p, name in figures.LOBES_5_9:
         file, methods = figures.figure_5_9(interior, folder, brdf, order_p, name)
         parts.append(page.figure_5_9(file, repr(brdf), methods))
+    files = _real(exponentials.NAMES)
+    _say("chapter 4's irradiance")
+    parts.append(page_engines.irradiance(irradiance_rows(files)))
+    _say("SH exponentials and split sums")
+    results = exponentials.compare([open_probe(file) for file in files])
+    picture = spheres.spheres((interior, studio), folder)
+    pictured = [f"`{Path(probe.name).name}`" for probe in (interior, studio)]
+    parts.append(page_engines.exponentials(results, picture, pictured))
     (folder / "index.md").write_text("\n".join(parts))
     _say(f"The page is {folder.resolve() / 'index.md'}")
 
@@ -60,6 +70,15 @@ def _find(name: str) -> Path:
         if (folder / f"{name}.exr").exists():
             return folder / f"{name}.exr"
     return ROOT / "probes" / "studio.exr"
+
+
+def _real(names: Sequence[str]) -> list[Path]:
+    """The real probes that are there, or the shipped ones."""
+    for folder in PROBES[:-1]:
+        found = [folder / f"{name}.exr" for name in names if (folder / f"{name}.exr").exists()]
+        if found:
+            return found
+    return [ROOT / "probes" / "studio.exr", ROOT / "probes" / "sky.exr"]
 
 
 def _say(line: str) -> None:

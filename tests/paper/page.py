@@ -42,7 +42,7 @@ def table_5_4(rows: Sequence[Timing]) -> str:
 
 F = 1 + sqrt(6 s). {_texels(size)}
 
-{_table(head, body)}"""
+{table(head, body)}"""
 
 
 def table_5_5(rows: Sequence[Timing]) -> str:
@@ -69,7 +69,7 @@ def table_5_5(rows: Sequence[Timing]) -> str:
 Orders for eps = .03. The angular side was timed for one of the {VIEW_COUNT**2} maps, drawn at
 random, and scaled. {_texels(size)}
 
-{_table(head, body)}"""
+{table(head, body)}"""
 
 
 def figure_5_5(file: str, probe: str) -> str:
@@ -98,7 +98,7 @@ The paper: P = 2 suffices for eps < .03. Differences are not amplified.
 
 ![spheres for P = 0 .. 5]({file})
 
-{_table(head, body)}"""
+{table(head, body)}"""
 
 
 def figure_5_8(file: str, methods: Sequence[Method]) -> str:
@@ -140,7 +140,7 @@ def _methods(methods: Sequence[Method]) -> str:
         "method", "maps", "relative RMS error, all orientations and views", "times the SHRM's",
         "of these pictures", "times the SHRM's",
     )  # fmt: skip
-    return _table(head, body)
+    return table(head, body)
 
 
 def _texels(size: int) -> str:
@@ -157,6 +157,7 @@ def _verdict(row: Timing) -> str:
     return "yes" if row.ratio >= row.paper_ratio else "**no**"
 
 
-def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
     lines = [head, ["---"] * len(head), *body]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)
