@@ -122,10 +122,7 @@ def _lobes(roughness: Sequence[float], order: int, view_theta: Array) -> Array:
     # Its red reflects all at any angle, its green what Fresnel's tail adds.
     models = [Ggx(roughness=each, f0=(1.0, 0.0, 0.0)) for each in roughness]
     max_m, nodes = min(order, _MAX_M), (max(2 * order, _LEAST_NODES), _AZIMUTHS)
-    lobes = [
-        lobe_harmonics(each, angles, order, max_m, nodes)[..., :2]
-        for each in models
-    ]
+    lobes = [lobe_harmonics(each, angles, order, max_m, nodes)[..., :2] for each in models]
     return np.stack(lobes, axis=1).transpose(0, 1, 4, 2, 3)
 
 
