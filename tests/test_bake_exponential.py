@@ -114,6 +114,15 @@ def test_more_coefficients_are_better(real_probes):
     assert errors[0] > 1.1 * errors[1] > 1.1**2 * errors[2], errors
 
 
+def test_high_orders_are_not_free_between_the_samples(real_probes):
+    """With as few mirror directions as coefficients, what lies between them could swing."""
+    path = real_probes / "studio.exr"
+    probe = open_probe(path)
+    few = error(bake_exponential(probe).map, path)
+    for orders in [(8, 8), (4, 10)]:
+        assert error(bake_exponential(probe, *orders).map, path) < 0.9 * few
+
+
 def test_the_residual_is_the_error_that_pixels_tell(real_probes):
     """Of the same light, at other views than it was fitted to."""
     for name in ("forest", "city"):

@@ -219,6 +219,12 @@ def test_other_representations(damaged):
     refused(damaged({"shrm:representation": "product"}), "'product'", "cannot read")
 
 
+def test_a_long_name_is_not_repeated_whole(damaged):
+    with pytest.raises(MapError) as caught:
+        read_map(damaged({"shrm:representation": "x" * 10000}))
+    assert "'" + "x" * 40 + "', which" in str(caught.value)
+
+
 def plane(value=0.5, dtype=np.float16):
     return np.full((30, 5), value, dtype=dtype)
 

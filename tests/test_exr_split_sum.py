@@ -99,6 +99,13 @@ def test_the_file_is_as_documented(tmp_path, rng):
         assert [list(corner) for corner in header["displayWindow"]] == [[0, 0], [15, 95]]
 
 
+def test_names_are_those_of_the_roughnesses_that_are_stored(tmp_path, rng):
+    """Single precision may round to the other side of half a hundredth."""
+    split_sum = made_up(rng, roughness=(0.28500000001, 0.9))
+    found = decode(*written(tmp_path / "a.exr", encode(split_sum)))
+    assert found.roughness == (0.285, 0.9)
+
+
 def test_names_have_as_many_decimals_as_they_need():
     assert level_names([0.0, 0.14]) == ["roughness0.00", "roughness0.14"]
     assert level_names([0.501, 0.5034]) == ["roughness0.501", "roughness0.503"]

@@ -32,8 +32,9 @@ _NORMAL_REFLECTANCES = 1.0, 0.04
 _LEAST_ROUGHNESS = 0.05  # of `Ggx`
 _ROUGHNESSES = 6
 _PAPER_ROUGHNESSES = 4
-_RINGS = 8, 6, 1
-"""Of mirror directions, of views about them, and views on each."""
+_LEAST_RINGS = 8
+_VIEW_RINGS = 6, 1
+"""Of views about each mirror direction, and views on each."""
 _SHADE = 0.4
 """Of the mean. Squared errors of brighter samples count in proportion to their brightness, not to
 its square: else a sun, which no low order reaches, would bend all the rest."""
@@ -121,7 +122,8 @@ def bake_exponential(
         raise MapError(f"orders P = {order_p}, Q = {order_q} are outside 0 .. {MAX_ORDER}")
     order_f = int(np.clip(np.ceil(_ORDER_OF_ALPHA / low**2), *_ORDERS_F))
     lighting = project(probe, order_f, progress)
-    samples = sample_reflectance(lighting, _sampled_roughness(roughness, law), *_RINGS)
+    rings = _rings(order_p, order_q)
+    samples = sample_reflectance(lighting, _sampled_roughness(roughness, law), rings, *_VIEW_RINGS)
     if not samples.reflected.any():
         raise MapError(f"{probe.name}: the probe is black, and has no logarithm")
     problems = _problems(samples, _Form(order_p, order_q, law))
@@ -140,6 +142,11 @@ def bake_exponential(
     )
     residual = _residual(made, samples)
     return BakedExponential(replace(made, info=replace(info, fit_residual=residual)), roughness)
+
+
+def _rings(order_p: int, order_q: int) -> int:
+    """Of mirror directions: with fewer than P needs, the fit would be free between them."""
+    return max(_LEAST_RINGS, order_p + 2, order_q)
 
 
 def _sampled_roughness(roughness: tuple[float, float], law: Law) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.bake.baked import provenance
 from shrm_cli.brdf.lambertian import Lambertian
-from shrm_cli.errors import OrderError
+from shrm_cli.errors import MapError, OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance import (
     POLYNOMIAL_ORDER,
@@ -116,6 +116,8 @@ def bake_irradiance(
     check_size(order_f, 0, size)
     high = min(max(_HIGH_ORDER, 2 * order_f), MAX_ORDER_F)
     lighting = project(probe, high, progress)
+    if not np.isfinite(lighting.coefficients).all():
+        raise MapError(f"{probe.name}: its light is beyond 32-bit floats; dim it")
     captured = _captured(order_f)
     orders = Orders(order_f, 0, max(1 - captured, 0.0), captured)
     info = replace(

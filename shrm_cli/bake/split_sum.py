@@ -67,6 +67,7 @@ class BakedSplitSum:
                     split_sum.roughness, split_sum.levels, split_sum.level_info, strict=True
                 )
             ],
+            "brdf": info.brdf,
             "probe": info.probe,
             "probe_sha256": info.probe_sha256,
         }

@@ -49,7 +49,7 @@ _OF_REPRESENTATIONS = {"tolerance", "steps"}
 @click.option(
     "--roughness", type=Interval(0.05, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
-    "as; of --representations A..B.  [default: 0.4; 0.5..1]",
+    "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
 @f0_option
 @click.option(
@@ -123,7 +123,7 @@ def compare(
     \b
       shrm compare a.shrm.exr b.shrm.exr
       shrm compare a.shrm.exr a.cabral.exr --probe a.exr --amplify 4
-      shrm compare a.splitsum.exr a.she.exr --probe a.exr --roughness 0.6 --f0 0.04
+      shrm compare a.splitsum.exr a.she.exr --probe a.exr --roughness 0.6
       shrm compare a.exr --representations --roughness 0.5..1
     """
     if representations:

@@ -172,11 +172,15 @@ def _report(result: dict[str, Any]) -> list[str]:
     return [f"{result['file']}: {what}, {stored}", *(f"  {line}" for line in lines)]
 
 
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def _report_irradiance(result: dict[str, Any]) -> list[str]:
     size, window = result["size"], result["window"]
     lines = [
-        f"irradiance, {result['coefficients']} coefficients and a cube of 6 x {size} x {size} "
-        "texels",
+        f"irradiance, {_counted(result['coefficients'], 'coefficient')} and a cube of "
+        f"6 x {size} x {size} texels",
         f"order          F = {result['order_f']}",
         f"RMS error      {result['predicted_error']:.2%} of the irradiance predicted",
     ]
@@ -196,7 +200,8 @@ def _report_irradiance(result: dict[str, Any]) -> list[str]:
 def _report_split_sum(result: dict[str, Any]) -> list[str]:
     levels = result["levels"]
     heading = f"{'roughness':<10} {'texels':>15} {'F':>4}  {'made by':<12} RMS error predicted"
-    lines = [f"split sum, {len(levels)} levels by the mapping {result['mapping']}", heading]
+    what = f"split sum, {_counted(len(levels), 'level')} by the mapping {result['mapping']}"
+    lines = [what, heading]
     for level in levels:
         texels = f"6 x {level['size']} x {level['size']}"
         order, error = str(level["order_f"]), f"{level['predicted_error']:.2%}"

@@ -214,7 +214,7 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
 
 
 def _text(value: Any) -> str:
-    if value in (None, "", {}):
+    if value in (None, "", {}, [], ()):
         return "none"
     if isinstance(value, bool):
         return "yes" if value else "no"

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from shrm_cli.brdf.ggx import Ggx
     from shrm_cli.render.shading import KnownMap
 
+ROUGHNESS = 0.5
+"""What is shown if none is said: every kind of map is made for it by default."""
+
 
 class Reflectance(click.ParamType):  # type: ignore[type-arg]
     """A reflectance as specifications of BRDFs have it: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
@@ -43,7 +46,7 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
 roughness_option = click.option(
     "--roughness", type=Within(0.05, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
-    "as.  [default: 0.4]",
+    f"as.  [default: {ROUGHNESS:g}]",
 )  # fmt: skip
 f0_option = click.option(
     "--f0", type=Reflectance(),
@@ -74,7 +77,7 @@ def shaded_maps(
                     click.get_current_context(),
                 )
         return list(maps), None, []
-    surface = ggx_surface(roughness, f0)
+    surface = ggx_surface(ROUGHNESS if roughness is None else roughness, f0)
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
     return [shade(each, surface) for each in maps], surface, warnings
 

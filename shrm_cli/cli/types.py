@@ -178,9 +178,10 @@ class Levels(click.ParamType):  # type: ignore[type-arg]
                 param,
                 ctx,
             )
-        rises = all(a < b for a, b in pairwise(numbers))
-        if not rises or not 0 <= numbers[0] <= numbers[-1] <= 1:
-            self.fail(f"{value!r} does not rise within 0 .. 1", param, ctx)
+        if not all(0 <= number <= 1 for number in numbers):
+            self.fail(f"{value!r} has a roughness outside 0 .. 1", param, ctx)
+        if any(a >= b for a, b in pairwise(numbers)):
+            self.fail(f"{value!r} does not rise", param, ctx)
         return numbers
 
 

@@ -23,6 +23,8 @@ VERSION = 3
 """2 since there are compressed maps and other layouts than OpenEXR's cube, 3 since there are
 irradiance, split sums and SH exponentials; others are written as 1, which earlier versions read."""
 
+_MOST_NAME = 40  # characters of one that is not known
+
 
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     """Attributes that every part of a map carries.
@@ -84,7 +86,8 @@ def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
     if isinstance(version, int) and version > VERSION:
         raise MapError(f"{path}: written by a newer shrm (format {version}); update shrm")
     if found not in (*REPRESENTATIONS, *ENGINES):
-        raise MapError(f"{path}: a map of representation {found!r}, which this version cannot read")
+        name = repr(found[:_MOST_NAME])
+        raise MapError(f"{path}: a map of representation {name}, which this version cannot read")
     result: dict[str, Any] = {"representation": found}
     for name, (kind, is_valid) in _ATTRIBUTES.items():
         value: Any = spec.getattribute(f"shrm:{name}")

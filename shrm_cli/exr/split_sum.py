@@ -37,8 +37,9 @@ def encode(split_sum: SplitSum) -> list[Part]:
     size = split_sum.size
     window = np.array([0, 0], np.int32), np.array([size - 1, 6 * size - 1], np.int32)
     parts = []
+    names = level_names([shortest(value) for value in split_sum.roughness])  # as readers have them
     levels = zip(
-        level_names(split_sum.roughness), split_sum.roughness, split_sum.levels,
+        names, split_sum.roughness, split_sum.levels,
         split_sum.level_info, strict=True,
     )  # fmt: skip
     for name, roughness, level, info in levels:

@@ -1,12 +1,14 @@
 """What the maps for engines have in common: made from the light alone, for BRDFs of their own."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Center
+from shrm_cli.brdf.base import Center, Color
+from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.grids import Sampling
 
@@ -46,3 +48,33 @@ class EngineMap:
     def images(self) -> Sequence[Array]:
         """The cubes that a file holds, (6N, N, 3) each."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Shaded:
+    """A GGX surface under the light of a map; subclasses answer `radiance` as every map does.
+
+    Attributes
+    ----------
+    light : EngineMap
+    roughness : float
+        Perceptual, in 0 .. 1.
+    f0 : tuple of 3 float
+        Reflectance at normal incidence, linear RGB, in 0 .. 1.
+    """
+
+    light: EngineMap
+    roughness: float
+    f0: Color
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.roughness <= 1:
+            raise MapError(f"roughness {self.roughness:g} is outside 0 .. 1")
+        if not all(0 <= channel <= 1 for channel in self.f0):
+            raise MapError(f"f0 {'/'.join(f'{x:g}' for x in self.f0)} is outside 0 .. 1")
+
+    @property
+    def info(self) -> MapInfo:
+        """That of the map, with the surface as its BRDF."""
+        parameters = {"roughness": self.roughness, "f0": list(self.f0)}
+        return replace(self.light.info, brdf={"name": "ggx", "parameters": parameters})

@@ -27,7 +27,7 @@ Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic expone
 efficient glossy reflections, eq. 5, 9-12 and 15.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal, Protocol
 
@@ -35,8 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
-from shrm_cli.errors import MapError
-from shrm_cli.maps.engine import EngineMap
+from shrm_cli.maps.engine import EngineMap, Shaded
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.lobe_moments import LobeMoments, mean_vectors, whole_lobe
 from shrm_cli.sphere.directions import bisector, reflect
@@ -123,34 +122,16 @@ class SphericalHarmonicExponential(EngineMap):
         Raises
         ------
         MapError
-            If the roughness is outside 0 .. 1.
+            If they are outside 0 .. 1.
         """
-        if not 0 <= roughness <= 1:
-            raise MapError(f"roughness {roughness:g} is outside 0 .. 1")
         return ShadedExponential(self, roughness, f0)
 
 
 @dataclass(frozen=True)
-class ShadedExponential:
-    """A `SphericalHarmonicExponential` for one surface.
+class ShadedExponential(Shaded):
+    """A GGX surface under the light of a `SphericalHarmonicExponential`."""
 
-    Attributes
-    ----------
-    exponential : SphericalHarmonicExponential
-    roughness : float
-        Perceptual.
-    f0 : tuple of 3 float
-        Reflectance at normal incidence, linear RGB.
-    """
-
-    exponential: SphericalHarmonicExponential
-    roughness: float
-    f0: Color
-
-    @cached_property
-    def info(self) -> MapInfo:
-        brdf = {"name": "ggx", "parameters": {"roughness": self.roughness, "f0": list(self.f0)}}
-        return replace(self.exponential.info, brdf=brdf)
+    light: SphericalHarmonicExponential
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance.
@@ -171,8 +152,8 @@ class ShadedExponential:
         result = np.empty(normals.shape)
         for f0 in set(self.f0):
             channels = [k for k in range(3) if self.f0[k] == f0]
-            series = exponent_series(self.exponential, normals, views, self.roughness, moments, f0)
-            own = self.exponential.coefficients[:, channels]
+            series = exponent_series(self.light, normals, views, self.roughness, moments, f0)
+            own = self.light.coefficients[:, channels]
             exponent = np.minimum(series.exponent(own), _LARGEST_EXPONENT)
             result[..., channels] = series.albedo[..., None] * np.exp(exponent)
         return result

@@ -14,6 +14,7 @@ MAPPINGS: tuple[str, ...] = get_args(Mapping)
 LEAST_ROUGHNESS = 0.05
 """Of a level that is not the probe itself: that of GGX, whose lobe is 0.3 degrees wide then."""
 MOST_LEVELS = 64
+_LEAST_STEP = 1e-5  # files hold them in single precision
 DEFAULT_LEVELS: dict[Mapping, int] = {"linear": 8, "filament": 5, "unreal": 6}
 """``linear``: the second level, of roughness 0.14, is the sharpest that an expansion of order 256,
 which takes a third of a second, still resolves. The others are what the engines have: Filament's
@@ -80,8 +81,8 @@ def check_roughnesses(values: Sequence[float], mapping: Mapping) -> tuple[float,
                 f"a level of roughness {value:.3g} cannot be made; take 0, or {LEAST_ROUGHNESS:g} "
                 "to 1, or fewer levels"
             )
-    if any(high <= low for low, high in pairwise(values)):
-        raise MapError("the roughnesses of the levels must rise")
+    if any(high - low < _LEAST_STEP for low, high in pairwise(values)):
+        raise MapError(f"the roughnesses of the levels must rise, by {_LEAST_STEP:g} at least")
     return tuple(values)
 
 

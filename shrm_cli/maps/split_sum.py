@@ -1,7 +1,7 @@
 """The split sum of game engines: light prefiltered at some roughnesses, times a table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.centers import central_directions
-from shrm_cli.errors import MapError
-from shrm_cli.maps.engine import EngineMap
+from shrm_cli.maps.engine import EngineMap, Shaded
 from shrm_cli.maps.environment_brdf import DirectionalAlbedo
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.roughness import MAPPINGS, Mapping, blend
@@ -144,33 +143,10 @@ class _Samplers:
 
 
 @dataclass(frozen=True)
-class ShadedSplitSum:
-    """A GGX material under the light of a split sum; answers `radiance` as every map does.
+class ShadedSplitSum(Shaded):
+    """A GGX surface under the light of a split sum."""
 
-    Attributes
-    ----------
-    split_sum : SplitSum
-    roughness : float
-        Perceptual, in 0 .. 1.
-    f0 : tuple of 3 float
-        Reflectance at normal incidence, linear RGB.
-    """
-
-    split_sum: SplitSum
-    roughness: float
-    f0: Color
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.roughness <= 1:
-            raise MapError(f"roughness {self.roughness:g} is outside 0 .. 1")
-        if not all(0 <= channel <= 1 for channel in self.f0):
-            raise MapError(f"f0 {'/'.join(f'{x:g}' for x in self.f0)} is outside 0 .. 1")
-
-    @property
-    def info(self) -> MapInfo:
-        """That of the split sum, with the material as its BRDF."""
-        parameters = {"roughness": self.roughness, "f0": list(self.f0)}
-        return replace(self.split_sum.info, brdf={"name": "ggx", "parameters": parameters})
+    light: SplitSum
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance: the light about R, times ``f0 * scale + bias``.
@@ -186,7 +162,7 @@ class ShadedSplitSum:
         """
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         centers = central_directions("reflection", normals, views)
-        light = self.split_sum.prefiltered(self.roughness, centers)
+        light = self.light.prefiltered(self.roughness, centers)
         return light * self._albedo(np.sum(normals * views, axis=-1), self.f0)
 
     @cached_property

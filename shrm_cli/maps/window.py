@@ -93,7 +93,7 @@ def window_factors(name: str, width: float, order: int) -> Array:
     ----------
     Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
     """
-    share = np.arange(order + 1) / width
+    share = np.minimum(np.arange(order + 1), width) / width
     shape = np.sinc(share) if name == "lanczos" else (1 + np.cos(np.pi * share)) / 2
     return np.where(share < 1, shape, 0.0)
 

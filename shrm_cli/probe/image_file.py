@@ -82,6 +82,8 @@ class ImageFile:
             raise ProbeError(f"{path}: named .exr, but it is a {file_format} file; rename it")
         if spec.getattribute("shrm:representation") is not None:
             raise ProbeError(f"{path}: a map that shrm made, not a light probe; name the probe")
+        if spec.getattribute("shrm:table") is not None:
+            raise ProbeError(f"{path}: a table that shrm made, not a light probe; name the probe")
         if spec.deep:
             raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
         if spec.get_int_attribute("Orientation", 1) not in _UPRIGHT:

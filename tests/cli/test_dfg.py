@@ -163,3 +163,10 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, code, part):
     monkeypatch.chdir(tmp_path)
     assert_refused(run("dfg", *arguments), code, part)
     assert snapshot(tmp_path) == {}
+
+
+def test_a_table_is_no_probe(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done("dfg", "--size", "8", "-o", "table.exr")
+    refused = run("prefilter", "table.exr", "--to", "irradiance")
+    assert_refused(refused, 1, "table.exr: a table that shrm made, not a light probe")

@@ -261,10 +261,11 @@ def test_other_representations_need_a_brdf(folder, kind):
         ("splitsum", "--levels", "0", "0 levels are not 1 .. 64"),
         ("splitsum", "--levels", "65", "65 levels are not 1 .. 64"),
         ("splitsum", "--levels", "9" * 5000, "999999999 levels are not 1 .. 64"),
-        ("splitsum", "--levels", "0.5,0.5", "does not rise within 0 .. 1"),
-        ("splitsum", "--levels", "0.9,0.5", "does not rise within 0 .. 1"),
-        ("splitsum", "--levels", "0.5,1.5", "does not rise within 0 .. 1"),
-        ("splitsum", "--levels", "-0.5,1", "does not rise within 0 .. 1"),
+        ("splitsum", "--levels", "0.5,0.5", "does not rise"),
+        ("splitsum", "--levels", "0.9,0.5", "does not rise"),
+        ("splitsum", "--levels", "0.5,1.5", "a roughness outside 0 .. 1"),
+        ("splitsum", "--levels", "-0.5,1", "a roughness outside 0 .. 1"),
+        ("splitsum", "--levels", "2.5", "a roughness outside 0 .. 1"),
         ("splitsum", "--levels", "nan,1", "neither a number of levels"),
         ("splitsum", "--levels", "many", "neither a number of levels"),
         ("splitsum", "--levels", "", "neither a number of levels"),
@@ -334,6 +335,15 @@ def test_any_order(folder, order):
     assert header["shrm:F"] == order
     assert (values["irradiance_matrices"] is None) == (order > 2)
     assert ("shrm:irradiance_matrices" in header) == (order <= 2)
+
+
+def test_one_is_told_as_one(folder):
+    assert "irradiance, 1 coefficient and a" in done(
+        "prefilter", "probe.exr", "--to", "irradiance", "--order-f", 0
+    )
+    assert "split sum, 1 level by" in done(
+        "prefilter", "probe.exr", "--to", "splitsum", "--levels", 1
+    )
 
 
 def test_a_negative_side_is_told_and_auto_removes_it(folder):
@@ -501,6 +511,13 @@ def test_orders_of_an_exponential_by_default(folder):
     assert text.startswith("probe.she.exr: SH exponential, 25 + 8 coefficients a channel, float, ")
     assert "P = 4, Q = 2" in text
     assert read_exr("probe.she.exr")[1]["B"].shape == (1, 33)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_defaults_go_together(folder, kind):
+    """What is made by default is shown by default, without a warning."""
+    done("prefilter", "probe.exr", "--to", kind)
+    assert run("render", f"probe.{kind}.exr", "--size", 16).err == ""
 
 
 @pytest.mark.parametrize("kind", KINDS[:2])

@@ -38,6 +38,13 @@ def test_list_says_what_each_command_says_of_itself(command):
     assert listed.split()[0] == own.split()[0]
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_examples_fit_into_80_columns(command):
+    """Other lines are wrapped, but those of `\\b` blocks are shown as they are."""
+    examples = re.findall(r"^ +shrm .*$", done(command, "--help"), re.M)
+    assert max(map(len, examples), default=0) <= 80
+
+
 @pytest.mark.parametrize(
     "arguments", [["--help"], ["--version"], *([c, "--help"] for c in COMMANDS)]
 )

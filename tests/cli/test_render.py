@@ -334,11 +334,11 @@ def test_split_sums_are_shown_with_a_roughness_and_a_reflectance(folder):
     spec = oiio.ImageInput.open("x.exr").spec()
     recipe = json.loads(spec.get_string_attribute("shrm:recipe"))
     assert (recipe["roughness"], recipe["f0"]) == (0.05, [0.04, 0.5, 1])
-    assert {"[default: 0.4]", "[default: 1]"} <= set(re.findall(r"\[.*?\]", help_text()))
-    done("white.splitsum.exr", *options, "--roughness", 0.4, "--f0", 1)
+    assert {"[default: 0.5]", "[default: 1]"} <= set(re.findall(r"\[.*?\]", help_text()))
+    done("white.splitsum.exr", *options, "--roughness", 0.5, "--f0", 1)
     np.testing.assert_array_equal(read("x.exr")[16, 16], default)
     value = json.loads(done("white.splitsum.exr", *options, "--f0", "gold", "--json"))
-    assert (value["roughness"], value["f0"]) == (0.4, [1, 0.782, 0.344])
+    assert (value["roughness"], value["f0"]) == (0.5, [1, 0.782, 0.344])
 
 
 def test_irradiance_is_shown_as_white_and_diffuse(folder):
@@ -365,13 +365,13 @@ def test_of_several_maps_those_that_need_a_surface_get_it(folder):
 
 
 def test_a_roughness_that_a_map_was_not_made_for_is_warned_of(folder):
-    write_map("rough.exr", white_split_sum(0.5, 1.0))
+    write_map("rough.exr", white_split_sum(0.6, 1.0))
     arguments = ["rough.exr", "-o", "x.png", "--size", "16"]
     result = CliRunner().invoke(render, arguments)
-    warning = "Warning: rough.exr: it was made for roughness 0.5 .. 1, not 0.4\n"
+    warning = "Warning: rough.exr: it was made for roughness 0.6 .. 1, not 0.5\n"
     assert (result.exit_code, result.stderr) == (0, warning)
     assert CliRunner().invoke(render, [*arguments, "--quiet"]).stderr == ""
-    assert done(*arguments, "--roughness", 0.5) != ""
+    assert done(*arguments, "--roughness", 0.6) != ""
 
 
 @pytest.mark.parametrize(

@@ -258,6 +258,12 @@ def test_roughness_has_a_range(roughness):
         random_map().shaded(roughness, (1.0, 1.0, 1.0))
 
 
+@pytest.mark.parametrize("f0", [(-0.1, 1.0, 1.0), (1.0, 1.0, 1.5)])
+def test_reflectance_has_a_range(f0):
+    with pytest.raises(MapError, match="f0 .* is outside 0"):
+        random_map().shaded(0.5, f0)
+
+
 def test_a_surface_says_what_it_is():
     shaded = random_map().shaded(0.5, (0.5, 0.25, 0.04))
     parameters = {"roughness": 0.5, "f0": [0.5, 0.25, 0.04]}

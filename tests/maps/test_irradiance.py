@@ -313,6 +313,9 @@ def test_what_is_refused(tmp_path):
         bake_irradiance(probe, window="boxcar")
     with pytest.raises(MapError, match="lower --size"):
         bake_irradiance(probe, size=2**20)
+    blinding = write_probe(tmp_path, np.full((64, 128, 3), 3e38))
+    with np.errstate(all="ignore"), pytest.raises(MapError, match=r"probe\.exr: .* dim it"):
+        bake_irradiance(blinding)
 
 
 @pytest.mark.parametrize("name", PROBES)

@@ -175,6 +175,7 @@ def test_levels_are_mixed_as_a_texture_unit_does_it(mapping):
         ([], "linear", "1 to 64 levels, not 0"),
         ([0.5, 0.4], "linear", "must rise"),
         ([0.5, 0.5], "linear", "must rise"),
+        ([0.5, 0.50000001], "linear", "must rise"),
         ([0.0, 0.5], "unreal", "no level of roughness 0"),
         ([0.01, 0.5], "linear", "0.01 cannot be made"),
         ([0.5, 1.5], "linear", "1.5 cannot be made"),

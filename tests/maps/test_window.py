@@ -89,6 +89,8 @@ def test_factors():
         lanczos, [1, math.sin(third) / third, math.sin(2 * third) / (2 * third), 0, 0], atol=1e-15
     )
     assert window_factors("lanczos", 1.5, 3)[2:].tolist() == [0, 0]  # sin(4 pi / 3) is not
+    for name in ("hann", "lanczos"):
+        assert window_factors(name, 1e-320, 3).tolist() == [1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("spec", ["hann", "lanczos"])
