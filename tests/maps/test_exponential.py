@@ -260,7 +260,7 @@ def test_roughness_has_a_range(roughness):
 
 @pytest.mark.parametrize("f0", [(-0.1, 1.0, 1.0), (1.0, 1.0, 1.5)])
 def test_reflectance_has_a_range(f0):
-    with pytest.raises(MapError, match="f0 .* is outside 0"):
+    with pytest.raises(MapError, match=r"f0 .* is outside 0"):
         random_map().shaded(0.5, f0)
 
 
