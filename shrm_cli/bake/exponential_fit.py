@@ -65,14 +65,15 @@ def fit_exponent(problem: Problem) -> Array:
     or a part of it.
     """
     x = _start(problem)
-    rows, variances, weights = problem.rows, problem.variances, problem.weights
+    twice, roots = 2 * problem.variances, np.sqrt(problem.weights)
     value, cost = _evaluate(problem, x)
     damping = 1e-3
     for _ in range(_STEPS):
-        slopes = (rows - 2 * variances * x) * value[:, None]
-        weighted = slopes * weights[:, None]
-        normal = slopes.T @ weighted
-        gradient = weighted.T @ (problem.target - value)
+        slopes = twice * -x
+        slopes += problem.rows
+        slopes *= (roots * value)[:, None]
+        normal = slopes.T @ slopes
+        gradient = slopes.T @ (roots * (problem.target - value))
         before = cost
         for _ in range(_TRIALS):
             damped = normal + damping * np.diag(np.diag(normal)) + _ridge(normal)

@@ -1,5 +1,6 @@
 """Rotating the coefficients of functions on the sphere."""
 
+import math
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
@@ -141,12 +142,14 @@ def rotate_to_frames(
     result = np.empty_like(source)
     order = order_of(len(source))
     theta, phi = np.asarray(theta, dtype=float), np.asarray(phi, dtype=float)
+    # A matrix product for each point pays where it has more functions than there are points.
+    few_points = theta.size < math.prod(source.shape[1:-1])
     for degree, d in small_d_degrees(order, theta if inverse else -theta):
         rows = slice(degree**2, (degree + 1) ** 2)
         tilt = _real_tilt(d, degree)
         m, opposite = np.arange(-degree, degree + 1), np.arange(2 * degree, -1, -1)
         block = source[rows] if inverse else _turn_about_z(source[rows], m, opposite, -phi)
-        block = np.einsum("mnk,n...k->m...k", tilt, block)
+        block = np.einsum("mnk,n...k->m...k", tilt, block, optimize=few_points)
         result[rows] = _turn_about_z(block, m, opposite, phi) if inverse else block
     return result
 
