@@ -9,6 +9,8 @@ SHRM := $(BIN)/shrm
 PROBES ?= $(wildcard probes/*.exr)
 BRDFS ?= microfacet:sigma=0.1 microfacet:sigma=0.3 phong:exponent=32 lambertian
 EPS ?= 0.03
+# make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--window auto": what engines load
+FORMS ?=
 PREFILTER_FLAGS ?=
 RENDER_FLAGS ?=
 
@@ -22,7 +24,7 @@ help:
 	@echo 'make bench     measure against other tools, as ratios'
 	@echo "make tables    the paper's tables and figures, into build/paper/"
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
-	@echo 'make batch     PROBES="..." BRDFS="...": bake every pair into build/'
+	@echo 'make batch     PROBES="..." BRDFS="..." FORMS="...": bake every pair into build/'
 	@echo 'make install   set up .venv with shrm in it'
 	@echo 'make clean     remove what was built; make distclean: and .venv'
 
@@ -83,10 +85,18 @@ $(call baked,$(1),$(2)).exr: $(1) build/.options | $(VENV)/.installed
 	$$(SHRM) prefilter '$(1)' --brdf '$(2)' --eps $$(EPS) $$(PREFILTER_FLAGS) -o '$$@'
 $(call baked,$(1),$(2)).png: $(call baked,$(1),$(2)).exr build/.render-options | $(VENV)/.installed
 	$$(SHRM) render '$$<' $$(RENDER_FLAGS) -o '$$@'
-PICTURES += $(call baked,$(1),$(2)).png
+BATCH += $(call baked,$(1),$(2)).png
 endef
 
-PICTURES :=
+# One probe, one form that needs no BRDF.
+formed = build/$(basename $(notdir $(1))).$(2).exr
+define form
+$(call formed,$(1),$(2)): $(1) build/.$(2)-options | $(VENV)/.installed
+	$$(SHRM) prefilter '$(1)' --to $(2) $$(FLAGS_$(2)) -o '$$@'
+BATCH += $(call formed,$(1),$(2))
+endef
+
+BATCH :=
 ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
   # A file that does not exist keeps its name, and fails by it.
   FILES := $(foreach p,$(PROBES),$(or $(wildcard $(p)),$(p)))
@@ -95,8 +105,9 @@ ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
     $(error Two of PROBES have the same name: their outputs would overwrite each other)
   endif
   $(foreach p,$(FILES),$(foreach b,$(sort $(BRDFS)),$(eval $(call pair,$(p),$(b)))))
-  ifeq ($(PICTURES),)
-    $(error There is nothing to bake: name one of PROBES and one of BRDFS at least)
+  $(foreach p,$(FILES),$(foreach f,$(sort $(FORMS)),$(eval $(call form,$(p),$(f)))))
+  ifeq ($(BATCH),)
+    $(error There is nothing to bake: name one of PROBES and one of BRDFS or FORMS at least)
   endif
 endif
 
@@ -106,13 +117,17 @@ batch: $(VENV)/.installed
 	  { echo 'Some pairs failed, see above; the others are in build/'; exit 1; }
 	@echo 'Maps and pictures are in $(CURDIR)/build/'
 
-batch-all: $(PICTURES)
+batch-all: $(BATCH)
 
 # The options are a prerequisite: changing them bakes anew, running again does not.
 build/.options: FORCE
 	@mkdir -p build
 	@echo '--eps $(EPS) $(PREFILTER_FLAGS)' | cmp -s - $@ || \
 	  echo '--eps $(EPS) $(PREFILTER_FLAGS)' > $@
+
+build/.%-options: FORCE
+	@mkdir -p build
+	@echo '$(FLAGS_$*)' | cmp -s - $@ || echo '$(FLAGS_$*)' > $@
 
 build/.render-options: FORCE
 	@mkdir -p build

@@ -261,6 +261,25 @@ def test_wildcards_name_probes(project):
     assert project.calls() == both("ab")
 
 
+def test_forms_are_baked_of_every_probe(project):
+    forms = "FORMS=irradiance she"
+    assert project.batch(forms, brdfs="").returncode == 0
+    calls = [
+        f"prefilter probes/{probe}.exr --to {form} -o build/{probe}.{form}.exr"
+        for probe in "ab"
+        for form in ("irradiance", "she")
+    ]
+    assert project.calls() == calls
+    assert project.batch(forms, brdfs="").returncode == 0
+    assert project.calls() == []
+    assert project.batch(forms, "FLAGS_irradiance=--window auto", brdfs="").returncode == 0
+    assert project.calls() == [
+        f"prefilter probes/{probe}.exr --to irradiance --window auto "
+        f"-o build/{probe}.irradiance.exr"
+        for probe in "ab"
+    ]
+
+
 @pytest.mark.parametrize("nothing", [{"probes": ""}, {"brdfs": ""}, {"probes": "no/*.exr"}])
 def test_no_pair_is_no_success(project, nothing):
     result = project.batch(**nothing)
