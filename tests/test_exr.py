@@ -128,6 +128,13 @@ def test_index_has_three_digits(tmp_path):
     assert len(channels) == 3 * 121
 
 
+def test_high_orders_have_more_channels_than_the_library_expects(tmp_path):
+    made = random_map(order_p=20, size=4)
+    write_map(tmp_path / "a.exr", made, "float")
+    found = read_map(tmp_path / "a.exr").coefficients
+    np.testing.assert_array_equal(found, made.coefficients.astype(np.float32))
+
+
 def test_bytes_are_the_same_each_time(tmp_path):
     for name in "ab":
         write_map(tmp_path / f"{name}.exr", random_map(size=64))
