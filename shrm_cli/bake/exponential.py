@@ -126,7 +126,8 @@ def bake_exponential(
     samples = sample_reflectance(lighting, _sampled_roughness(roughness, law), rings, *_VIEW_RINGS)
     if not samples.reflected.any():
         raise MapError(f"{probe.name}: the probe is black, and has no logarithm")
-    problems = _problems(samples, _Form(order_p, order_q, law))
+    moments = [_moments(samples, each) for each in samples.roughness]
+    problems = _problems(samples, moments, _Form(order_p, order_q, law))
     fit = fit_logarithm if law == "paper" else fit_exponent
     coefficients = np.stack([fit(each) for each in problems], axis=-1)
     info = replace(
@@ -140,7 +141,7 @@ def bake_exponential(
         info,
         law,
     )
-    residual = _residual(made, samples)
+    residual = _residual(made, samples, moments)
     return BakedExponential(replace(made, info=replace(info, fit_residual=residual)), roughness)
 
 
@@ -158,23 +159,22 @@ def _sampled_roughness(roughness: tuple[float, float], law: Law) -> tuple[float,
     return tuple(np.linspace(low, high, _ROUGHNESSES).tolist())
 
 
-def _problems(samples: ReflectanceSamples, form: _Form) -> list[Problem]:
+def _problems(samples: ReflectanceSamples, moments: list[Array], form: _Form) -> list[Problem]:
     """What each channel's coefficients are to fit.
 
     After the paper's law it is base reflectance, all samples alike (eq. 14). Otherwise it is the
     whole reflection of a metal and a plastic, each relative to what a split sum makes of it.
     """
     parts = []
-    for roughness, (base, tail), mirrored in zip(
-        samples.roughness, samples.reflected, samples.mirrored, strict=True
+    for roughness, (base, tail), mirrored, own in zip(
+        samples.roughness, samples.reflected, samples.mirrored, moments, strict=True
     ):
-        moments = _moments(samples, roughness)
         for f0 in _NORMAL_REFLECTANCES if form.law == "lobe" else (1.0,):
-            series = exponent_series(form, samples.normals, samples.views, roughness, moments, f0)
+            series = exponent_series(form, samples.normals, samples.views, roughness, own, f0)
             reflected, albedo = f0 * base + (1 - f0) * tail, series.albedo[:, None]
             weights = samples.weights
             if form.law == "lobe":
-                split_sum = whole_lobe(moments, f0)[0][:, None] * mirrored
+                split_sum = whole_lobe(own, f0)[0][:, None] * mirrored
                 scale = weights @ np.mean((split_sum - reflected) ** 2, axis=-1)
                 scale += _DARK * (weights @ np.mean(reflected**2, axis=-1))
                 weights = weights * series.albedo**2 / scale
@@ -200,12 +200,16 @@ def _moments(samples: ReflectanceSamples, roughness: float) -> Array:
     return lobe_moments(roughness, different)[..., where]
 
 
-def _residual(made: SphericalHarmonicExponential, samples: ReflectanceSamples) -> float:
+def _residual(
+    made: SphericalHarmonicExponential, samples: ReflectanceSamples, moments: list[Array]
+) -> float:
     """Relative RMS error of base reflectance over all views, normals and roughnesses sampled."""
     error = total = 0.0
     normals, views = samples.normals, samples.views
-    for roughness, (base, _) in zip(samples.roughness, samples.reflected, strict=True):
-        series = exponent_series(made, normals, views, roughness, _moments(samples, roughness), 1.0)
+    for roughness, (base, _), own in zip(
+        samples.roughness, samples.reflected, moments, strict=True
+    ):
+        series = exponent_series(made, normals, views, roughness, own, 1.0)
         found = series.albedo[:, None] * np.exp(series.exponent(made.coefficients))
         error += float(samples.weights @ np.sum((found - base) ** 2, axis=-1))
         total += float(samples.weights @ np.sum(base**2, axis=-1))

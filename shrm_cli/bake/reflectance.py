@@ -73,7 +73,7 @@ def sample_reflectance(
     pairs = np.broadcast_to(
         weights[:, None, None] * view_weights[:, None] / azimuths, views.shape[:-1]
     )
-    light = _in_frames(lighting.coefficients, rings)
+    light = _in_frames(lighting.coefficients, theta.reshape(rings, -1), phi.reshape(rings, -1))
     reflected, mirrored = _reflect(
         light, _lobes(roughness, lighting.order, np.arccos(cosines)), turns
     )
@@ -107,12 +107,14 @@ def _views(frames: Array, theta: Array, turns: Array) -> Array:
     return np.einsum("rij,rtkj->rtki", frames, local)
 
 
-def _in_frames(coefficients: Array, rings: int) -> Array:
-    """Light in the frame of each of the mirror directions, shape ((order+1)^2, 3, R)."""
-    _, theta, phi, _ = _mirror_directions(rings)
+def _in_frames(coefficients: Array, theta: Array, phi: Array) -> Array:
+    """Light in the frame of each of the mirror directions, shape ((order+1)^2, 3, R).
+
+    Their angles have the shape (rings, directions on each).
+    """
     # A ring shares its polar angle: turn the light about z first, then tilt all rings at once.
-    turned = turn_about_z(coefficients[:, :, None, None], -phi.reshape(rings, -1).T)
-    framed = rotate_to_frames(turned, theta.reshape(rings, -1)[:, 0], 0.0)
+    turned = turn_about_z(coefficients[:, :, None, None], -phi.T)
+    framed = rotate_to_frames(turned, theta[:, 0], 0.0)
     return framed.swapaxes(-1, -2).reshape(*coefficients.shape, -1)
 
 

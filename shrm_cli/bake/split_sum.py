@@ -1,7 +1,7 @@
 """Prefiltering for the split sum: the lobe of GGX for N = V = R at some roughnesses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -135,12 +135,4 @@ def bake_split_sum(
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
-    whole = replace(
-        infos[-1],
-        order_f=max(info.order_f for info in infos),
-        captured=min(info.captured for info in infos),
-        predicted_error=max(info.predicted_error for info in infos),
-        brdf={"name": GgxLobe.name, "parameters": {"roughness": list(roughness)}},
-        domain="angular" if any(lobe and not lobe.in_frequency for lobe in lobes) else "frequency",
-    )
-    return BakedSplitSum(SplitSum(tuple(cubes), roughness, mapping, whole, sampling, tuple(infos)))
+    return BakedSplitSum(SplitSum.of_levels(cubes, roughness, mapping, sampling, infos))

@@ -10,7 +10,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Center
 from shrm_cli.errors import MapError
-from shrm_cli.maps.engine import ENGINES
+from shrm_cli.maps.engine import ENGINES, EngineMap
 from shrm_cli.maps.info import Domain, MapInfo
 from shrm_cli.maps.representations import REPRESENTATIONS, Map
 from shrm_cli.maps.shrm import Frame
@@ -38,7 +38,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     info = reflection_map.info
     header: dict[str, Any] = {
         "shrm:representation": reflection_map.representation,
-        "shrm:version": 1,
+        "shrm:version": 3 if isinstance(reflection_map, EngineMap) else 1,
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,

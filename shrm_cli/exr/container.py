@@ -143,6 +143,26 @@ def part_specs(source: Any) -> Iterator[Any]:
         source.geterror()
 
 
+def has_channels(spec: Any, names: Sequence[str]) -> bool:
+    """Whether a part holds just these channels, of half or float."""
+    numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
+    return sorted(spec.channelnames) == sorted(names) and numbers <= {"half", "float"}
+
+
+def read_channels(
+    path: str | os.PathLike[str], source: Any, part: int, names: Sequence[str]
+) -> Array:
+    """`read_pixels` of some channels by name, shape (H, W, len(names)).
+
+    Raises
+    ------
+    MapError
+    """
+    pixels = read_pixels(path, source, part)
+    held = list(source.spec().channelnames)
+    return pixels[..., [held.index(name) for name in names]]
+
+
 def read_pixels(path: str | os.PathLike[str], source: Any, part: int) -> Array:
     """Pixels of a part, shape (H, W, channels), float32 and finite.
 

@@ -5,7 +5,7 @@ from typing import Any, get_args
 
 from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import common_header, map_info, read_attributes, shortest
-from shrm_cli.exr.container import Part, read_pixels
+from shrm_cli.exr.container import Part, has_channels, read_channels
 from shrm_cli.exr.names import COLOURS
 from shrm_cli.maps.exponential import MAX_ORDER, Law, SphericalHarmonicExponential
 
@@ -18,7 +18,6 @@ def encode(exponential: SphericalHarmonicExponential) -> list[Part]:
     """
     header = {
         **common_header(exponential, 0),
-        "shrm:version": 3,
         "shrm:p_order": exponential.order_p,
         "shrm:q_order": exponential.order_q,
         "shrm:ggx_alpha": tuple(map(float, exponential.ggx_alpha)),
@@ -57,11 +56,9 @@ def decode(
             f"{path}: {spec.width} x {spec.height} pixels are not the {counts[0]} + {counts[1]} "
             f"coefficients of orders P = {p} and Q = {q}; make it again"
         )
-    numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
-    if sorted(spec.channelnames) != sorted(COLOURS) or not numbers <= {"half", "float"}:
+    if not has_channels(spec, COLOURS):
         raise MapError(f"{path}: its channels are not those of an SH exponential")
-    held = list(spec.channelnames)
-    row = read_pixels(path, source, 0)[0][:, [held.index(c) for c in COLOURS]].astype(float)
+    row = read_channels(path, source, 0, COLOURS)[0].astype(float)
     return kind(
         row[: counts[0]], row[counts[0] :], _ggx_alpha(path, spec), map_info(attributes, spec),
         _law(path, spec),

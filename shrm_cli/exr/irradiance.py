@@ -10,18 +10,16 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import common_header, map_info, read_attributes
-from shrm_cli.exr.container import Part, read_pixels
-from shrm_cli.exr.layout import Arrangement
+from shrm_cli.exr.container import Part, has_channels, read_channels
+from shrm_cli.exr.layout import Arrangement, stored_arrangement
 from shrm_cli.exr.names import COLOURS
 from shrm_cli.maps.irradiance import POLYNOMIAL_ORDER, Irradiance
-from shrm_cli.maps.shrm import MAX_SIZE
 from shrm_cli.maps.window import FAMILIES, Window, window_factors
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.sphere.grids import nodes, spiral_directions
 
 Array = NDArray[np.floating]
 
-_VERSION = 3
 _CHECKED_TEXELS = 256
 _PIXEL_TOLERANCE = 2e-3, 1e-7
 """Of the largest irradiance, four times what half's 11 bits leave; and half's smallest step."""
@@ -37,7 +35,6 @@ def encode(irradiance: Irradiance) -> list[Part]:
     window = irradiance.window
     header = common_header(irradiance, irradiance.order_p)
     header |= {
-        "shrm:version": _VERSION,
         "shrm:lighting_coefficients": _json(irradiance.coefficients),
         "shrm:window": json.dumps({
             "name": window.name,
@@ -88,7 +85,7 @@ def decode(path: str | os.PathLike[str], source: Any, specs: list[Any]) -> Irrad
         _window(path, spec, order_f),
     )  # fmt: skip
     _check_matrices(path, spec, made)
-    _check_pixels(path, source, spec, arrangement, made)
+    _check_pixels(path, source, arrangement, made)
     return made
 
 
@@ -105,18 +102,8 @@ def _arrangement(
     path: str | os.PathLike[str], spec: Any, attributes: dict[str, Any]
 ) -> tuple[Arrangement, int]:
     """How the image is laid out, and the texels along an edge of its cube."""
-    if attributes["layout"] in ("faces", "angular"):
-        raise MapError(f"{path}: maps are not laid out as {attributes['layout']}; make it again")
-    sampling = "border" if spec.get_int_attribute("oiio:sampleborder") else "center"
-    arrangement = Arrangement(
-        attributes["layout"], attributes["orientation"], attributes["sampling"] or sampling  # type: ignore[arg-type]
-    )  # fmt: skip
-    size = arrangement.cube_size(spec.width, spec.height)
-    if size is None or size > MAX_SIZE:
-        what = "a cube of 1:6" if arrangement.layout == "openexr" else arrangement.layout
-        raise MapError(f"{path}: {spec.width} x {spec.height} is not {what}")
-    formats = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
-    if sorted(spec.channelnames) != sorted(COLOURS) or not formats <= {"half", "float"}:
+    arrangement, size = stored_arrangement(path, spec, attributes)
+    if not has_channels(spec, COLOURS):
         raise MapError(f"{path}: its channels are not those of an irradiance map")
     return arrangement, size
 
@@ -184,17 +171,16 @@ def _check_matrices(path: str | os.PathLike[str], spec: Any, made: Irradiance) -
 
 
 def _check_pixels(
-    path: str | os.PathLike[str], source: Any, spec: Any, arrangement: Arrangement, made: Irradiance
+    path: str | os.PathLike[str], source: Any, arrangement: Arrangement, made: Irradiance
 ) -> None:
     """Refuse a cube that shows something else than its coefficients, as after an edit of either.
 
     A lat-long is resampled, and only checked to be whole.
     """
-    pixels = read_pixels(path, source, 0)
+    pixels = read_channels(path, source, 0, COLOURS)
     if arrangement.layout == "latlong":
         return
-    held = list(spec.channelnames)
-    cube = arrangement.undo(pixels[..., [held.index(name) for name in COLOURS]])
+    cube = arrangement.undo(pixels)
     rows, columns, normals = _some_texels(made)
     expected = made.irradiance(normals)
     relative, absolute = _PIXEL_TOLERANCE

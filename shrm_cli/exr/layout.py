@@ -1,11 +1,14 @@
 """Planes of a map in other layouts than OpenEXR's stacked cube, and back."""
 
+import os
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.maps.shrm import MAX_SIZE
 from shrm_cli.probe.layout import Layout, arrange_faces, stack_faces
 from shrm_cli.sphere.cube import Orientation, cube_directions
 from shrm_cli.sphere.grids import Sampling, latlong_directions
@@ -67,3 +70,35 @@ class Arrangement:
         ]
         size = width // columns
         return size if size and (width, height) == (columns * size, rows * size) else None
+
+
+def stored_arrangement(
+    path: str | os.PathLike[str], spec: Any, attributes: dict[str, Any]
+) -> tuple[Arrangement, int]:
+    """How a part is laid out, and the texels along an edge of its cube.
+
+    Parameters
+    ----------
+    path : path-like
+        For messages.
+    spec : ImageSpec
+        Of the part.
+    attributes : dict
+        Of the part, as `read_attributes` finds them.
+
+    Raises
+    ------
+    MapError
+        If it is no such layout, or larger than maps are.
+    """
+    layout = attributes["layout"]
+    if layout in ("faces", "angular"):
+        raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
+    sampling: Sampling = "border" if spec.get_int_attribute("oiio:sampleborder") else "center"
+    sampling = attributes["sampling"] or sampling
+    arrangement = Arrangement(layout, attributes["orientation"], sampling)
+    size = arrangement.cube_size(spec.width, spec.height)
+    if size is None or size > MAX_SIZE:
+        what = "a cube of 1:6" if layout == "openexr" else layout
+        raise MapError(f"{path}: {spec.width} x {spec.height} is not {what}")
+    return arrangement, size

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import has_map_attributes, map_info, read_attributes
-from shrm_cli.exr.container import open_image, open_map, part_specs, read_pixels
+from shrm_cli.exr.container import has_channels, open_image, open_map, part_specs, read_channels
 from shrm_cli.exr.dfg import MEANINGS
 from shrm_cli.exr.engine import codec
-from shrm_cli.exr.layout import Arrangement
+from shrm_cli.exr.layout import Arrangement, stored_arrangement
 from shrm_cli.exr.names import (
     COLOURS,
     component_channels,
@@ -28,7 +28,7 @@ from shrm_cli.maps.compressed import CompressedShrm
 from shrm_cli.maps.engine import ENGINES
 from shrm_cli.maps.explicit import ExplicitMap
 from shrm_cli.maps.representations import EXPLICIT, Map
-from shrm_cli.maps.shrm import MAX_SIZE, MAX_VALUES, Shrm
+from shrm_cli.maps.shrm import MAX_VALUES, Shrm
 from shrm_cli.maps.summed import SummedShrm
 
 Array = NDArray[np.floating]
@@ -117,9 +117,7 @@ class _Stored:
 
     def stack(self, part: int, names: list[str]) -> Array:
         """Channels of a part as an OpenEXR cube, shape (6N, N, len(names))."""
-        held = list(self.specs[part].channelnames)
-        pixels = read_pixels(self.path, self.source, part)
-        wanted = pixels[..., [held.index(name) for name in names]]
+        wanted = read_channels(self.path, self.source, part, names)
         return wanted if self.arrangement.is_plain else self.arrangement.undo(wanted)
 
 
@@ -140,18 +138,7 @@ def _open(path: str | os.PathLike[str]) -> tuple[Any, list[Any]]:
 def _stored(path: str | os.PathLike[str], source: Any, specs: list[Any], part: int) -> _Stored:
     spec = specs[part]
     attributes = read_attributes(path, spec)
-    width, height = spec.width, spec.height
-    sampling = "border" if spec.get_int_attribute("oiio:sampleborder") else "center"
-    layout = attributes["layout"]
-    if layout in ("faces", "angular"):
-        raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
-    arrangement = Arrangement(
-        layout, attributes["orientation"], attributes["sampling"] or sampling  # type: ignore[arg-type]
-    )  # fmt: skip
-    size = arrangement.cube_size(width, height)
-    if size is None or size > MAX_SIZE:
-        what = "a cube of 1:6" if layout == "openexr" else layout
-        raise MapError(f"{path}: {width} x {height} is not {what}")
+    arrangement, size = stored_arrangement(path, spec, attributes)
     return _Stored(path, source, specs, part, attributes, arrangement, size)
 
 
@@ -173,8 +160,7 @@ def _summed(terms: list[Shrm | CompressedShrm]) -> SummedShrm:
 
 def _check_channels(stored: _Stored, part: int, names: list[str], what: str) -> None:
     spec = stored.specs[part]
-    numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
-    if sorted(spec.channelnames) != sorted(names) or not numbers <= {"half", "float"}:
+    if not has_channels(spec, names):
         raise MapError(f"{stored.path}: its channels are not those of {what}")
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.exr.attributes import common_header, map_info, read_attributes, shortest
-from shrm_cli.exr.container import Part, read_pixels
+from shrm_cli.exr.container import Part, has_channels, read_channels
 from shrm_cli.exr.names import COLOURS
 from shrm_cli.maps.roughness import MAPPINGS, MOST_LEVELS
 from shrm_cli.maps.shrm import MAX_SIZE
@@ -18,7 +18,6 @@ from shrm_cli.maps.split_sum import SplitSum
 
 Array = NDArray[np.floating]
 
-_FORMAT = 3
 _AGAIN = "make it again with shrm prefilter --to splitsum"
 
 
@@ -43,12 +42,9 @@ def encode(split_sum: SplitSum) -> list[Part]:
         split_sum.level_info, strict=True,
     )  # fmt: skip
     for name, roughness, level, info in levels:
-        # What is made of the light alone is no `Map`, but has all that the header needs.
-        one: Any = replace(split_sum, info=info)
         header = {
             "name": name,
-            **common_header(one, 0),
-            "shrm:version": _FORMAT,
+            **common_header(replace(split_sum, info=info), 0),
             "shrm:mapping": split_sum.mapping,
             "shrm:roughness": float(roughness),
             "displayWindow": window,
@@ -96,24 +92,12 @@ def decode(path: str | os.PathLike[str], source: Any, specs: list[Any]) -> Split
         raise MapError(f"{path}: its parts are sampled differently; {_AGAIN}")
     _check_sizes(path, [specs[part] for part in order])
     infos = [map_info(attributes[part], specs[part]) for part in order]
-    whole = replace(
-        infos[-1],
-        order_f=max(info.order_f for info in infos),
-        captured=min(info.captured for info in infos),
-        predicted_error=max(info.predicted_error for info in infos),
-        brdf={"name": infos[-1].brdf.get("name"), "parameters": {"roughness": roughness}},
-        # Roughness 0 is the probe itself, in neither domain.
-        domain="angular"
-        if any(i.domain == "angular" for i, r in zip(infos, roughness, strict=True) if r > 0)
-        else "frequency",
-    )
-    return SplitSum(
-        tuple(_level(path, source, specs, part) for part in order),
-        tuple(roughness),
+    return SplitSum.of_levels(
+        [read_channels(path, source, part, COLOURS) for part in order],
+        roughness,
         mapping,
-        whole,
         "border" if samplings.pop() else "center",
-        tuple(infos),
+        infos,
     )
 
 
@@ -133,12 +117,6 @@ def _check_sizes(path: str | os.PathLike[str], specs: list[Any]) -> None:
                 f"{path}: a level of {spec.width} x {spec.height} is not a cube, or larger than "
                 f"the one before it; {_AGAIN}"
             )
-        numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
-        if sorted(spec.channelnames) != sorted(COLOURS) or not numbers <= {"half", "float"}:
+        if not has_channels(spec, COLOURS):
             raise MapError(f"{path}: the channels of a level are not R, G and B; {_AGAIN}")
         last = spec.width
-
-
-def _level(path: str | os.PathLike[str], source: Any, specs: list[Any], part: int) -> Array:
-    held = list(specs[part].channelnames)
-    return read_pixels(path, source, part)[..., [held.index(name) for name in COLOURS]]

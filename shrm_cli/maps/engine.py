@@ -1,5 +1,6 @@
 """What the maps for engines have in common: made from the light alone, for BRDFs of their own."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
@@ -18,7 +19,7 @@ ENGINES = ("irradiance", "splitsum", "she")
 """Their representations."""
 
 
-class EngineMap:
+class EngineMap(ABC):
     """A map that engines use.
 
     Files, commands and `Map` know the kinds by this class and their `representation`: to load
@@ -31,23 +32,23 @@ class EngineMap:
     info: MapInfo
 
     @property
+    @abstractmethod
     def sampling(self) -> Sampling:
         """Where the edge texels of its cubes lie."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def size(self) -> int:
         """Texels along an edge of the largest cube."""
-        raise NotImplementedError
 
     @property
     def roughness_range(self) -> tuple[float, float]:
         """Perceptual roughnesses that it was made for; all, where it has none."""
         return 0.0, 1.0
 
+    @abstractmethod
     def images(self) -> Sequence[Array]:
         """The cubes that a file holds, (6N, N, 3) each."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The split sum of game engines: light prefiltered at some roughnesses, times a table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,7 +17,6 @@ from shrm_cli.sphere.grids import Sampling
 from shrm_cli.sphere.sampling import CubeSampler
 
 Array = NDArray[np.floating]
-Color = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -82,6 +81,29 @@ class SplitSum(EngineMap):
         """The levels."""
         return self.levels
 
+    @classmethod
+    def of_levels(
+        cls,
+        levels: Sequence[Array],
+        roughness: Sequence[float],
+        mapping: Mapping,
+        sampling: Sampling,
+        level_info: Sequence[MapInfo],
+    ) -> "SplitSum":
+        """A split sum whose `info` is what is known of all levels together."""
+        # Roughness 0 is the probe itself, in neither domain.
+        domains = {i.domain for i, r in zip(level_info, roughness, strict=True) if r > 0}
+        name = level_info[-1].brdf.get("name")
+        whole = replace(
+            level_info[-1],
+            order_f=max(info.order_f for info in level_info),
+            captured=min(info.captured for info in level_info),
+            predicted_error=max(info.predicted_error for info in level_info),
+            brdf={"name": name, "parameters": {"roughness": list(roughness)}},
+            domain="angular" if "angular" in domains else "frequency",
+        )
+        return cls(tuple(levels), tuple(roughness), mapping, whole, sampling, tuple(level_info))
+
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
         """Prefiltered light at a roughness, mixed from two levels, each filtered between texels.
 
@@ -120,26 +142,16 @@ class SplitSum(EngineMap):
         return ShadedSplitSum(self, float(roughness), (red, green, blue))
 
     def _sampled(self, level: int, directions: ArrayLike) -> Array:
+        if level not in self._samplers:
+            self._samplers[level] = CubeSampler(self.levels[level], self.sampling)
         values = self._samplers[level](directions)
         # The cubic filter overshoots beside lamps; nothing is darker than the level's own texels.
         return np.maximum(values, min(float(self.levels[level].min()), 0.0))
 
     @cached_property
-    def _samplers(self) -> "_Samplers":
-        return _Samplers(self.levels, self.sampling)
-
-
-class _Samplers:
-    """A sampler for each level, made when it is asked for."""
-
-    def __init__(self, levels: tuple[Array, ...], sampling: Sampling) -> None:
-        self._levels, self._sampling = levels, sampling
-        self._made: dict[int, CubeSampler] = {}
-
-    def __getitem__(self, level: int) -> CubeSampler:
-        if level not in self._made:
-            self._made[level] = CubeSampler(self._levels[level], self._sampling)
-        return self._made[level]
+    def _samplers(self) -> dict[int, CubeSampler]:
+        """Of the levels that were asked for."""
+        return {}
 
 
 @dataclass(frozen=True)
