@@ -5,15 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Brdf, Center
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.errors import BrdfError, OrderError
+from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
 Array = NDArray[np.floating]
-
-MAX_ORDER_F = 512
-MAX_ORDER_P = 32
 
 _FIRST_ORDER_F = 32
 _FIRST_ORDER_P = 8

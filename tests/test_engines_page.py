@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.exr import read_map
+from shrm_cli.maps.read import read_map
 from tests.cli.helpers import ROOT, done
 
 PROBE = ROOT / "probes" / "studio.exr"

@@ -9,17 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Brdf, Center
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.files.picture import Picture
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Shrm, check_size
-from shrm_cli.orders import MAX_ORDER_F, Orders, choose_orders, error_bound, predicted_error
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.size import check_size
+from shrm_cli.orders import Orders, choose_orders, error_bound, predicted_error
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
-from shrm_cli.render.image import Picture, expose
+from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
+from shrm_cli.vocabulary import MAX_ORDER_F, Center
 
 Array = NDArray[np.floating]
 

@@ -9,18 +9,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.bake import bake
-from shrm_cli.bake.exponential import bake_exponential
-from shrm_cli.bake.split_sum import bake_split_sum
-from shrm_cli.brdf.ggx import Ggx
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ShrmError
-from shrm_cli.exr import read_map, write_map
+from shrm_cli.files.picture import Picture
+from shrm_cli.maps.read import read_map
 from shrm_cli.maps.representations import Map
+from shrm_cli.maps.she.prefilter import bake_exponential
+from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.maps.splitsum.prefilter import bake_split_sum
+from shrm_cli.maps.write import write_map
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
-from shrm_cli.render.image import Picture, expose
+from shrm_cli.render.image import expose
 from shrm_cli.render.shading import shade
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere

@@ -5,15 +5,15 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import BrdfError
+from shrm_cli.vocabulary import Center
 
 Array = NDArray[np.floating]
-Center = Literal["reflection", "normal", "tangent"]
 Color = tuple[float, float, float]
 
 # What `Brdf.values` holds and a constructor takes: a number, a colour's channels, or a name.

@@ -24,7 +24,7 @@ from shrm_cli import __version__
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import OutputError
-from shrm_cli.files import replacing
+from shrm_cli.files.whole import replacing
 
 FOLDER_VARIABLE = "SHRM_CACHE_DIR"
 """Environment variable that names the cache's folder."""
@@ -157,12 +157,14 @@ def _is_of_this_package(brdf: Brdf) -> bool:
 @functools.cache
 def _code() -> list[tuple[str, int, int]]:
     """Sizes and times of the modules, such that a changed model is computed anew."""
-    found = []
+    found, root = [], Path(__file__).parents[1]
     with contextlib.suppress(OSError):  # a package in an archive
         for name in _CODE:
-            for path in (Path(__file__).parents[1] / name).glob("*.py"):
+            for path in (root / name).rglob("*.py"):
                 status = path.stat()
-                found.append((f"{name}/{path.name}", status.st_size, status.st_mtime_ns))
+                found.append(
+                    (path.relative_to(root).as_posix(), status.st_size, status.st_mtime_ns)
+                )
     return sorted(found)
 
 

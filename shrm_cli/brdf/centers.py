@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Center
 from shrm_cli.sphere.directions import horizontal_tangents, reflect
+from shrm_cli.vocabulary import Center
 
 Array = NDArray[np.floating]
 

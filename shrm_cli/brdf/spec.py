@@ -7,22 +7,22 @@ colour (one number, ``1/0.78/0.34`` or a name such as ``gold``), or the name of 
 
 from pathlib import Path
 
-from shrm_cli.brdf.ashikhmin_shirley import AshikhminShirley
 from shrm_cli.brdf.base import Brdf, Value, suggestion
-from shrm_cli.brdf.blinn_phong import BlinnPhong
-from shrm_cli.brdf.charlie import Charlie
-from shrm_cli.brdf.cook_torrance import CookTorrance
-from shrm_cli.brdf.disney_diffuse import DisneyDiffuse
-from shrm_cli.brdf.ggx import Ggx
-from shrm_cli.brdf.kajiya_kay import KajiyaKay
-from shrm_cli.brdf.lafortune import Lafortune
-from shrm_cli.brdf.lambertian import Lambertian
-from shrm_cli.brdf.microfacet import Microfacet
-from shrm_cli.brdf.oren_nayar import OrenNayar
-from shrm_cli.brdf.phong import Phong
-from shrm_cli.brdf.poulin_fournier import PoulinFournier
+from shrm_cli.brdf.models.ashikhmin_shirley import AshikhminShirley
+from shrm_cli.brdf.models.blinn_phong import BlinnPhong
+from shrm_cli.brdf.models.charlie import Charlie
+from shrm_cli.brdf.models.cook_torrance import CookTorrance
+from shrm_cli.brdf.models.disney_diffuse import DisneyDiffuse
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.models.kajiya_kay import KajiyaKay
+from shrm_cli.brdf.models.lafortune import Lafortune
+from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.brdf.models.microfacet import Microfacet
+from shrm_cli.brdf.models.oren_nayar import OrenNayar
+from shrm_cli.brdf.models.phong import Phong
+from shrm_cli.brdf.models.poulin_fournier import PoulinFournier
+from shrm_cli.brdf.models.ward import Ward
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
-from shrm_cli.brdf.ward import Ward
 from shrm_cli.errors import BrdfError
 
 _ALL: tuple[type[Brdf], ...] = (
@@ -60,7 +60,7 @@ def parse_spec(spec: str) -> Brdf:
     if is_sum(spec) and not Path(spec).is_file():
         return parse_sum(spec, parse_spec)
     if names_file(spec):
-        from shrm_cli.brdf.measured import open_measured  # it is slow to load
+        from shrm_cli.brdf.measured.open import open_measured  # it is slow to load
 
         return open_measured(Path(spec))
     name, colon, rest = spec.strip().partition(":")

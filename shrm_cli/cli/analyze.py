@@ -127,14 +127,14 @@ def analyze(
         analyze_materials([spec, *others], order_f, order_p, output, no_plots, as_json, quiet)
         return
     from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
+    from shrm_cli.analysis.plots import can_plot, plot_accuracy, plot_energy
     from shrm_cli.brdf.spec import file_label, parse_spec
-    from shrm_cli.files import check_target
+    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.whole import check_target
     from shrm_cli.probe.lighting import project
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.image import write_picture
-    from shrm_cli.render.plots import can_plot, plot_accuracy, plot_energy
 
     _check_usage(ctx, probe, [*reading, "sampling", "views", "size", "source_height", "exposure"])
     brdf = parse_spec(spec)

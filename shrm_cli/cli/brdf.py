@@ -66,7 +66,7 @@ def brdf(
 
 
 def _list(as_json: bool, quiet: bool) -> None:
-    from shrm_cli.brdf.measured import FORMATS
+    from shrm_cli.brdf.measured.open import FORMATS
     from shrm_cli.brdf.spec import MODELS
 
     if as_json:
@@ -88,9 +88,9 @@ def _list(as_json: bool, quiet: bool) -> None:
 def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
     """Write a BRDF as a table, read it back, and say how far it is from the original."""
     from shrm_cli.brdf.examine import difference
-    from shrm_cli.brdf.measured import open_measured
+    from shrm_cli.brdf.measured.open import open_measured
     from shrm_cli.brdf.spec import named_files, parse_spec
-    from shrm_cli.files import check_target
+    from shrm_cli.files.whole import check_target
 
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -100,12 +100,12 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
     check_target(target, named_files(spec))
     chosen = parse_spec(spec)
     if suffix == ".binary":
-        from shrm_cli.brdf.merl import write_merl
+        from shrm_cli.brdf.measured.merl import write_merl
 
         write_merl(target, chosen)
     else:
-        from shrm_cli.brdf.table import tabulate
-        from shrm_cli.exr.brdf_table import write_table
+        from shrm_cli.brdf.measured.reading.table_writer import write_table
+        from shrm_cli.brdf.measured.table import tabulate
 
         write_table(target, tabulate(chosen))
     written = open_measured(target)

@@ -136,13 +136,13 @@ def compare(
         )  # fmt: skip
         return
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.exr import read_map
-    from shrm_cli.files import check_target
+    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.provenance import common_brdf, differing_origins, record_of
+    from shrm_cli.maps.read import read_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.comparison import compare_spheres, sheet_layout
-    from shrm_cli.render.image import file_type, write_picture
-    from shrm_cli.render.provenance import common_brdf, differing_origins, record_of
 
     _check_usage(ctx, maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
     size = size or _SIZE

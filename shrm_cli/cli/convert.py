@@ -93,8 +93,8 @@ def convert(
       shrm convert probe.microfacet.shrm.exr --to cabral
       shrm convert probe.exr --to hcross --size 256
     """
-    from shrm_cli.exr import is_map
-    from shrm_cli.files import check_target
+    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.read import is_map
 
     result_path = output or _default_name(source, target)
     count, components = (
@@ -141,9 +141,10 @@ def _convert_map(
     sampling: str | None,
     precision: str,
 ) -> tuple[dict[str, Any], list[str]]:
-    from shrm_cli.exr import read_map, write_map
-    from shrm_cli.maps.engine import EngineMap
+    from shrm_cli.maps.light_map import EngineMap
+    from shrm_cli.maps.read import read_map
     from shrm_cli.maps.representations import is_exact_in_half, map_count
+    from shrm_cli.maps.write import write_map
 
     found = read_map(source)
     layout = "openexr" if target in ALL_REPRESENTATIONS else target
@@ -185,7 +186,7 @@ def _converted(
 ) -> Map:
     from shrm_cli.maps.representations import EXPLICIT, as_shrm, represent, tabulate_sum
     from shrm_cli.maps.resample import resample
-    from shrm_cli.maps.summed import SummedShrm
+    from shrm_cli.maps.shrm.summed import SummedShrm
 
     made = resample(found, size, sampling)  # type: ignore[arg-type]
     if target not in REPRESENTATIONS:
@@ -213,8 +214,8 @@ def _convert_probe(
 ) -> tuple[dict[str, Any], list[str]]:
     import numpy as np
 
-    from shrm_cli.exr import probe_attributes, write_images
-    from shrm_cli.files import check_target
+    from shrm_cli.files.image import probe_attributes, write_images
+    from shrm_cli.files.whole import check_target
     from shrm_cli.probe.layout import default_orientation
     from shrm_cli.probe.probe import face_paths, open_probe
     from shrm_cli.probe.resample import relay

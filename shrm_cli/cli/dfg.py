@@ -47,9 +47,9 @@ def dfg(
     is the tangent away from the viewer; tail.E, tail.N and tail.T are those with (1 - V.H)^5.
     The lobe of f0 has mix(tail, base, f0).
     """
-    from shrm_cli.exr.dfg import MEANINGS, Kind, write_dfg
-    from shrm_cli.files import check_target
-    from shrm_cli.maps.environment_brdf import environment_table, moments_table
+    from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
+    from shrm_cli.brdf.environment.file import MEANINGS, Kind, write_dfg
+    from shrm_cli.files.whole import check_target
 
     if moments and multiscatter:
         raise click.BadParameter("does not go with --moments", param_hint="'--multiscatter'")

@@ -19,7 +19,7 @@ from shrm_cli.cli.types import Interval, Levels
 
 if TYPE_CHECKING:
     from shrm_cli.cli.options import Command
-    from shrm_cli.maps.irradiance import Irradiance
+    from shrm_cli.maps.irradiance.irradiance import Irradiance
     from shrm_cli.maps.representations import Map
     from shrm_cli.probe.probe import Probe, ReadOptions
 
@@ -95,8 +95,8 @@ def prefilter_for_engines(
     values : dict
         Of the options by name; None where an option was not given.
     """
-    from shrm_cli.exr import write_map
-    from shrm_cli.files import check_target
+    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.write import write_map
     from shrm_cli.probe.probe import open_probe
 
     source = open_probe(probe, reading)
@@ -126,7 +126,7 @@ def prefilter_for_engines(
 
 
 def _snippet(irradiance: Irradiance, language: str) -> str:
-    from shrm_cli.maps.shader import irradiance_snippet
+    from shrm_cli.maps.irradiance.shader import irradiance_snippet
 
     return irradiance_snippet(irradiance, language)
 
@@ -134,14 +134,14 @@ def _snippet(irradiance: Irradiance, language: str) -> str:
 def _bake(source: Probe, representation: str, given: dict[str, Any], progress: Any) -> Any:
     """The map with what is known of it; the options are the arguments of what bakes it."""
     if representation == "irradiance":
-        from shrm_cli.bake.irradiance import bake_irradiance
+        from shrm_cli.maps.irradiance.prefilter import bake_irradiance
 
         return bake_irradiance(source, **given, progress=progress)
     if representation == "splitsum":
-        from shrm_cli.bake.split_sum import bake_split_sum
+        from shrm_cli.maps.splitsum.prefilter import bake_split_sum
 
         return bake_split_sum(source, **given, progress=progress)
-    from shrm_cli.bake.exponential import bake_exponential
+    from shrm_cli.maps.she.prefilter import bake_exponential
 
     # It has no cube, whose sampling another option could tell.
     named = {"p_order": "order_p", "q_order": "order_q", "roughness": "roughness", "law": "law"}
@@ -235,8 +235,8 @@ def converted_for_engines(
     from dataclasses import replace
 
     from shrm_cli.errors import MapError
-    from shrm_cli.maps.irradiance import Irradiance
-    from shrm_cli.maps.shrm import MAX_SIZE
+    from shrm_cli.maps.irradiance.irradiance import Irradiance
+    from shrm_cli.vocabulary import MAX_CUBE_SIZE
 
     held = found.representation
     if target in ALL_REPRESENTATIONS and target != held:
@@ -246,8 +246,8 @@ def converted_for_engines(
             param_hint="'--to'",
         )
     if isinstance(found, Irradiance):  # the coefficients hold it all
-        if size is not None and size > MAX_SIZE:
-            raise MapError(f"a map of size {size} is larger than {MAX_SIZE}; lower --size")
+        if size is not None and size > MAX_CUBE_SIZE:
+            raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower --size")
         sampling = sampling or found.sampling
         return replace(found, size=size or found.size, sampling=sampling)  # type: ignore[arg-type]
     if held == "she" and target != held:

@@ -16,7 +16,7 @@ from shrm_cli.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.engine import EngineMap
+    from shrm_cli.maps.light_map import EngineMap
 
 _MOST_ROWS, _MOST_NUMBERS = 9, 16
 """Of a table, and of a list, that people are shown; programs get them all."""
@@ -31,9 +31,8 @@ _MOST_ROWS, _MOST_NUMBERS = 9, 16
 @report_options
 def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
     """Print what FILE is: a map or a table that shrm wrote, or a light probe."""
-    from shrm_cli.exr import is_map
-    from shrm_cli.exr.brdf_table import is_table
-    from shrm_cli.exr.read import environment_table
+    from shrm_cli.brdf.measured.reading.table_writer import is_table
+    from shrm_cli.maps.read import environment_table, is_map
 
     warnings: list[str] = []
     if is_map(file):
@@ -59,7 +58,7 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
 
 
 def _describe_table(file: str) -> dict[str, Any]:
-    from shrm_cli.brdf.table import Table
+    from shrm_cli.brdf.measured.table import Table
 
     table = Table.open(file)
     return {
@@ -72,8 +71,8 @@ def _describe_table(file: str) -> dict[str, Any]:
 
 
 def _describe_map(file: str) -> dict[str, Any]:
-    from shrm_cli.exr import read_map
-    from shrm_cli.maps.engine import EngineMap
+    from shrm_cli.maps.light_map import EngineMap
+    from shrm_cli.maps.read import read_map
     from shrm_cli.maps.representations import map_count
 
     reflection_map = read_map(file)
@@ -120,9 +119,9 @@ def _describe_for_engines(found: EngineMap) -> dict[str, Any]:
 
 def _contents(found: EngineMap) -> dict[str, Any]:
     """What a map holds that others do not."""
-    from shrm_cli.maps.exponential import SphericalHarmonicExponential
-    from shrm_cli.maps.irradiance import POLYNOMIAL_ORDER, Irradiance
-    from shrm_cli.maps.split_sum import SplitSum
+    from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
+    from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
+    from shrm_cli.maps.splitsum.split_sum import SplitSum
 
     if isinstance(found, Irradiance):
         window = found.window

@@ -22,9 +22,9 @@ def analyze_materials(
 ) -> None:
     """Energy of each BRDF that F = 30 and P = 0 .. 5 capture, as table and chart (figure 5.7)."""
     from shrm_cli.analysis.materials import ORDER_F, ORDER_P, material_energies
+    from shrm_cli.analysis.plots import can_plot, plot_materials
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files import check_target
-    from shrm_cli.render.plots import can_plot, plot_materials
+    from shrm_cli.files.whole import check_target
 
     target = None
     if can_plot() and not no_plots:

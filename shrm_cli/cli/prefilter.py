@@ -149,11 +149,11 @@ def prefilter(
         )
     import numpy as np
 
-    from shrm_cli.bake import bake
-    from shrm_cli.bake.terms import bake_terms, plan_terms
     from shrm_cli.brdf.spec import file_label, named_files, parse_spec
-    from shrm_cli.exr import write_map
-    from shrm_cli.files import check_target
+    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.shrm.prefilter import bake
+    from shrm_cli.maps.shrm.terms import bake_terms, plan_terms
+    from shrm_cli.maps.write import write_map
     from shrm_cli.probe.probe import open_probe
 
     _check_options(representation, domain, source_height, frame, (order_f, order_p))
@@ -191,7 +191,7 @@ def prefilter(
         plan = plan if wanted or plan.pays else None
     with progress_bar("reading" if domain == "frequency" else "integrating", quiet) as progress:
         if domain == "angular":
-            from shrm_cli.bake.angular import bake_angular
+            from shrm_cli.maps.explicit.angular import bake_angular
 
             made = bake_angular(
                 source, brdf, tolerance, source_height=source_height, progress=progress, **common

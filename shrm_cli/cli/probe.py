@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli.cli.types import AzimuthElevation, Radiance
-from shrm_cli.files import check_target
+from shrm_cli.files.whole import check_target
 
 if TYPE_CHECKING:  # numpy is loaded by the command that runs, not by `shrm --help`
     import numpy as np
@@ -184,7 +184,7 @@ def _write(
     output: str, pixels: NDArray[np.float32], precision: str, quiet: bool, **parameters: object
 ) -> None:
     """Write the image with the parameters that made it, and say so."""
-    from shrm_cli.exr import write_image
+    from shrm_cli.files.image import write_image
 
     height, width, _ = pixels.shape
     command = click.get_current_context().info_name

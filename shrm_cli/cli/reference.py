@@ -70,11 +70,12 @@ def reference(
       shrm reference probe.exr --brdf microfacet --source-height 128 -o truth.png
     """
     from shrm_cli.brdf.spec import file_label, parse_spec
-    from shrm_cli.files import check_target
+    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.whole import check_target
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.image import expose, file_type, write_picture
+    from shrm_cli.render.image import expose
     from shrm_cli.render.sphere import render_sphere
 
     brdf = parse_spec(spec)

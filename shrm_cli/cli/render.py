@@ -90,12 +90,12 @@ def render(
       shrm render probe.splitsum.exr --roughness 0.3 --f0 gold
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
     """
-    from shrm_cli.exr import read_map
-    from shrm_cli.files import check_target
+    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.read import read_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.frames import frame_paths, turntable
-    from shrm_cli.render.image import file_type, write_picture
     from shrm_cli.render.scene import Scene
 
     pattern = output or _default_name(maps, frames)

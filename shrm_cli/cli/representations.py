@@ -42,11 +42,11 @@ def compare_representations(
 
     from shrm_cli.analysis.representations import compare_forms, sheet_layout
     from shrm_cli.brdf import cache
-    from shrm_cli.exr import is_map
-    from shrm_cli.files import check_target
+    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.read import is_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.image import file_type, write_picture
     from shrm_cli.render.shading import ggx_surface
 
     if is_map(path):

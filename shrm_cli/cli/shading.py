@@ -11,7 +11,7 @@ from shrm_cli.cli.types import Within
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.brdf.ggx import Ggx
+    from shrm_cli.brdf.models.ggx import Ggx
     from shrm_cli.render.shading import KnownMap
 
 ROUGHNESS = 0.5

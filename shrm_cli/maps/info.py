@@ -1,9 +1,9 @@
 """What a map remembers of how it was made; it travels in the file's attributes."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
-Domain = Literal["frequency", "angular"]
+from shrm_cli.vocabulary import Domain
 
 
 @dataclass(frozen=True)

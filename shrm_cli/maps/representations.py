@@ -6,16 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.cabral import Cabral
-from shrm_cli.maps.compressed import CompressedShrm
-from shrm_cli.maps.engine import EngineMap
-from shrm_cli.maps.explicit import ExplicitMap
-from shrm_cli.maps.kautz_mccool import KautzMcCool
-from shrm_cli.maps.light_field import LightField
-from shrm_cli.maps.shrm import Frame, Shrm
-from shrm_cli.maps.summed import SummedShrm
-from shrm_cli.maps.tabulate import tabulate
+from shrm_cli.maps.explicit.cabral import Cabral
+from shrm_cli.maps.explicit.explicit import ExplicitMap
+from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
+from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.tabulate import tabulate
+from shrm_cli.maps.light_map import EngineMap
+from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.sphere.grids import spiral_directions
+from shrm_cli.vocabulary import Frame
 
 EXPLICIT: dict[str, type[ExplicitMap]] = {
     model.representation: model for model in (Cabral, KautzMcCool, LightField)

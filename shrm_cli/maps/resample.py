@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.compressed import CompressedShrm
-from shrm_cli.maps.explicit import ExplicitMap
+from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.representations import BrdfMap
-from shrm_cli.maps.shrm import MAX_SIZE, Shrm, check_size
-from shrm_cli.maps.summed import SummedShrm
+from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.sphere.grids import Sampling
 from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, Sampling
 
 Array = NDArray[np.floating]
 
@@ -38,8 +39,8 @@ def resample(reflection_map: BrdfMap, size: int | None, sampling: Sampling | Non
         terms = tuple(resample(term, size, sampling) for term in reflection_map.terms)
         return replace(reflection_map, terms=terms)  # type: ignore[arg-type]
     size = reflection_map.size if size is None else size
-    if size > MAX_SIZE:
-        raise MapError(f"a map of size {size} is larger than {MAX_SIZE}; lower --size")
+    if size > MAX_CUBE_SIZE:
+        raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower --size")
     sampling = sampling or reflection_map.sampling
     if (size, sampling) == (reflection_map.size, reflection_map.sampling):
         return reflection_map

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.raster import Indices, Raster
 from shrm_cli.sphere.cube import face_axes
-from shrm_cli.sphere.grids import Sampling
+from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 Overlap = tuple[Indices, Array]

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.sphere.cube import FACES, Orientation, reorient
+from shrm_cli.sphere.cube import FACES, reorient
+from shrm_cli.vocabulary import Orientation
 
 Array = NDArray[np.floating]
 Layout = Literal["latlong", "openexr", "strip", "hcross", "vcross", "faces", "angular"]

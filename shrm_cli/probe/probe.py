@@ -26,14 +26,10 @@ from shrm_cli.probe.pixels import (
     find_nonfinite,
     refuse_nonfinite,
 )
-from shrm_cli.sphere.cube import FACES, Orientation, cube_solid_angles
-from shrm_cli.sphere.grids import (
-    Sampling,
-    angular_solid_angles,
-    colatitude_weights,
-    longitude_weights,
-)
+from shrm_cli.sphere.cube import FACES, cube_solid_angles
+from shrm_cli.sphere.grids import angular_solid_angles, colatitude_weights, longitude_weights
 from shrm_cli.sphere.sampling import CubeSampler, sample_angular, sample_latlong
+from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
 Grid = Literal["latlong", "cube", "angular"]

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from shrm_cli.probe.probe import Grid, Probe
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.sphere.grids import (
-    Sampling,
     angular_coordinates,
     angular_points,
     latlong_coordinates,
     latlong_points,
     nodes,
 )
+from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.intp]

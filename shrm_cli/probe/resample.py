@@ -17,9 +17,9 @@ from shrm_cli.probe.aligned import copy, reduce_latlong
 from shrm_cli.probe.layout import Layout, arrange_faces, default_orientation
 from shrm_cli.probe.probe import Grid, Probe
 from shrm_cli.probe.raster import Raster
-from shrm_cli.sphere.cube import FACES, Orientation, face_axes
-from shrm_cli.sphere.grids import Sampling
+from shrm_cli.sphere.cube import FACES, face_axes
 from shrm_cli.sphere.sampling import CubeSampler, sample_angular, sample_latlong
+from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.intp]

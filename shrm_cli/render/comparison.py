@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.files.picture import Picture
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
-from shrm_cli.render.image import Picture, expose
+from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
 

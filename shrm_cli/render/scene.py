@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from shrm_cli.files.picture import Picture
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.image import Picture, expose
+from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, Surroundings, render_background, render_sphere
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
-from shrm_cli.brdf.ggx import Ggx
-from shrm_cli.maps.engine import EngineMap
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.light_map import EngineMap
 
 Array = NDArray[np.floating]
 

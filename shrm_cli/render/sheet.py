@@ -1,15 +1,14 @@
 """Contact sheets: several pictures in a grid, with a label under each."""
 
-from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, isqrt
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.lettering import text_coverage
 
 Array = NDArray[np.floating]
 Picture = NDArray[np.float32]
@@ -19,8 +18,6 @@ MAX_PIXELS = 2**27
 
 PAPER = 0.02
 """Linear grey of the sheet, sRGB 39; the labels are 1."""
-
-_ELLIPSIS = "..."  # the font has no single character for it
 
 
 @dataclass(frozen=True)
@@ -108,35 +105,6 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
         columns = slice(left, left + layout.tile)
         sheet[top : top + layout.tile, columns] = tile
         bottom = top + layout.tile
-        ink = _text(label, layout.font_size, layout.tile, layout.label_height)
+        ink = text_coverage(label, layout.font_size, layout.tile, layout.label_height)
         sheet[bottom : bottom + layout.label_height, columns] += (1 - PAPER) * ink
     return sheet
-
-
-def shorten(text: str, fits: Callable[[str], bool]) -> str:
-    """A text with as much left out of its middle as it takes to fit."""
-    if fits(text):
-        return text
-
-    def keep(count: int) -> str:
-        return text[: count - count // 2] + _ELLIPSIS + text[len(text) - count // 2 :]
-
-    too_many = bisect_left(range(len(text)), True, key=lambda count: not fits(keep(count)))
-    return keep(too_many - 1) if too_many else ""
-
-
-def _text(text: str, font_size: int, width: int, height: int) -> Array:
-    """Coverage by a line of text in the middle of a strip, shape (height, width, 1)."""
-    # Names of files may hold bytes that are no text.
-    text = text.encode("utf-8", "replace").decode()
-    text = shorten(text, lambda part: _width(part, font_size) <= width)
-    strip = oiio.ImageBufAlgo.zero(oiio.ROI(0, width, 0, height, 0, 1, 0, 1))
-    left = (width - _width(text, font_size)) // 2
-    # The font of OpenImageIO's own package is its default.
-    if not oiio.ImageBufAlgo.render_text(strip, left, height * 5 // 8, text, font_size, "", (1,)):
-        raise OutputError(f"labels cannot be drawn ({strip.geterror()})")
-    return np.asarray(strip.get_pixels(oiio.FLOAT))
-
-
-def _width(text: str, font_size: int) -> int:
-    return oiio.ImageBufAlgo.text_size(text, font_size, "").xend

@@ -6,15 +6,13 @@ in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
     +X  +Z -Y      -X  -Z -Y      +Y  +X -Z      -Y  +X +Z      +Z  -X -Y      -Z  +X -Y
 """
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.sphere.grids import Sampling, nodes
+from shrm_cli.sphere.grids import nodes
+from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
-Orientation = Literal["openexr", "gl"]
 
 FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 

@@ -10,13 +10,12 @@ A lat-long seen from inside, and its axes::
             +X              +Z             -X              the seam at both ends: -Z
 """
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.vocabulary import Sampling
+
 Array = NDArray[np.floating]
-Sampling = Literal["center", "border"]
 
 LATLONG_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows: world axes of a lat-long's own x, y and polar z: longitude 0 is +Z, 90 degrees is +X."""

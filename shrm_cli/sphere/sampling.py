@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
-from shrm_cli.sphere.grids import Sampling, angular_coordinates, latlong_coordinates
+from shrm_cli.sphere.grids import angular_coordinates, latlong_coordinates
+from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
-from shrm_cli.sphere.grids import LATLONG_AXES, Sampling, colatitude_weights, longitude_weights
+from shrm_cli.sphere.grids import LATLONG_AXES, colatitude_weights, longitude_weights
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 

@@ -10,7 +10,7 @@ from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError, OrderError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from shrm_cli.analysis.representations import FORMS, compare_forms, source_height
-from shrm_cli.bake import bake
-from shrm_cli.bake.split_sum import bake_split_sum
-from shrm_cli.exr import write_image, write_map
+from shrm_cli.files.image import write_image
+from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.maps.splitsum.prefilter import bake_split_sum
+from shrm_cli.maps.write import write_map
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.shading import ggx_surface, shade

@@ -77,7 +77,7 @@ def test_the_key_is_all_that_coefficients_depend_on(monkeypatch):
     assert compute.calls == 7
     monkeypatch.setattr(cache, "__version__", "999")
     cached_coefficients(brdf, *ORDERS, compute)
-    monkeypatch.setattr(cache, "_code", lambda: [("brdf/microfacet.py", 1, 2)])
+    monkeypatch.setattr(cache, "_code", lambda: [("brdf/models/microfacet.py", 1, 2)])
     cached_coefficients(brdf, *ORDERS, compute)
     assert compute.calls == 9
     cached_coefficients(brdf, *ORDERS, compute)
@@ -86,7 +86,7 @@ def test_the_key_is_all_that_coefficients_depend_on(monkeypatch):
 
 def test_the_code_is_known_by_its_files():
     names = [name for name, size, time in cache._code() if size and time]
-    assert "brdf/microfacet.py" in names
+    assert "brdf/models/microfacet.py" in names
     assert "sphere/harmonics.py" in names
 
 

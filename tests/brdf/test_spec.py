@@ -122,7 +122,7 @@ def test_what_names_a_file(spec, is_file, tmp_path, monkeypatch):
 
 def test_files_are_opened_as_measured_brdfs(monkeypatch):
     opened = []
-    from shrm_cli.brdf import measured
+    from shrm_cli.brdf.measured.open import open as measured
 
     monkeypatch.setattr(measured, "open_measured", opened.append)
     parse_spec("folder/paint.bsdf")

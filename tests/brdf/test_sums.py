@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.lambertian import Lambertian
-from shrm_cli.brdf.microfacet import Microfacet
-from shrm_cli.brdf.oren_nayar import OrenNayar
-from shrm_cli.brdf.phong import Phong
+from shrm_cli.brdf.measured.reading.table_writer import write_table
+from shrm_cli.brdf.measured.table import tabulate
+from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.brdf.models.microfacet import Microfacet
+from shrm_cli.brdf.models.oren_nayar import OrenNayar
+from shrm_cli.brdf.models.phong import Phong
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum, diffuse_albedo, is_sum, parse_sum, split
-from shrm_cli.brdf.table import tabulate
 from shrm_cli.errors import BrdfError
-from shrm_cli.exr.brdf_table import write_table
 from tests.brute_force import unit
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.files.png import encode_srgb
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.image import encode_srgb
 from tests import oracles
 from tests.cli.helpers import (
     assert_refused,

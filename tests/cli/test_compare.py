@@ -8,14 +8,16 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.bake.irradiance import bake_irradiance
-from shrm_cli.bake.split_sum import bake_split_sum
-from shrm_cli.exr import read_map, write_image, write_map
+from shrm_cli.files.image import write_image
+from shrm_cli.files.png import encode_srgb
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.irradiance.prefilter import bake_irradiance
+from shrm_cli.maps.read import read_map
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.splitsum.prefilter import bake_split_sum
+from shrm_cli.maps.write import write_map
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer, sphere_coverage
-from shrm_cli.render.image import encode_srgb
 from shrm_cli.render.sphere import render_sphere
 from tests.brute_force import latlong_samples, phong, reflected
 from tests.cli.helpers import (

@@ -8,7 +8,7 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.exr import read_map
+from shrm_cli.maps.read import read_map
 from tests import oracles
 from tests.cli.helpers import (
     assert_refused,

@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.exr import read_map
+from shrm_cli.maps.read import read_map
 from shrm_cli.maps.representations import as_shrm, map_count
 from tests import oracles
 from tests.brute_force import sphere_rule

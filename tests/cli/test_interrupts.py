@@ -108,12 +108,12 @@ def test_probes_are_written_whole_too(folder):
 def test_sigint_while_it_computes(folder):
     before = snapshot(folder)
     code = f"""
-import signal, time, shrm_cli.bake
+import signal, time, shrm_cli.maps.shrm.prefilter
 signal.signal(signal.SIGINT, signal.default_int_handler)
 def bake(*_, **__):
     print("baking", flush=True)
     time.sleep(20)
-shrm_cli.bake.bake = bake
+shrm_cli.maps.shrm.prefilter.bake = bake
 {MAIN}"""
     with start(*WRITE, code=code) as child:
         assert child.stdout.readline() == "baking\n"

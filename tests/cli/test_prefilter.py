@@ -7,7 +7,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from shrm_cli.exr import read_map
+from shrm_cli.maps.read import read_map
 from tests import brute_force, oracles
 from tests.cli.helpers import (
     assert_refused,

@@ -13,13 +13,14 @@ from click.testing import CliRunner
 
 from shrm_cli.cli.render import render
 from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
-from shrm_cli.exr import write_image, write_map
+from shrm_cli.files.image import write_image
+from shrm_cli.files.png import encode_srgb
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.irradiance import Irradiance
-from shrm_cli.maps.shrm import Shrm
-from shrm_cli.maps.split_sum import SplitSum
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.maps.write import write_map
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.image import encode_srgb
 from shrm_cli.render.sphere import render_background, render_sphere
 from tests.render.materials import furnace, spot, under_random_light
 

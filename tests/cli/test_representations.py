@@ -8,9 +8,9 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.analysis import representations
-from shrm_cli.bake.split_sum import bake_split_sum
 from shrm_cli.errors import OrderError
-from shrm_cli.exr import write_map
+from shrm_cli.maps.splitsum.prefilter import bake_split_sum
+from shrm_cli.maps.write import write_map
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, snapshot, write_exr
 from tests.oracles import latlong_pixels
 from tests.render.materials import furnace

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm
 from tests import oracles
 from tests.brute_force import unit
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.cabral import Cabral
-from shrm_cli.maps.compressed import CompressedShrm
-from shrm_cli.maps.kautz_mccool import KautzMcCool
-from shrm_cli.maps.light_field import LightField
+from shrm_cli.maps.explicit.cabral import Cabral
+from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
+from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.resample import resample
+from shrm_cli.maps.shrm.compressed import CompressedShrm
 from tests.brute_force import unit
 from tests.maps.scenes import make_shrm, normals_of, relative_rms, rms, uniform_points
 

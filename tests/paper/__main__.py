@@ -20,7 +20,7 @@ def main(folder: Path) -> None:
     import numpy as np
 
     from shrm_cli.brdf import cache
-    from shrm_cli.exr import write_image
+    from shrm_cli.files.image import write_image
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import resample_latlong
     from tests.paper import exponentials, figures, page, page_engines, spheres, timings

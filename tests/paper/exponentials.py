@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.bake.exponential import bake_exponential
-from shrm_cli.maps.environment_brdf import DirectionalAlbedo
-from shrm_cli.maps.exponential import SphericalHarmonicExponential, exponent_series
-from shrm_cli.maps.lobe_moments import LobeMoments
+from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
+from shrm_cli.brdf.environment.lobe_moments import LobeMoments
+from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
+from shrm_cli.maps.she.prefilter import bake_exponential
 from shrm_cli.probe.probe import Probe
 from tests.paper.glossy_truth import Light, Sphere, light_of, mirror_means, reflect, sphere
 from tests.paper.split_sum import PaperSplitSum, source_of

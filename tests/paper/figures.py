@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 
 from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
+from shrm_cli.analysis.plots import plot_accuracy
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.cabral import Cabral
+from shrm_cli.files.picture import write_picture
+from shrm_cli.maps.explicit.cabral import Cabral
+from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.kautz_mccool import KautzMcCool
 from shrm_cli.maps.representations import Map, map_count
-from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.orders import predicted_error
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import compare_spheres
-from shrm_cli.render.image import write_picture
-from shrm_cli.render.plots import plot_accuracy
 
 ORDER_F = 30
 _HIGH_F, _HIGH_P = 48, 16

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.bake.irradiance import bake_irradiance
+from shrm_cli.maps.irradiance.prefilter import bake_irradiance
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe, open_probe
 

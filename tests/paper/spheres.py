@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.files.picture import Picture, write_picture
 from shrm_cli.probe.probe import Probe
-from shrm_cli.render.image import Picture, expose, write_picture
+from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import arrange, draw_sheet
 from tests.paper.exponentials import F0, Scene, exact_split_sum, exponentials
 from tests.paper.glossy_truth import sphere

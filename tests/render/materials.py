@@ -5,7 +5,7 @@ import numpy as np
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm
 from tests.oracles import real_harmonics
 
 INFO = MapInfo(0, 0, 0.03, 1.0, 0.0)

@@ -9,7 +9,9 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.render.image import encode_srgb, expose, file_type, write_picture
+from shrm_cli.files.picture import file_type, write_picture
+from shrm_cli.files.png import encode_srgb
+from shrm_cli.render.image import expose
 
 
 def read(path):
@@ -114,7 +116,7 @@ FILL_DISK = """
 import resource, sys
 import numpy as np
 from shrm_cli.errors import OutputError
-from shrm_cli.render.image import write_picture
+from shrm_cli.files.picture import write_picture
 path, limit, width = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 picture = np.random.default_rng(1).random((width, width, 3)).astype(np.float32)
 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))

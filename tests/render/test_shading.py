@@ -7,10 +7,10 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
-from shrm_cli.maps.exponential import SphericalHarmonicExponential
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.split_sum import SplitSum
-from shrm_cli.render.provenance import record_of, same_brdf
+from shrm_cli.maps.provenance import record_of, same_brdf
+from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
+from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.shading import ggx_surface, needs_surface, outside_range, shade
 from tests.render.materials import furnace
 

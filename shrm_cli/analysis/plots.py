@@ -1,0 +1,203 @@
+"""Charts of an analysis as PNG files. The only module that knows matplotlib, an extra."""
+
+import importlib.util
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.files.whole import replacing
+
+Array = NDArray[np.floating]
+
+_WIDTH, _HEIGHT = 7.0, 4.8  # inches
+_DOTS_PER_INCH = 150
+_LEVEL = {"color": "0.25", "lw": 0.9, "ls": "--", "zorder": 1.5}
+_CIRCLE = {
+    "marker": "o", "mfc": "none", "mec": "0.25", "ms": 9, "mew": 1.4, "zorder": 4, "clip_on": False,
+}  # fmt: skip
+_TRUTH, _MINIMUM, _BRDF, _BOUND = "#111111", "#0072b2", "#d55e00", "#009e73"  # Okabe and Ito's
+
+
+def can_plot() -> bool:
+    """Whether matplotlib is installed."""
+    return importlib.util.find_spec("matplotlib") is not None
+
+
+def plot_energy(
+    path: str | os.PathLike[str],
+    captured: Array,
+    orders: Sequence[tuple[int, int, float]],
+    title: str,
+) -> None:
+    """Draw the energy of a BRDF that orders capture: a curve over F for each P.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG to write, whole or not at all.
+    captured : ndarray, shape (F+1, P+1)
+        Fractions of the energy.
+    orders : sequence of (F, P, tolerance)
+        The tolerances' levels, and the orders that meet them; those within the grid are circled.
+    title : str
+        The BRDF.
+
+    Raises
+    ------
+    OutputError
+    """
+    floor = min((tolerance for *_, tolerance in orders), default=0.01) / 20
+    with _default_style():
+        from matplotlib import colormaps
+
+        figure, (axes, missed_axes) = _figure(title, columns=2, width=1.6 * _WIDTH)
+        axes.set(ylabel="BRDF energy captured (%)", ylim=(0, 102))
+        missed_axes.set(ylabel="BRDF energy missed (%)", ylim=(100 * floor, 110))
+        missed_axes.set_yscale("log")
+        missed_axes.yaxis.set_major_formatter("{x:g}")
+        frequencies = np.arange(len(captured))
+        missed = np.maximum(1 - captured, floor / 10)  # the axis has no zero
+        # From dark for the largest P to light; the lightest yellows are hard to see.
+        shades = colormaps["viridis"](np.linspace(0, 0.85, captured.shape[1]))[::-1]
+        for p, shade in enumerate(shades):
+            style: dict[str, Any] = {"color": shade, "marker": ".", "markersize": 5, "label": p}
+            axes.plot(frequencies, 100 * captured[:, p], **style)
+            missed_axes.plot(frequencies, 100 * missed[:, p], **style)
+        for f, p, tolerance in orders:
+            missed_axes.annotate(
+                f"{100 * tolerance:g}%: F = {f}, P = {p}", (1, 100 * tolerance), (5, 0),
+                xycoords=("axes fraction", "data"), textcoords="offset points", va="center",
+            )  # fmt: skip
+            axes.axhline(100 * (1 - tolerance), **_LEVEL)
+            missed_axes.axhline(100 * tolerance, **_LEVEL)
+            if f < captured.shape[0] and p < captured.shape[1]:
+                axes.plot([f], [100 * captured[f, p]], **_CIRCLE)
+                missed_axes.plot([f], [100 * max(missed[f, p], floor)], **_CIRCLE)
+        for each in (axes, missed_axes):
+            _frequency_axis(each, len(captured) - 1)
+        axes.legend(loc="lower right", title="P", ncols=min(-(-len(shades) // 3), 3))
+        _save(figure, path)
+
+
+def plot_accuracy(
+    path: str | os.PathLike[str], curves: Mapping[str, Array], order_p: int, title: str
+) -> None:
+    """Draw the accuracy of the reflected light and estimates of it against F (figure 5.5).
+
+    Parameters
+    ----------
+    path : path-like
+        PNG to write, whole or not at all.
+    curves : mapping of str to ndarray, shape (F+1,)
+        ``accuracy``, ``estimate_minimum``, ``estimate_brdf`` and ``estimate_bound``: fractions
+        of the energy.
+    order_p : int
+        P, the same for all F.
+    title : str
+        The BRDF and the probe.
+
+    Raises
+    ------
+    OutputError
+    """
+    with _default_style():
+        figure, (axes,) = _figure(f"{title}, P = {order_p}", columns=1, width=_WIDTH)
+        named = {
+            "accuracy": ("accuracy of the reflected light", _TRUTH, "-", 2.2),
+            "estimate_bound": ("estimate: bound of eq. 5.19", _BOUND, "-.", 1.6),
+            "estimate_minimum": ("estimate: lesser error, light or BRDF", _MINIMUM, "--", 1.6),
+        }
+        for key, (label, color, line, width) in named.items():
+            values = curves[key]
+            axes.plot(np.arange(len(values)), values, line, color=color, lw=width, label=label)
+        values = curves["estimate_brdf"]
+        axes.plot(
+            np.arange(len(values)), values, ".", color=_BRDF, markersize=5,
+            label="estimate: error of the BRDF",
+        )  # fmt: skip
+        lowest = min(values[-1] for values in curves.values())
+        axes.set(
+            ylabel="accuracy 1 \N{MINUS SIGN} \N{GREEK SMALL LETTER EPSILON} (of the energy)",
+            ylim=(0.5 if lowest > 0.5 else 0, 1.01),
+        )
+        _frequency_axis(axes, len(values) - 1)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        _save(figure, path)
+
+
+def plot_materials(
+    path: str | os.PathLike[str], names: Sequence[str], captured: Array, order_f: int
+) -> None:
+    """Draw the energy that orders capture of several BRDFs, as in figure 5.7.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG to write, whole or not at all.
+    names : sequence of str
+        A bar each.
+    captured : ndarray, shape (materials, P+1)
+        Fractions of the energy; what each further P adds is a part of the bar.
+    order_f : int
+
+    Raises
+    ------
+    OutputError
+    """
+    with _default_style():
+        from matplotlib import colormaps
+
+        width = max(_WIDTH, 2.5 + 0.45 * len(names))
+        figure, (axes,) = _figure(f"energy captured at F = {order_f}", columns=1, width=width)
+        shades = colormaps["viridis"](np.linspace(0.95, 0, captured.shape[1]))
+        parts = np.diff(100 * captured, axis=1, prepend=0)
+        for p, shade in enumerate(shades):
+            below = 100 * captured[:, p - 1] if p else 0
+            axes.bar(range(len(names)), parts[:, p], 0.7, bottom=below, color=shade, label=p)
+        axes.set(ylabel="BRDF energy captured (%)", ylim=(0, 101))
+        labels = [name.encode("utf-8", "replace").decode() for name in names]
+        axes.set_xticks(range(len(names)), labels, rotation=35, ha="right", parse_math=False)
+        axes.grid(visible=False, axis="x")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", title="P")
+        _save(figure, path)
+
+
+def _default_style() -> Any:
+    """Matplotlib's own style, whatever the user's is: the same inputs give the same bytes."""
+    # It tells of caches that it cannot keep, which is nothing to do with the chart.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    import matplotlib.style
+
+    return matplotlib.style.context("default", after_reset=True)
+
+
+def _figure(title: str, columns: int, width: float) -> tuple[Any, Any]:
+    """A figure without pyplot, so that no window system is asked for."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure((width, _HEIGHT), _DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)
+    # Names of files may hold bytes that are no text, and dollars that are no formula.
+    title = title.encode("utf-8", "replace").decode()
+    figure.suptitle(title, fontsize="large", parse_math=False)
+    axes = figure.subplots(1, columns, squeeze=False)[0]
+    for each in axes:
+        each.grid(color="0.9")
+        each.set_axisbelow(True)
+        each.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _frequency_axis(axes: Any, order_f: int) -> None:
+    axes.set(xlabel="order F", xlim=(0, max(order_f, 1)))
+    axes.xaxis.get_major_locator().set_params(integer=True)
+
+
+def _save(figure: Any, path: str | os.PathLike[str]) -> None:
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", metadata={"Software": None})

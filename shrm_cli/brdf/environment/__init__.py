@@ -1,0 +1,1 @@
+"""What GGX reflects of a whole environment: albedos, lobe moments and their tables."""

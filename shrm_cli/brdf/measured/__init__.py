@@ -1,0 +1,1 @@
+"""Measured BRDFs, one file a format."""

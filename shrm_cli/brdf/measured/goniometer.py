@@ -1,0 +1,272 @@
+"""Goniometer samples: BRDFs measured at scattered directions, made smooth by radial functions."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.brdf.half_angles import half_angles
+from shrm_cli.brdf.hemisphere import evaluate_above
+from shrm_cli.brdf.measured.open import file_values
+from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
+from shrm_cli.brdf.measured.reading.text_file import parse_numbers, read_lines
+from shrm_cli.errors import BrdfError
+from shrm_cli.files.whole import replacing
+from shrm_cli.sphere.directions import from_angles
+
+MAX_SAMPLES = 4096
+"""They are solved for together: seconds, and 0.1 GB."""
+MAX_WAVELENGTHS = 1024
+
+# Chosen by leaving a fifth of the samples out, for three paints from rough to glossy.
+_DIFFERENCE_SCALE = 0.5
+_SMOOTHING = 3e-4
+_LOG_OFFSET = 0.03  # of the median value: below it differences are linear rather than relative
+
+_NODES = (64, 64, 16)  # in theta_h, theta_d, phi_d
+_NODES_AT_ONCE = 512
+_RECORD = 4  # channels of a node in memory: powers of two are fetched faster
+_LARGEST = 1e30
+_WAVELENGTHS = np.arange(400, 701, 10)
+
+
+def recognizes(head: bytes, path: Path) -> bool:
+    """Whether a file is of goniometer samples: a count, so many wavelengths, rows of angles."""
+    lines = [line.strip() for line in head.decode("utf-8", errors="replace").splitlines()]
+    if any(line.startswith("#") and line[1:].split() == ["num", "wls"] for line in lines):
+        return True
+    data = [line for line in lines if line and not line.startswith("#")]
+    return len(data) > 1 and data[0].isdecimal() and _are_wavelengths(data[1])
+
+
+class Goniometer(Brdf):
+    """A BRDF sampled at scattered directions, as Cornell measured paints; isotropic.
+
+    The samples' colours are interpolated by radial basis functions of the half-angle vector and
+    the difference angle, in which lobes are smooth and keep their place: of the logarithm, so
+    that relative errors count and nothing is negative. Reciprocity and mirror symmetry place
+    each sample four times. Nearer to the horizon than any sample theta_d is that of the lowest
+    one, and values end at the largest measured. What results is tabulated and read trilinearly.
+
+    References
+    ----------
+    Kautz, Sloan and Snyder 2002, section 3 (tabulated data by radial basis functions);
+    Rusinkiewicz 1998 (the angles); Wendland 2005, "Scattered data approximation", chapter 8 (the
+    kernel -r^1.5, conditionally positive definite of order 1: a constant beside it suffices).
+    """
+
+    name = "goniometer"
+    summary = "Measured isotropic BRDF, spectral samples at scattered directions"
+    source = "Cornell University, light measurement laboratory"
+
+    def __init__(
+        self, light: Array, view: Array, colors: Array, values: Mapping[str, Value]
+    ) -> None:
+        self.values = {**values}
+        self._table, self._offset = _tabulated(light, view, np.maximum(colors, 0))
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> "Goniometer":
+        """Read a file of spectral samples; takes about a second.
+
+        Raises
+        ------
+        BrdfError
+        """
+        wavelengths, rows = _read(Path(path))
+        try:
+            colors = to_linear_srgb(wavelengths, rows[:, 4:])
+        except BrdfError as error:
+            raise BrdfError(f"{path}: {error}") from error
+        if not (colors > 0).any():
+            raise BrdfError(f"{path}: none of its values is positive; copy the file again")
+        theta_i, phi_i, theta_s, phi_s = rows[:, :4].T
+        light, view = from_angles(theta_i, phi_i), from_angles(theta_s, phi_s)
+        return cls(light, view, colors, file_values(path))
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        return evaluate_above(self._interpolated, light, view)
+
+    def __repr__(self) -> str:
+        return str(self.values["file"])
+
+    def _interpolated(self, light: Array, view: Array) -> Array:
+        """Values at directions above the horizon, shape (n, 3)."""
+        total = np.zeros((len(light), _RECORD), dtype=light.dtype)
+        corners = [(np.zeros(len(light), dtype=np.intp), np.ones(len(light), dtype=light.dtype))]
+        for part, nodes in zip(_unit_angles(light, view), _NODES, strict=True):
+            position = part * (nodes - 1)
+            low = np.minimum(position.astype(np.intp), nodes - 2)
+            share = np.minimum(position - low.astype(position.dtype), 1)
+            corners = [
+                (at * nodes + low + step, weight * (share if step else 1 - share))
+                for at, weight in corners
+                for step in (0, 1)
+            ]
+        for at, weight in corners:
+            total += self._table.take(at, axis=0) * weight[:, None]
+        return np.maximum(np.exp(total[:, :3]) - self._offset, 0)
+
+
+def write_goniometer(
+    path: str | os.PathLike[str], brdf: Brdf, incidences: int = 8, rings: int = 10
+) -> None:
+    """Write any isotropic BRDF as goniometer samples, at directions as Cornell's.
+
+    The light is at 10, 20 .. 80 degrees (`incidences` of them), the viewer on rings that are
+    equally far apart on the equal-area disk, over one half of it. Colours become spectra of
+    three blocks.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is about a tangent or anisotropic, its value is not finite, or the samples
+        are too many to be read again.
+    OutputError
+        If the file cannot be written.
+    """
+    if brdf.center == "tangent" or not brdf.isotropic:
+        raise BrdfError(f"{brdf!r}: goniometer files hold isotropic BRDFs about a normal; use .exr")
+    theta_s = [0.0] + [
+        2 * np.arcsin(k / rings / np.sqrt(2)) for k in range(1, rings) for _ in range(4 * k + 1)
+    ]
+    phi_s = [0.0] + [-np.pi * j / (4 * k) for k in range(1, rings) for j in range(4 * k + 1)]
+    theta_i = np.linspace(0, np.pi / 2, incidences + 2)[1:-1]
+    if len(theta_i) * len(theta_s) > MAX_SAMPLES:
+        raise BrdfError(f"{path}: more than {MAX_SAMPLES:,} samples; lower incidences or rings")
+    angles = np.array([(t, 0.0, *s) for t in theta_i for s in zip(theta_s, phi_s, strict=True)])
+    light = from_angles(angles[:, 0], angles[:, 1])
+    colors = np.asarray(brdf.evaluate(light, from_angles(angles[:, 2], angles[:, 3])))
+    if brdf.includes_cosine:
+        colors = colors / light[:, 2:]
+    if not np.isfinite(colors).all():
+        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+    blocks = np.stack([_WAVELENGTHS >= 600, abs(_WAVELENGTHS - 545) < 50, _WAVELENGTHS < 500])
+    spectra = colors @ np.linalg.inv(to_linear_srgb(_WAVELENGTHS, blocks.astype(float))) @ blocks
+    with replacing(path) as temporary, open(temporary, "w", encoding="ascii") as stream:
+        stream.write(f"# num wls\n{len(_WAVELENGTHS)}\n\n# wls\n")
+        stream.write(" ".join(map(str, _WAVELENGTHS)) + "\n\n")
+        stream.write("# theta i, phi i, theta s, phi_s, spectral sample values\n\n")
+        np.savetxt(stream, np.column_stack([angles, spectra]), fmt="%.9g")
+
+
+def _unit_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
+    """Coordinates 0 .. 1 of a table: ``sqrt(theta_h)``, theta_d, and phi_d of either symmetry.
+
+    Directions that reciprocity or the mirror through the normal exchange have the same.
+    """
+    theta_h, theta_d, phi_d = half_angles(light, view)
+    phi_d = np.abs(phi_d)
+    phi_d = np.minimum(phi_d, phi_d.dtype.type(np.pi) - phi_d)
+    scale = light.dtype.type(2 / np.pi)
+    return np.sqrt(theta_h * scale), theta_d * scale, phi_d * scale
+
+
+def _positions(unit_angles: tuple[Array, ...]) -> Array:
+    """Where radial functions see the angles: half-angle vector and difference, shape (n, 3)."""
+    rho, delta, phi = unit_angles
+    radius, phi = np.sqrt(np.pi / 2) * rho, np.pi / 2 * phi
+    depth = _DIFFERENCE_SCALE * np.pi / 2 * delta
+    return np.stack([radius * np.cos(phi), radius * np.sin(phi), depth], axis=-1)
+
+
+def _kernel(at: Array, samples: Array) -> Array:
+    """Mean of -r^1.5 to each sample's four places, shape (n, samples)."""
+    total = np.zeros((len(at), len(samples)))
+    squares = (at**2).sum(axis=1)[:, None] + (samples**2).sum(axis=1)
+    for mirror in ((1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)):
+        distance = np.sqrt(np.maximum(squares - 2 * at @ (samples * mirror).T, 0))
+        total -= distance * np.sqrt(distance)
+    return total / 4
+
+
+def _tabulated(light: Array, view: Array, colors: Array) -> tuple[Array, float]:
+    """The interpolant ``log(value + offset)`` at the table's nodes, shape (nodes, 4)."""
+    samples = _positions(_unit_angles(light, view))
+    offset = max(_LOG_OFFSET * float(np.median(colors.max(axis=1))), 1e-6 * float(colors.max()))
+    count = len(samples)
+    system = np.ones((count + 1, count + 1))
+    system[:count, :count] = _kernel(samples, samples)
+    system[np.arange(count), np.arange(count)] += _SMOOTHING
+    system[count, count] = 0
+    known = np.append(np.log(colors + offset), np.zeros((1, 3)), axis=0)
+    weights = np.linalg.solve(system, known)
+
+    grid = np.meshgrid(*(np.linspace(0, 1, nodes) for nodes in _NODES), indexing="ij")
+    most = float(np.arccos(np.clip(min(light[:, 2].min(), view[:, 2].min()), 0, 1)))
+    at = _positions(_measured_part(grid[0].ravel(), grid[1].ravel(), grid[2].ravel(), most))
+    at, places = np.unique(at, axis=0, return_inverse=True)  # half are the lowest measured ones
+    found = np.empty((len(at), 3))
+    for start in range(0, len(at), _NODES_AT_ONCE):
+        part = slice(start, start + _NODES_AT_ONCE)
+        found[part] = _kernel(at[part], samples) @ weights[:count] + weights[count]
+    largest = colors.max(axis=0)
+    table = np.zeros((*_NODES, _RECORD), dtype=np.float32)
+    logs = np.clip(found, np.log(offset), np.log(largest + offset))
+    table[..., :3] = logs[places].reshape(*_NODES, 3)
+    table[:, 0] = table[:, 0].mean(axis=1, keepdims=True)  # light = view: phi_d has no meaning
+    return table.reshape(-1, _RECORD), offset
+
+
+def _measured_part(rho: Array, delta: Array, phi: Array, most: float) -> tuple[Array, ...]:
+    """Coordinates with theta_d reduced until light and view are as high as any measured one.
+
+    So lobes, which are functions of theta_h above all, keep their place towards the horizon.
+    """
+    theta_h = np.minimum(np.pi / 2 * rho**2, most)
+    # The lower of the two is at cos(theta) = along cos(theta_d) - across sin(theta_d).
+    along, across = np.cos(theta_h), np.sin(theta_h) * np.cos(np.pi / 2 * phi)
+    lowest = np.arccos(np.clip(np.cos(most) / np.hypot(along, across), -1, 1))
+    largest = np.maximum(lowest - np.arctan2(across, along), 0)
+    return np.sqrt(theta_h * 2 / np.pi), np.minimum(delta, largest * 2 / np.pi), phi
+
+
+def _are_wavelengths(line: str) -> bool:
+    try:
+        numbers = [float(word) for word in line.split()]
+    except ValueError:
+        return False
+    return all(100 <= number <= 1e5 for number in numbers)
+
+
+def _read(path: Path) -> tuple[Array, Array]:
+    """Wavelengths (n,) in nm, and rows of four angles and n values."""
+    lines = read_lines(path, "a file of goniometer samples")
+    if not lines or not lines[0][1].isdecimal() or not lines[0][1].isascii():
+        raise BrdfError(f"{path}: does not begin with a number of wavelengths; name another file")
+    if len(lines[0][1]) > 6 or not 1 <= (count := int(lines[0][1])) <= MAX_WAVELENGTHS:
+        raise BrdfError(
+            f"{path}: says that it has {lines[0][1][:20]} wavelengths, not 1 .. "
+            f"{MAX_WAVELENGTHS}; copy the file again"
+        )
+    wavelengths: list[float] = []
+    first = 1
+    while len(wavelengths) < count and first < len(lines):
+        wavelengths += parse_numbers(path, *lines[first])
+        first += 1
+    if len(wavelengths) != count:
+        raise BrdfError(f"{path}: {len(wavelengths)} wavelengths instead of {count}; copy it again")
+    if not (min(wavelengths) < 780 and max(wavelengths) > 360):
+        raise BrdfError(f"{path}: no wavelength is visible; give nanometres, 360 to 780")
+    samples = lines[first:]
+    if not samples:
+        raise BrdfError(f"{path}: has no samples; copy the file again")
+    if len(samples) > MAX_SAMPLES:
+        raise BrdfError(f"{path}: {len(samples):,} samples, more than {MAX_SAMPLES:,}; thin it out")
+    rows = np.empty((len(samples), 4 + count))
+    for row, (number, line) in zip(rows, samples, strict=True):
+        found = parse_numbers(path, number, line)
+        if len(found) != len(row):
+            raise BrdfError(
+                f"{path}: line {number}: {len(found)} numbers instead of {len(row)}; "
+                "correct it or copy the file again"
+            )
+        row[:] = found
+        if max(abs(found[0]), abs(found[2])) > np.pi / 2 or np.abs(row).max() > _LARGEST:
+            raise BrdfError(
+                f"{path}: line {number}: theta beyond pi/2 (angles are radians), or a number "
+                f"beyond {_LARGEST:g}; correct it"
+            )
+    return np.array(wavelengths), rows

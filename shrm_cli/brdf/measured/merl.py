@@ -1,0 +1,234 @@
+"""MERL's `.binary` tables: isotropic BRDFs over half and difference angles."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.brdf.half_angles import from_half_angles, half_angles
+from shrm_cli.brdf.hemisphere import evaluate_above
+from shrm_cli.brdf.measured.open import check_file, file_values
+from shrm_cli.errors import BrdfError
+from shrm_cli.files.whole import replacing
+
+CELLS = (90, 90, 180)
+"""Cells in theta_h (slowest), theta_d and phi_d (fastest)."""
+SCALE = np.array([1.0, 1.15, 1.66]) / 1500
+"""What a stored red, green and blue number is multiplied by, 1/sr."""
+
+_HEADER = np.array(CELLS, dtype="<i4").tobytes()
+_FILE_BYTES = len(_HEADER) + 3 * 8 * int(np.prod(CELLS))
+_INVALID = -1.0
+_LARGEST = 1e30
+_RECORD = 4  # channels of a cell in memory: powers of two are fetched faster
+
+
+def recognizes(head: bytes, path: Path) -> bool:
+    """Whether a file is MERL's, damaged or not, by its first bytes or by its name."""
+    return head.startswith(_HEADER) or path.suffix.lower() == ".binary"
+
+
+class Merl(Brdf):
+    """A measured isotropic BRDF, tabulated over Rusinkiewicz's half and difference angles.
+
+    A cell's value belongs to the cell's centre, as MERL's own reader assigns a direction to a
+    cell by truncation: ``i + 1/2 = 90 sqrt(2 theta_h / pi)``, ``j + 1/2 = theta_d`` and
+    ``k + 1/2 = phi_d`` in degrees, phi_d modulo 180 by Helmholtz's reciprocity. Values between
+    centres are trilinear, beyond the outermost centres constant.
+
+    Cells with a negative number are invalid: unmeasured, or below the horizon. They take the
+    mean of the valid cells near them, of the smallest neighbourhood that has any.
+
+    References
+    ----------
+    Matusik et al. 2003, "A data-driven reflectance model"; Rusinkiewicz 1998, "A new change of
+    variables for efficient BRDF representation".
+    """
+
+    name = "merl"
+    summary = "Measured isotropic BRDF, a table over half and difference angles"
+    source = "MERL BRDF database format, Matusik et al. 2003"
+
+    def __init__(self, cells: Array, values: Mapping[str, Value]) -> None:
+        if cells.shape != (*CELLS, 3):
+            raise ValueError(f"cells of shape {cells.shape}, not {(*CELLS, 3)}")
+        self.values = {**values}
+        # The first cell in phi_d follows the last.
+        table = np.zeros((CELLS[0], CELLS[1], CELLS[2] + 1, _RECORD), dtype=np.float32)
+        table[:, :, :-1, :3] = cells
+        table[:, :, -1] = table[:, :, 0]
+        self._table = table.reshape(-1, _RECORD)
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> "Merl":
+        """Read a file.
+
+        Raises
+        ------
+        BrdfError
+            If it cannot be read, or is not a whole MERL file.
+        """
+        path = check_file(path)
+        try:
+            with open(path, "rb") as stream:
+                cells = _read_cells(stream, path)
+        except OSError as error:
+            raise BrdfError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+        return cls(_pulled(cells)[..., :3], file_values(path))
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        return evaluate_above(self._interpolated, light, view)
+
+    def __repr__(self) -> str:
+        return str(self.values["file"])
+
+    def _interpolated(self, light: Array, view: Array) -> Array:
+        """Values at directions above the horizon, shape (n, 3)."""
+        i, j, k = half_difference(light, view)
+        low_i, part_i = _split(np.clip(i, 0, CELLS[0] - 1), CELLS[0] - 2)
+        low_j, part_j = _split(np.clip(j, 0, CELLS[1] - 1), CELLS[1] - 2)
+        floor_k = np.floor(k)
+        part_k = k - floor_k
+        low_k = floor_k.astype(np.intp) % CELLS[2]
+        row = CELLS[2] + 1
+        at = (low_i * CELLS[1] + low_j) * row + low_k
+        total = np.zeros((len(at), _RECORD), dtype=light.dtype)
+        for step_i, weight_i in ((0, 1 - part_i), (CELLS[1] * row, part_i)):
+            for step_j, weight_j in ((0, weight_i * (1 - part_j)), (row, weight_i * part_j)):
+                for step_k, weight in ((0, weight_j * (1 - part_k)), (1, weight_j * part_k)):
+                    cells = self._table.take(at + (step_i + step_j + step_k), axis=0)
+                    total += cells * weight[:, None]
+        return total[:, :3]
+
+
+def half_difference(light: Array, view: Array) -> tuple[Array, Array, Array]:
+    """Where directions lie in the table: indices whose whole numbers are the cells' centres.
+
+    Parameters
+    ----------
+    light, view : ndarray, shape (..., 3)
+        Unit, in the frame of the normal.
+
+    Returns
+    -------
+    i, j, k : ndarray, shape (...)
+        Of theta_h, theta_d and phi_d; k from -180.5 to 179.5, of period 180.
+    """
+    theta_h, theta_d, phi_d = half_angles(light, view)
+    degrees = 180 / np.pi
+    i = CELLS[0] * np.sqrt(theta_h * (2 / np.pi))
+    return i - 0.5, theta_d * degrees - 0.5, phi_d * degrees - 0.5
+
+
+def cell_directions(row: int) -> tuple[Array, Array]:
+    """Light and view at the centres of the cells of one theta_h, shape (90, 180, 3) each."""
+    theta_h = np.pi / 2 * ((row + 0.5) / CELLS[0]) ** 2
+    theta_d = (np.arange(CELLS[1]) + 0.5) * (np.pi / 2 / CELLS[1])
+    phi_d = (np.arange(CELLS[2]) + 0.5) * (np.pi / CELLS[2])
+    return from_half_angles(np.asarray(theta_h), theta_d[:, None], phi_d)
+
+
+def write_merl(path: str | os.PathLike[str], brdf: Brdf) -> None:
+    """Write any BRDF about a normal as a MERL file: 35 MB.
+
+    It is sampled at the cells' centres, with light and view exchanged too, and the mean is
+    written: the format holds reciprocal BRDFs only. Cells below the horizon are invalid.
+
+    Raises
+    ------
+    BrdfError
+        If it is anisotropic or about a tangent, or its value is not finite.
+    OutputError
+        If the file cannot be written.
+    """
+    if brdf.center == "tangent" or not brdf.isotropic:
+        raise BrdfError(f"{brdf!r}: MERL files hold isotropic BRDFs about a normal alone")
+    cells = np.empty((*CELLS, 3))
+    for row in range(CELLS[0]):
+        light, view = cell_directions(row)
+        mean = (_reflectance(brdf, light, view) + _reflectance(brdf, view, light)) / 2
+        if not np.isfinite(mean).all():
+            raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+        above = (light[..., 2] > 0) & (view[..., 2] > 0)
+        cells[row] = np.where(above[..., None], np.maximum(mean, 0) / SCALE, _INVALID)
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        stream.write(_HEADER)
+        for channel in range(3):
+            stream.write(cells[..., channel].astype("<f8").tobytes())
+
+
+def _reflectance(brdf: Brdf, light: Array, view: Array) -> Array:
+    """f_r, without the cosine that some models include; 0 where the light is not above."""
+    height = light[..., 2:]
+    value = brdf.evaluate(light, view)
+    if not brdf.includes_cosine:
+        return value
+    return np.where(height > 0, value / np.where(height > 0, height, 1.0), 0.0)
+
+
+def _split(index: Array, most: int) -> tuple[NDArray[np.intp], Array]:
+    """Whole part of a non-negative index, at most `most`, and the rest."""
+    low = np.minimum(index.astype(np.intp), most)
+    return low, index - low.astype(index.dtype)
+
+
+def _read_cells(stream: BinaryIO, path: Path) -> NDArray[np.float32]:
+    """BRDF (1/sr) and weight (0 or 1) of every cell, shape (90, 90, 180, 4)."""
+    size = os.fstat(stream.fileno()).st_size
+    header = np.frombuffer(stream.read(len(_HEADER)).ljust(len(_HEADER), b"\0"), dtype="<i4")
+    if tuple(header) != CELLS:
+        found = " x ".join(str(n) for n in header)
+        raise BrdfError(
+            f"{path}: not a MERL file of 90 x 90 x 180 cells (it says {found}); name another file"
+        )
+    if size != _FILE_BYTES:
+        raise BrdfError(f"{path}: {size:,} bytes instead of {_FILE_BYTES:,}; copy the file again")
+    cells = np.empty((*CELLS, _RECORD), dtype=np.float32)
+    valid = np.ones(CELLS, dtype=bool)
+    for channel in range(3):
+        plane = np.fromfile(stream, dtype="<f8", count=valid.size)
+        if plane.size != valid.size:  # it has shrunk meanwhile
+            raise BrdfError(f"{path}: ends too early; copy the file again")
+        if not (plane.min() >= -_LARGEST and plane.max() <= _LARGEST):  # a NaN is not
+            raise BrdfError(
+                f"{path}: holds values that are not numbers, infinite or beyond {_LARGEST:g}; "
+                "copy the file again"
+            )
+        plane = plane.reshape(CELLS)
+        valid &= plane >= 0
+        cells[..., channel] = plane
+        cells[..., channel] *= SCALE[channel]
+    if not valid.any():
+        raise BrdfError(f"{path}: all its cells are marked invalid; name another file")
+    cells[..., 3] = 1.0
+    cells[~valid] = 0.0
+    return cells
+
+
+def _pulled(cells: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Cells of weight 0 filled with the mean of the smallest block about them that has others.
+
+    Blocks have twice the edge from step to step, so this takes little longer than one pass.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (a, b, c, 4)
+        Three channels, already times the weight, and the weight.
+    """
+    missing = cells[..., 3] == 0
+    if not missing.any():
+        return cells
+    coarse = np.pad(cells, [(0, n % 2) for n in cells.shape[:3]] + [(0, 0)])
+    for axis in range(3):
+        paired = np.moveaxis(coarse, axis, 0)
+        coarse = np.moveaxis(paired[::2] + paired[1::2], 0, axis)
+    weight = coarse[..., 3:]
+    np.divide(coarse, weight, out=coarse, where=weight > 0)
+    coarse = _pulled(coarse)
+    a, b, c = np.nonzero(missing)
+    cells[a, b, c] = coarse[a // 2, b // 2, c // 2]
+    return cells

@@ -1,0 +1,87 @@
+"""Text files of measurements, which may be damaged or made to harm: bounded before they are read.
+
+Lines are cut and counted before any is turned into numbers, so what a file claims allocates
+nothing.
+"""
+
+import math
+import os
+
+from shrm_cli.brdf.measured.open import check_file
+from shrm_cli.errors import BrdfError
+
+MAX_BYTES = 2**25
+"""A hundred times what is known of such files."""
+MAX_LINE = 2**16
+MAX_LINES = 2**17
+
+
+def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]:
+    """The lines of a text file that are neither blank nor comments (``#``).
+
+    Parameters
+    ----------
+    path : path-like
+    what : str
+        What the file should be, for the messages: ``a goniometer file``.
+
+    Returns
+    -------
+    list of (int, str)
+        The line's number, from 1, and its text.
+
+    Raises
+    ------
+    BrdfError
+        If it is no regular file, too large, not text, or has too many lines or too long a line.
+    """
+    path = check_file(path)
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise BrdfError(f"{path}: cannot be read ({error.strerror}); name another file") from error
+    if len(content) > MAX_BYTES:
+        raise BrdfError(
+            f"{path}: larger than {MAX_BYTES // 2**20} MiB, too large for {what}; thin it out"
+        )
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise BrdfError(f"{path}: not text, so not {what}; name another file") from None
+    if "\0" in text:
+        raise BrdfError(f"{path}: not text, so not {what}; name another file")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if text.count("\n") > MAX_LINES:
+        raise BrdfError(f"{path}: more than {MAX_LINES:,} lines, too many for {what}; thin it out")
+    lines = text.split("\n")
+    longest = max(map(len, lines), default=0)
+    if longest > MAX_LINE:
+        raise BrdfError(
+            f"{path}: a line of {longest:,} characters, so not {what}; name another file"
+        )
+    stripped = ((number, line.strip()) for number, line in enumerate(lines, 1))
+    return [(number, line) for number, line in stripped if line and not line.startswith("#")]
+
+
+def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
+    """The finite numbers of one line, separated by spaces.
+
+    Raises
+    ------
+    BrdfError
+        If one is not a finite number.
+    """
+    found = []
+    for word in line.split():
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise BrdfError(
+                f"{path}: line {number}: {word[:20]!r} is not a finite number; "
+                "correct it or copy the file again"
+            )
+        found.append(value)
+    return found

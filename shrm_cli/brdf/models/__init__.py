@@ -1,0 +1,1 @@
+"""Analytic BRDFs, one file a model."""

@@ -1,0 +1,103 @@
+"""Poulin and Fournier's brushed surface: a row of parallel cylinders."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Color, Parameter
+from shrm_cli.brdf.metals import METALS
+from shrm_cli.brdf.models.blinn_phong import normalisation
+from shrm_cli.brdf.vectors import above_horizon, half_vector, heights, power
+from shrm_cli.sphere.grids import gauss_legendre
+
+_NODES = 32
+
+
+class PoulinFournier(Brdf):
+    """Light reflected once by half cylinders of radius 1 along x, their axes `distance` apart.
+
+    ``f_r = int f (n.L) (n.V) ds / (distance N.L N.V)`` over what of one period of the profile is
+    lit and visible, with ``f = diffuse / pi + specular (e+2) (e+4) / (8 pi (2^(-e/2) + e))
+    (n.H)^e``. The cylinders hide parts of each other and of the floor between them, which lies
+    at the height of their axes. Choose diffuse + specular <= 1.
+
+    The paper has cylinders that protrude from the floor by any part, or are cut into it, several
+    directions of cylinders at one place, and a polynomial in the place of the quadrature.
+    """
+
+    name = "poulin-fournier"
+    summary = "brushed surface of parallel cylinders, anisotropic"
+    source = "Poulin and Fournier 1990, A model for anisotropic reflection; simplified"
+    parameters = (
+        Parameter("distance", 2.0, 2.0, 20.0, "of the cylinders' axes, in radii"),
+        Parameter("exponent", 20.0, 0.0, 100.0, "e: larger is sharper"),
+        Parameter("diffuse", (0.1, 0.1, 0.1), 0.0, 1.0, "diffuse reflectance of the cylinders"),
+        Parameter(
+            "specular", (0.6, 0.6, 0.6), 0.0, 1.0, "specular reflectance of them", names=METALS
+        ),
+    )
+    isotropic = False
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        distance = self.number("distance")
+        lit, seen = _open_parts(light, distance), _open_parts(view, distance)
+        low, high = np.maximum(lit[0], seen[0]), np.minimum(lit[1], seen[1])
+        width = np.maximum(high - low, 0.0)
+        floor = np.minimum(lit[3], seen[3]) - np.maximum(lit[2], seen[2])
+        half = half_vector(light, view)
+        exponent = self.number("exponent")
+        # On the floor n = N.
+        product = np.maximum(light[..., 2] * view[..., 2], 0.0) * np.maximum(floor, 0.0)
+        diffuse, specular = product, product * power(np.minimum(half.z, 1.0), exponent)
+        for node, weight in zip(*gauss_legendre(_NODES), strict=True):
+            turn = low + width * float((node + 1) / 2)
+            sine, cosine = np.sin(turn), np.cos(turn)
+            facing = np.maximum(light[..., 1] * sine + light[..., 2] * cosine, 0.0)
+            facing = facing * np.maximum(view[..., 1] * sine + view[..., 2] * cosine, 0.0)
+            facing = facing * width * float(weight / 2)
+            towards_half = np.minimum(half.y * sine + half.z * cosine, 1.0)
+            diffuse, specular = (
+                diffuse + facing,
+                specular + facing * power(towards_half, exponent),
+            )
+        light_height, view_height = heights(light, view)
+        projected = distance * light_height * view_height
+        diffuse = above_horizon(diffuse / (np.pi * projected), light, view)
+        specular = above_horizon(specular * normalisation(exponent) / projected, light, view)
+        return _mixed(diffuse, self.color("diffuse"), specular, self.color("specular"))
+
+
+def _open_parts(direction: Array, distance: float) -> tuple[Array, Array, Array, Array]:
+    """What a direction reaches: angles on a cylinder, and places on the floor beside it.
+
+    Angles from z towards y. A ray that touches the next cylinder meets this one at an angle
+    with ``sin(angle - inclination) = distance cos(inclination) - 1``, or the floor at
+    ``distance - 1 / cos(inclination)``.
+
+    Returns
+    -------
+    low, high : ndarray, shape (...)
+        Angles, radians.
+    start, end : ndarray, shape (...)
+        Places on the floor from the axis, in radii; none where start >= end.
+    """
+    y, z = direction[..., 1], np.maximum(direction[..., 2], 0.0)
+    inclination = np.arctan2(np.abs(y), z)
+    # z / hypot(y, z) is the cosine.
+    shadow = np.hypot(y, z) / np.maximum(z, np.finfo(z.dtype).tiny)
+    shadow = np.where(np.isfinite(shadow), shadow, distance)
+    reach = inclination + np.arcsin(np.clip(distance * np.cos(inclination) - 1, -1.0, 1.0))
+    low, high = inclination - np.pi / 2, np.minimum(reach, np.pi / 2)
+    from_right = y > 0
+    return (
+        np.where(from_right, low, -high),
+        np.where(from_right, high, -low),
+        np.where(from_right, 1.0, shadow).astype(z.dtype),
+        np.where(from_right, distance - shadow, distance - 1).astype(z.dtype),
+    )
+
+
+def _mixed(diffuse: Array, diffuse_color: Color, specular: Array, specular_color: Color) -> Array:
+    pairs = list(zip(diffuse_color, specular_color, strict=True))
+    if pairs[0] == pairs[1] == pairs[2]:
+        value = diffuse * pairs[0][0] + specular * pairs[0][1]
+        return np.broadcast_to(value[..., None], (*value.shape, 3))
+    return np.stack([diffuse * one + specular * other for one, other in pairs], axis=-1)

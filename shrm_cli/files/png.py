@@ -1,0 +1,61 @@
+"""PNG files of 8-bit sRGB, written whole or not at all."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.files.whole import replacing
+
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
+
+
+def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
+    """Linear Rec.709 values as 8-bit sRGB, clipped to 0 .. 1 and rounded.
+
+    References
+    ----------
+    IEC 61966-2-1:1999, the sRGB transfer function.
+    """
+    linear = np.clip(np.asarray(pixels, dtype=np.float32), 0, 1)
+    encoded = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** np.float32(1 / 2.4) - 0.055
+    )
+    return np.floor(255 * encoded + 0.5).astype(np.uint8)
+
+
+def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
+    """Write a picture of 8-bit sRGB values, shape (H, W, 3), whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        _write_png(temporary, pixels)
+
+
+def _write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
+    height, width, _ = pixels.shape
+    spec = oiio.ImageSpec(width, height, 3, oiio.UINT8)
+    spec.attribute("oiio:ColorSpace", "sRGB")
+    path.touch()  # fails with the system's reason, which OpenImageIO does not tell
+    target = oiio.ImageOutput.create("png")
+    # write_image after a failed open would be a segmentation fault.
+    if target is None or not target.open(str(path), spec):
+        raise OSError(0, "OpenImageIO cannot write it")
+    written = target.write_image(pixels) and target.close()
+    # On a full disk both return True. Errors are only noted, and not even that where the last
+    # block fails (closing the file writes it): then the end of the file is missing.
+    if not written or target.has_error or not _ends_whole(path):
+        raise OSError(0, "it was not written whole; is the disk full?")
+
+
+def _ends_whole(path: Path) -> bool:
+    with open(path, "rb") as stream:
+        stream.seek(0, os.SEEK_END)
+        stream.seek(max(stream.tell() - len(_PNG_END), 0))
+        return stream.read() == _PNG_END

@@ -1,0 +1,1 @@
+"""Explicit (tabular) maps: Cabral, Kautz and McCool, light fields."""

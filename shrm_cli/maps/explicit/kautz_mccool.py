@@ -1,0 +1,65 @@
+"""Kautz and McCool's 3D texture: the view as its angle from the central direction alone."""
+
+import numpy as np
+
+from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
+from shrm_cli.sphere.directions import from_angles
+from shrm_cli.sphere.grids import colatitude_weights
+from shrm_cli.sphere.harmonics import real_harmonics
+
+
+class KautzMcCool(ExplicitMap):
+    """Slices ``B(alpha, beta, theta_o)`` of the part without azimuth, q = 0 (eq. 5.25).
+
+    Slice k of T belongs to the angle ``theta_o = pi k / (T - 1)`` between the view and the
+    central direction, so that both ends of the range are slices.
+
+    References
+    ----------
+    Kautz and McCool 2000, Approximation of glossy reflection with prefiltered environment maps:
+    the BRDF is approximated by ``u(theta_i', theta_o')``.
+    """
+
+    representation = "kautz-mccool"
+    frame = "local"
+
+    @classmethod
+    def image_count(cls, view_count: int) -> int:
+        return view_count
+
+    @classmethod
+    def check_count(cls, count: int) -> None:
+        if count < 1:
+            raise ValueError("no slices")
+
+    @classmethod
+    def view_angles(cls, count: int) -> Array:
+        """Angles theta_o of the slices, radians; of a single slice any."""
+        return np.linspace(0.0, np.pi, count) if count > 1 else np.zeros(1)
+
+    @classmethod
+    def sample_views(cls, count: int) -> Array:
+        return from_angles(cls.view_angles(count), 0.0)
+
+    @classmethod
+    def view_weights(cls, count: int) -> Array:
+        if count == 1:
+            return np.full(1, 4 * np.pi)
+        return 2 * np.pi * colatitude_weights(count, "border")
+
+    @classmethod
+    def basis(cls, order_p: int, count: int) -> Array:
+        harmonics = real_harmonics(order_p, cls.sample_views(count))
+        zonal = [q == 0 for p in range(order_p + 1) for q in range(-p, p + 1)]
+        return harmonics * np.array(zonal)
+
+    @classmethod
+    def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
+        """The slices on both sides of the view's angle."""
+        sine = np.linalg.norm(np.cross(centers, views), axis=-1)
+        theta = np.arctan2(sine, np.sum(centers * views, axis=-1))
+        position = theta * ((count - 1) / np.pi)
+        first = np.clip(np.floor(position).astype(np.intp), 0, max(count - 2, 0))
+        rest = position - first
+        indices = np.stack([first, np.minimum(first + 1, count - 1)], axis=-1)
+        return indices, np.stack([1 - rest, rest], axis=-1)

@@ -1,0 +1,63 @@
+"""A full light field: T x T reflection maps on a grid of views (section 5.6.2)."""
+
+from math import isqrt
+
+import numpy as np
+
+from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
+from shrm_cli.sphere.directions import from_angles, to_angles
+from shrm_cli.sphere.grids import colatitude_weights, nodes
+from shrm_cli.sphere.harmonics import real_harmonics
+
+
+class LightField(ExplicitMap):
+    """Global reflection maps for T x T distant views, interpolated bilinearly.
+
+    Image ``T j + k`` belongs to the view ``theta = pi (j + 1/2) / T`` from +Z,
+    ``phi = 2 pi (k + 1/2) / T - pi``: the polar axis of the harmonics and Fejer's nodes, so that
+    integrals over the views find every coefficient with 2 P < T exactly.
+    """
+
+    representation = "lightfield"
+
+    @classmethod
+    def image_count(cls, view_count: int) -> int:
+        return view_count**2
+
+    @classmethod
+    def check_count(cls, count: int) -> None:
+        if count < 1 or isqrt(count) ** 2 != count:
+            raise ValueError(f"{count} images are no grid of T x T")
+
+    @classmethod
+    def sample_views(cls, count: int) -> Array:
+        side = nodes(isqrt(count))
+        theta, phi = (side + 1) * (np.pi / 2), side * np.pi
+        return from_angles(theta[:, None], phi).reshape(-1, 3)
+
+    @classmethod
+    def view_weights(cls, count: int) -> Array:
+        rows = colatitude_weights(isqrt(count)) * (2 * np.pi / isqrt(count))
+        return np.repeat(rows, isqrt(count))
+
+    @classmethod
+    def basis(cls, order_p: int, count: int) -> Array:
+        return real_harmonics(order_p, cls.sample_views(count))
+
+    @classmethod
+    def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
+        """Two rows and two columns; beyond a pole the grid goes on half a turn away."""
+        side = isqrt(count)
+        theta, phi = to_angles(views)
+        down = theta * (side / np.pi) - 0.5
+        row = np.floor(down).astype(np.intp)
+        parts = []
+        for at, weight in ((row, row + 1 - down), (row + 1, down - row)):
+            beyond = (at < 0) | (at >= side)
+            at = np.minimum(np.maximum(at, -1 - at), 2 * side - 1 - at)
+            along = (phi / np.pi + np.where(beyond, 2.0, 1.0)) * (side / 2) - 0.5
+            column = np.floor(along).astype(np.intp)
+            for step, share in ((0, column + 1 - along), (1, along - column)):
+                parts.append((at * side + (column + step) % side, weight * share))
+        indices, weights = zip(*parts, strict=True)
+        return np.stack(indices, axis=-1), np.stack(weights, axis=-1)

@@ -1,0 +1,1 @@
+"""Irradiance environment maps (chapter 4): a few lighting coefficients."""

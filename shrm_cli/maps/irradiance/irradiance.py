@@ -1,0 +1,205 @@
+"""Irradiance environment maps (chapter 4): a few lighting coefficients, and E of the normal."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.errors import MapError
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.maps.light_map import EngineMap
+from shrm_cli.maps.size import choose_size
+from shrm_cli.sphere.extremes import lowest, series_values
+from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.vocabulary import Sampling
+
+Array = NDArray[np.floating]
+
+POLYNOMIAL_ORDER = 2
+"""Up to which E is a quadratic polynomial of the normal (eq. 4.14 to 4.16)."""
+
+
+def lambert_factors(order: int) -> Array:
+    """``A_l`` of the clamped cosine: ``E_lm = A_l L_lm``; pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
+
+    Parameters
+    ----------
+    order : int
+
+    Returns
+    -------
+    ndarray, shape (order+1,)
+
+    References
+    ----------
+    Eq. 4.11; its factorials ``l! / (2^l (l/2)!^2)`` by their ratio ``(l - 1) / l``.
+    """
+    factors = np.zeros(order + 1)
+    central = 1.0
+    for degree in range(0, order + 1, 2):
+        if degree:
+            central *= (degree - 1) / degree
+        sign = 1 if degree % 4 == 2 else -1
+        factors[degree] = sign * 2 * np.pi * central / ((degree + 2) * (degree - 1))
+    if order >= 1:
+        factors[1] = 2 * np.pi / 3
+    return factors
+
+
+def irradiance_energies(power: ArrayLike) -> Array:
+    """``A_l^2 sum_m L_lm^2``, which sum to the integral of E^2 over the sphere (Parseval).
+
+    Parameters
+    ----------
+    power : array_like, shape (order+1, 3)
+        ``sum_m L_lm^2`` of each degree and channel.
+    """
+    power = np.asarray(power)
+    return lambert_factors(len(power) - 1)[:, None] ** 2 * power
+
+
+def matrix_constants() -> tuple[float, float, float, float, float]:
+    """The constants c1 .. c5 of eq. 4.15: products of A_l and of the harmonics of eq. 4.5."""
+    a0, a1, a2 = lambert_factors(2).tolist()
+    constant, linear = np.sqrt(1 / (4 * np.pi)), np.sqrt(3 / (4 * np.pi))
+    mixed, zonal = np.sqrt(15 / (4 * np.pi)), np.sqrt(5 / (16 * np.pi))
+    # Y_22 is mixed / 2 (x^2 - y^2), Y_20 zonal (3 z^2 - 1); M holds products of x, y, z twice.
+    c1, c2, c3 = a2 * mixed / 2, a1 * linear / 2, 3 * a2 * zonal
+    return float(c1), float(c2), float(c3), float(a0 * constant), float(a2 * zonal)
+
+
+@dataclass(frozen=True)
+class Irradiance(EngineMap):
+    """The irradiance of a surface as a function of its normal.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape ((F+1)^2, 3)
+        Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m.
+    info : MapInfo
+    size : int, optional
+        Texels along an edge of the cube that is written with them; `choose_size` by default.
+    sampling : {"center", "border"}
+        Of that cube.
+    window : Window
+        What the coefficients were multiplied with.
+    """
+
+    coefficients: Array
+    info: MapInfo
+    size: int = 0
+    sampling: Sampling = "center"
+    window: Window = field(default_factory=Window)
+
+    representation = "irradiance"
+    center = "normal"
+
+    def __post_init__(self) -> None:
+        if self.coefficients.shape != ((self.order_f + 1) ** 2, 3):
+            raise ValueError(f"lighting coefficients of shape {self.coefficients.shape}")
+        if len(self.window.factors) not in (0, self.order_f + 1):
+            raise ValueError(f"{len(self.window.factors)} factors for order {self.order_f}")
+        if not self.size:
+            object.__setattr__(self, "size", choose_size(self.order_f))
+
+    @property
+    def order_f(self) -> int:
+        return order_of(len(self.coefficients))
+
+    @property
+    def order_p(self) -> int:
+        """0: a diffuse surface looks the same from everywhere."""
+        return 0
+
+    def irradiance(self, normals: ArrayLike) -> Array:
+        """E(N), without 1/pi (eq. 4.10).
+
+        Parameters
+        ----------
+        normals : array_like, shape (..., 3)
+            Unit, world axes.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        normals = np.asarray(normals, dtype=float)
+        values = series_values(self.series, normals.reshape(-1, 3))
+        return values.reshape(normals.shape)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Radiance of a white Lambertian surface, E / pi.
+
+        Parameters
+        ----------
+        normals, views : array_like, shape (..., 3), broadcastable
+            Unit, world axes; the views change nothing.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        normals = np.asarray(normals, dtype=float)
+        shape = np.broadcast_shapes(normals.shape, np.shape(views))
+        return np.broadcast_to(self.irradiance(normals) / np.pi, shape)
+
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Radiance by central directions, which are the normals; the rest as `radiance`."""
+        return self.radiance(centers, views)
+
+    def cube(self) -> Array:
+        """E(N) at the texels of an OpenEXR cube, shape (6N, N, 3)."""
+        planes = synthesize_cube(self.series, self.size, self.sampling)
+        return np.moveaxis(planes, 0, -1)
+
+    def images(self) -> tuple[Array]:
+        """The cube alone."""
+        return (self.cube(),)
+
+    def matrices(self) -> Array:
+        """M of each channel, shape (3, 4, 4): ``E = (x y z 1) M (x y z 1)`` (eq. 4.14, 4.15).
+
+        Raises
+        ------
+        MapError
+            Above order 2, where E is no quadratic polynomial.
+        """
+        c1, c2, c3, c4, c5 = matrix_constants()
+        l00, l1_1, l10, l11, l2_2, l2_1, l20, l21, l22 = self.nine()
+        rows = [
+            [c1 * l22, c1 * l2_2, c1 * l21, c2 * l11],
+            [c1 * l2_2, -c1 * l22, c1 * l2_1, c2 * l1_1],
+            [c1 * l21, c1 * l2_1, c3 * l20, c2 * l10],
+            [c2 * l11, c2 * l1_1, c2 * l10, c4 * l00 - c5 * l20],
+        ]
+        return np.moveaxis(np.array(rows), -1, 0)
+
+    def nine(self) -> Array:
+        """The coefficients up to order 2, shape (9, 3); those beyond the map's order are 0.
+
+        Raises
+        ------
+        MapError
+            Above order 2.
+        """
+        if self.order_f > POLYNOMIAL_ORDER:
+            raise MapError(
+                f"an irradiance map of order F = {self.order_f} is no quadratic polynomial of the "
+                "normal; matrices and shaders need --order-f 2 or less"
+            )
+        result = np.zeros(((POLYNOMIAL_ORDER + 1) ** 2, 3))
+        result[: len(self.coefficients)] = self.coefficients
+        return result
+
+    def minimum(self) -> float:
+        """The least irradiance of any normal and channel."""
+        return float(lowest(self.series)[1].min())
+
+    @cached_property
+    def series(self) -> Array:
+        """``E_lm = A_l L_lm`` (eq. 4.8), shape ((F+1)^2, 3)."""
+        factors = lambert_factors(self.order_f)[degrees(self.order_f)]
+        return factors[:, None] * self.coefficients

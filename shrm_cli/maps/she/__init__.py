@@ -1,0 +1,1 @@
+"""Spherical harmonic exponentials: glossy reflections from a few dozen coefficients."""

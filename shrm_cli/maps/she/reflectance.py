@@ -1,0 +1,159 @@
+"""Samples of the light that GGX reflects, from the frequency domain: no noise, few operations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.lobe_harmonics import lobe_harmonics
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.sphere.directions import bisector, local_frame
+from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.rotation import rotate_to_frames, turn_about_z
+
+Array = NDArray[np.floating]
+
+_AZIMUTHS = 24
+_LEAST_NODES = 64
+_MAX_M = 16
+_GOLDEN = (np.sqrt(5) - 1) / 2
+
+
+@dataclass(frozen=True)
+class ReflectanceSamples:
+    """Reflected light at pairs of mirror direction R and view V that fill both spheres evenly.
+
+    Attributes
+    ----------
+    normals, views : ndarray, shape (S, 3)
+        Unit, world axes.
+    weights : ndarray, shape (S,)
+        Of the pairs; they sum to 1.
+    roughness : tuple of A float
+        Perceptual.
+    reflected : ndarray, shape (A, 2, S, 3)
+        Base reflectance E_0 and Fresnel's tail E_1 of Silvennoinen et al. 2025, eq. 6 and 7.
+    mirrored : ndarray, shape (A, S, 3)
+        The light around R, averaged over the lobe of N = V = R: a split sum's first factor.
+    """
+
+    normals: Array
+    views: Array
+    weights: Array
+    roughness: tuple[float, ...]
+    reflected: Array
+    mirrored: Array
+
+
+def sample_reflectance(
+    lighting: Lighting, roughness: Sequence[float], rings: int, view_rings: int, azimuths: int
+) -> ReflectanceSamples:
+    """Sample what GGX reflects, up to the order of the lighting.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    roughness : sequence of A float
+        Perceptual.
+    rings : int
+        Of mirror directions: Gauss's nodes over z, ``3 rings / 2`` directions on each.
+    view_rings : int
+        Gauss's nodes over the cosine between R and V.
+    azimuths : int
+        Of the view about R.
+    """
+    directions, theta, phi, weights = _mirror_directions(rings)
+    cosines, view_weights = gauss_legendre(view_rings)
+    offsets = _GOLDEN * np.arange(len(directions) * view_rings).reshape(len(directions), -1)
+    turns = 2 * np.pi * (offsets[..., None] + np.arange(azimuths)) / azimuths
+    views = _views(local_frame(theta, phi), np.arccos(cosines), turns)
+    centers = np.broadcast_to(directions[:, None, None], views.shape)
+    pairs = np.broadcast_to(
+        weights[:, None, None] * view_weights[:, None] / azimuths, views.shape[:-1]
+    )
+    light = _in_frames(lighting.coefficients, theta.reshape(rings, -1), phi.reshape(rings, -1))
+    reflected, mirrored = _reflect(
+        light, _lobes(roughness, lighting.order, np.arccos(cosines)), turns
+    )
+    flat = views.reshape(-1, 3)
+    mirrored = np.broadcast_to(mirrored[:, :, None, None], (len(roughness), *views.shape))
+    return ReflectanceSamples(
+        bisector(centers.reshape(-1, 3), flat),
+        flat,
+        pairs.ravel() / pairs.sum(),
+        tuple(roughness),
+        reflected.reshape(len(roughness), 2, -1, 3),
+        mirrored.reshape(len(roughness), -1, 3),
+    )
+
+
+def _mirror_directions(rings: int) -> tuple[Array, Array, Array, Array]:
+    """Directions, their polar angles and azimuths, and weights, of a rule over the sphere."""
+    z, weights = gauss_legendre(rings)
+    count = 3 * rings // 2
+    turns = (np.arange(count) + _GOLDEN * np.arange(rings)[:, None]) * (2 * np.pi / count)
+    theta = np.repeat(np.arccos(z), count)
+    phi = turns.ravel()
+    return local_frame(theta, phi)[..., 2], theta, phi, np.repeat(weights, count)
+
+
+def _views(frames: Array, theta: Array, turns: Array) -> Array:
+    """World directions (R, T, K, 3) at angles theta (T,) and azimuths (R, T, K) about frames."""
+    sine = np.sin(theta)[:, None]
+    height = np.broadcast_to(np.cos(theta)[:, None], turns.shape)
+    local = np.stack([sine * np.cos(turns), sine * np.sin(turns), height], axis=-1)
+    return np.einsum("rij,rtkj->rtki", frames, local)
+
+
+def _in_frames(coefficients: Array, theta: Array, phi: Array) -> Array:
+    """Light in the frame of each of the mirror directions, shape ((order+1)^2, 3, R).
+
+    Their angles have the shape (rings, directions on each).
+    """
+    # A ring shares its polar angle: turn the light about z first, then tilt all rings at once.
+    turned = turn_about_z(coefficients[:, :, None, None], -phi.T)
+    framed = rotate_to_frames(turned, theta[:, 0], 0.0)
+    return framed.swapaxes(-1, -2).reshape(*coefficients.shape, -1)
+
+
+def _lobes(roughness: Sequence[float], order: int, view_theta: Array) -> Array:
+    """Harmonics of base and tail, shape (M+1, A, 2, order+1, T+1); the last view is N = V = R."""
+    angles = np.append(view_theta, 0.0)
+    # Its red reflects all at any angle, its green what Fresnel's tail adds.
+    models = [Ggx(roughness=each, f0=(1.0, 0.0, 0.0)) for each in roughness]
+    max_m, nodes = min(order, _MAX_M), (max(2 * order, _LEAST_NODES), _AZIMUTHS)
+    lobes = [lobe_harmonics(each, angles, order, max_m, nodes)[..., :2] for each in models]
+    return np.stack(lobes, axis=1).transpose(0, 1, 4, 2, 3)
+
+
+def _reflect(light: Array, lobes: Array, turns: Array) -> tuple[Array, Array]:
+    """Reflected light.
+
+    Parameters
+    ----------
+    light : ndarray, shape ((order+1)^2, 3, R)
+        In the frame of each mirror direction.
+    lobes : ndarray, shape (M+1, A, 2, order+1, T+1)
+    turns : ndarray, shape (R, T, K)
+        Azimuths of the views.
+
+    Returns
+    -------
+    reflected : ndarray, shape (A, 2, R, T, K, 3)
+    mirrored : ndarray, shape (A, R, 3)
+    """
+    order = lobes.shape[3] - 1
+    degree = np.arange(order + 1)
+    zonal = degree * (degree + 1)
+    head = lobes[0, :, 0, :, -1]
+    mirrored = np.tensordot(head, light[zonal], 1).swapaxes(-1, -2)
+    mirrored /= head[:, :1, None] * np.sqrt(4 * np.pi)
+    reflected = np.zeros((*lobes.shape[1:3], *turns.shape, 3))
+    for m in range(len(lobes)):
+        own = lobes[m, ..., : order + 1 - m, :-1].swapaxes(-1, -2)
+        for sign, wave in ((1, np.cos), (-1, np.sin)):
+            series = np.tensordot(own, light[zonal[m:] + sign * m], 1)  # (A, 2, T, 3, R)
+            reflected += series.transpose(0, 1, 4, 2, 3)[..., None, :] * wave(m * turns)[..., None]
+    return reflected, mirrored

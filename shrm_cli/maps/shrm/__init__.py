@@ -1,0 +1,1 @@
+"""Spherical harmonic reflection maps: made, compressed, summed, stored."""

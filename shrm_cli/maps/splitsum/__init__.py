@@ -1,0 +1,1 @@
+"""Split sums: light prefiltered at some roughnesses, for a table of the environment-BRDF."""

@@ -1,0 +1,57 @@
+"""Measured materials, prefiltered: the error that was predicted, on real probes."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.reference import Reference
+from tests import brute_force
+from tests.cli.helpers import write_exr
+from tests.maps.shrm.test_predicted_error import reduced
+
+COUNT = 4000
+GRAZING = -0.8
+"""Cosine of V and R below which half of the pairs lie, and a tenth of all views."""
+
+MATERIALS = [
+    ("cornell/krylon_blue.brdf", 0.2),
+    ("rgl/paper_white_rgb.bsdf", 0.03),
+    ("nist/PTFE.532.coeff.csv", 0.03),
+]
+
+
+def pairs():
+    """Reflections, normals, views and weights; many pairs where errors are large."""
+    rng = np.random.default_rng(4)
+    reflections, across = brute_force.unit(rng, COUNT), brute_force.unit(rng, COUNT)
+    grazing = np.arange(COUNT) % 2 == 0
+    cosine = np.where(grazing, rng.uniform(-1, GRAZING, COUNT), rng.uniform(GRAZING, 1, COUNT))[
+        :, None
+    ]
+    across -= np.sum(across * reflections, axis=1, keepdims=True) * reflections
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    views = cosine * reflections + np.sqrt(1 - cosine**2) * across
+    normals = reflections + views
+    share = (GRAZING + 1) / 2
+    weights = np.where(grazing, share, 1 - share)
+    return normals / np.linalg.norm(normals, axis=1)[:, None], views, weights[:, None]
+
+
+@pytest.mark.parametrize("name", ["interior", "city"])
+@pytest.mark.parametrize(("material", "tolerance"), MATERIALS)
+def test_measured_error_is_the_predicted_one(shared, tmp_path, material, tolerance, name):
+    """Within 20 %; much of the error lies at grazing views, which few pairs meet."""
+    pixels = reduced(shared / "probes" / f"{name}.exr").astype(np.float32)
+    pixels = pixels.reshape(64, 2, 128, 2, 3).mean(axis=(1, 3))
+    probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
+    brdf = parse_spec(str(shared / "brdf" / material))
+    baked = bake(probe, brdf, tolerance, dtype=np.float32)
+    normals, views, weights = pairs()
+    truth = Reference(probe, brdf).radiance(normals, views)
+    found = baked.map.radiance(normals, views)
+    measured = np.sqrt(np.sum(weights * (found - truth) ** 2) / np.sum(weights * truth**2))
+    predicted = baked.map.info.predicted_error
+    print(f"{material} {name}: {baked.orders}, predicted {predicted:.4f}, measured {measured:.4f}")
+    assert measured == pytest.approx(predicted, rel=0.2)

@@ -1,0 +1,160 @@
+"""Outputs appear whole or not at all, and never in the place of something else."""
+
+import os
+import platform
+import stat
+import subprocess
+import sys
+
+import pytest
+
+from shrm_cli.errors import OutputError
+from shrm_cli.files.whole import check_target, replacing
+
+HOST = platform.node()
+
+
+def gone():
+    """The id of a process that has ended."""
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait()
+    return child.pid
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def write(target, text="new"):
+    with replacing(target) as temporary:
+        temporary.write_text(text)
+
+
+def fail(target, error):
+    with replacing(target) as temporary:
+        temporary.write_text("half")
+        raise error
+
+
+def test_file_appears_when_the_block_succeeds(tmp_path):
+    target = tmp_path / "a.b.exr"
+    target.write_text("old")
+    with replacing(target) as temporary:
+        assert temporary.parent == tmp_path
+        assert temporary.suffix == ".exr"
+        assert temporary.name.startswith(".")
+        temporary.write_text("new")
+        assert target.read_text() == "old"
+    assert target.read_text() == "new"
+    assert names(tmp_path) == ["a.b.exr"]
+
+
+@pytest.mark.parametrize("old", [None, "old"])
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, MemoryError])
+def test_nothing_changes_when_the_block_fails(tmp_path, error, old):
+    target = tmp_path / "a.exr"
+    if old is not None:
+        target.write_text(old)
+    with pytest.raises(error):
+        fail(target, error)
+    assert names(tmp_path) == ([] if old is None else ["a.exr"])
+    assert old is None or target.read_text() == old
+
+
+def test_system_errors_become_one_line(tmp_path):
+    target = tmp_path / "a.exr"
+    with pytest.raises(OutputError) as caught:
+        fail(target, OSError(28, "No space left on device"))
+    message = str(caught.value)
+    assert message.startswith(f"{target}: cannot be written (No space left on device); ")
+    assert names(tmp_path) == []
+
+
+def test_a_block_that_writes_nothing_is_an_error(tmp_path):
+    with pytest.raises(OutputError, match="cannot be written"), replacing(tmp_path / "a.exr"):
+        pass
+    assert names(tmp_path) == []
+
+
+def test_left_overs_of_dead_processes_are_removed(tmp_path):
+    dead = tmp_path / f".a.shrm-{HOST}-{gone()}-00112233.exr"
+    kept = [
+        f".a.shrm-{HOST}-{os.getpid()}-00112233.exr",  # of a process that runs
+        f".a.shrm-{HOST}-1-00112233.exr",
+        f".ab.shrm-{HOST}-{gone()}-00112233.exr",  # of another target
+        f".a.shrm-{HOST}-{gone()}-00112233.png",
+        f".a.shrm-{HOST}-notes-x.exr",
+        f".a.shrm-elsewhere-{gone()}-00112233.exr",
+        f"a.shrm-{HOST}-{gone()}-00112233.exr",
+    ]
+    for name in [dead.name, *kept]:
+        (tmp_path / name).write_text("half")
+    write(tmp_path / "a.exr")
+    assert names(tmp_path) == sorted([*kept, "a.exr"])
+
+
+@pytest.mark.parametrize("length", [60, 250])
+@pytest.mark.parametrize("letter", ["n", "é"])
+def test_long_names_can_be_written(tmp_path, letter, length):
+    target = tmp_path / (letter * (length // len(letter.encode())) + ".exr")
+    write(target)
+    assert target.read_text() == "new"
+
+
+@pytest.mark.parametrize("guard", [check_target, write])
+def test_devices_and_pipes_are_not_replaced(tmp_path, guard):
+    """As root, a rename would put a file in the place of /dev/null."""
+    os.mkfifo(tmp_path / "pipe.exr")
+    with pytest.raises(OutputError, match="not a regular file"):
+        guard(tmp_path / "pipe.exr")
+    assert stat.S_ISFIFO((tmp_path / "pipe.exr").stat().st_mode)
+    assert names(tmp_path) == ["pipe.exr"]
+
+
+def test_targets_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "folder").mkdir()
+    for target, words in [
+        (tmp_path, "a directory; name a file"),
+        (tmp_path / "folder", "a directory; name a file"),
+        (tmp_path / "no" / "a.exr", "there is no folder .*; make it first"),
+        (tmp_path / "file" / "a.exr", "file is a file, not a folder; name another"),
+        (tmp_path / ("n" * 300), "File name too long.*; name another"),
+        (tmp_path / "n\udcff.exr", "not UTF-8.*; name another"),
+    ]:
+        with pytest.raises(OutputError, match=words):
+            check_target(target)
+
+
+def test_permission_is_asked_of_the_folder(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(os, "access", lambda path, mode: asked.append((str(path), mode)))
+    with pytest.raises(OutputError, match=f"no permission to write in {tmp_path}"):
+        check_target(tmp_path / "a.exr")
+    assert asked == [(str(tmp_path), os.W_OK | os.X_OK)]
+
+
+def test_inputs_are_not_overwritten(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    real, other = tmp_path / "real.exr", tmp_path / "other.exr"
+    real.write_text("input")
+    other.write_text("another")
+    (tmp_path / "link.exr").symlink_to(real)
+    (tmp_path / "hard.exr").hardlink_to(real)
+    for one, two in [
+        ("real.exr", "real.exr"),
+        ("real.exr", tmp_path / "real.exr"),
+        ("link.exr", "real.exr"),
+        ("real.exr", "link.exr"),
+        ("hard.exr", "real.exr"),
+    ]:
+        with pytest.raises(OutputError, match="would overwrite the input"):
+            check_target(one, [other, two])
+    check_target("real.exr", [other, "missing.exr"])
+    check_target("new.exr", [real, other])
+
+
+def test_names_must_end_as_the_content_wants(tmp_path):
+    check_target(tmp_path / "a.EXR", suffixes=(".exr",))
+    with pytest.raises(OutputError, match=r"a\.png: what is written is \.exr"):
+        check_target(tmp_path / "a.png", suffixes=(".exr",))

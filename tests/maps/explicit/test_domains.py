@@ -1,0 +1,82 @@
+"""Prefiltering in the angular and in the frequency domain gives the same maps."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import MapError
+from shrm_cli.maps.explicit.angular import bake_angular
+from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.sphere.cube import cube_solid_angles
+from tests import oracles
+from tests.cli.helpers import polynomial_light, write_exr
+from tests.maps.shrm.test_predicted_error import reduced
+
+# Errors are greatest at the grazing end of a Kautz-McCool map: few slices would make much of it.
+VIEWS = {"cabral": None, "kautz-mccool": 15, "lightfield": 5}
+
+
+def relative(found, expected):
+    """RMS over views, texels and channels, by solid angle, over that of what is expected."""
+    texels = np.tile(cube_solid_angles(found.size), (6, 1))[..., None]
+    weights = found.view_weights(found.count)[:, None, None, None] * texels
+    error = np.sum(weights * (found.images - expected.images) ** 2)
+    return np.sqrt(error / np.sum(weights * expected.images**2))
+
+
+@pytest.mark.parametrize("representation", VIEWS)
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.3", "phong:exponent=8", "lambertian"])
+def test_band_limited_light(tmp_path, spec, representation):
+    """Light of degree 3: what is left is the microfacet lobe's p > 20, and 128 x 64 pixels."""
+    light = polynomial_light(oracles.latlong_pixels(128, 64)).astype(np.float32)
+    probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", light)), parse_spec(spec)
+    options = {"size": 6, "representation": representation, "view_count": VIEWS[representation]}
+    one = bake_angular(probe, brdf, 1e-7, **options).map
+    other = bake(probe, brdf, 0.03, order_f=3, order_p=20, **options).map
+    error = relative(one, other)
+    print(f"{spec} {representation}: {error:.2e}, predicted {other.info.predicted_error:.2e}")
+    assert error < (2 * other.info.predicted_error if spec.startswith("micro") else 2e-4)
+
+
+@pytest.mark.parametrize(("name", "spec", "representation"), [
+    ("interior", "microfacet:sigma=0.2", "cabral"),
+    ("interior", "microfacet:sigma=0.2", "kautz-mccool"),
+    ("interior", "microfacet:sigma=0.2", "lightfield"),
+    ("studio", "microfacet:sigma=0.2", "cabral"),
+    ("studio", "phong:exponent=32", "lightfield"),
+])  # fmt: skip
+def test_real_light(real_probes, tmp_path, name, spec, representation):
+    """The domains differ by no more than both have predicted: 5 % lobe, eps .03."""
+    pixels = reduced(real_probes / f"{name}.exr").astype(np.float32)
+    probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", pixels)), parse_spec(spec)
+    options = {"size": 6, "representation": representation, "view_count": VIEWS[representation]}
+    one = bake_angular(probe, brdf, 0.05, **options).map
+    other = bake(probe, brdf, 0.03, **options).map
+    assert (one.info.domain, other.info.domain) == ("angular", "frequency")
+    predicted = np.hypot(one.info.predicted_error, other.info.predicted_error)
+    error = relative(one, other)
+    print(f"{name} {spec} {representation}: {error:.4f}, predicted {predicted:.4f}")
+    assert error < 1.1 * predicted
+
+
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.2", "phong:exponent=32", "lambertian"])
+def test_the_error_of_a_truncated_lobe_is_predicted(real_probes, tmp_path, spec):
+    pixels = reduced(real_probes / "interior.exr").astype(np.float32)
+    probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", pixels)), parse_spec(spec)
+    options = {"size": 8, "representation": "lightfield", "view_count": 4}
+    cut = bake_angular(probe, brdf, 0.05, **options).map
+    whole = bake_angular(probe, brdf, 1e-7, **options).map
+    error = relative(cut, whole)
+    print(f"{spec}: {error:.4f}, predicted {cut.info.predicted_error:.4f}")
+    assert error == pytest.approx(cut.info.predicted_error, rel=0.2)
+    assert whole.info.predicted_error < 1e-3
+    # What interpolation adds is a property of the views, not of the domain.
+    smooth = bake(probe, brdf, 1e-3, **options).map
+    assert cut.info.added_error == pytest.approx(smooth.info.added_error, rel=0.1, abs=1e-6)
+
+
+def test_maps_too_large_are_refused_before_the_work(tmp_path):
+    probe = open_probe(write_exr(tmp_path / "probe.exr", np.ones((8, 16, 3), np.float32)))
+    with pytest.raises(MapError, match="number of views"):
+        bake_angular(probe, parse_spec("microfacet"), 0.03, "lightfield", 128, 256)

@@ -1,0 +1,56 @@
+"""The error that `shrm` promises is the error that it makes, on real probes."""
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.probe.probe import open_probe
+from tests import brute_force
+
+PAIRS = 2000
+HEIGHT = 128
+
+
+def reduced(path):
+    """A real probe at 256 x 128: means over blocks of pixels."""
+    channels = OpenEXR.File(str(path), separate_channels=True).channels()
+    image = np.stack([channels[c].pixels.astype(np.float32) for c in "RGB"], axis=-1)
+    step = image.shape[0] // HEIGHT
+    blocks = image.reshape(HEIGHT, step, 2 * HEIGHT, step, 3).mean(axis=(1, 3))
+    return np.maximum(blocks, 0)
+
+
+def write(path, image):
+    channels = {c: np.ascontiguousarray(image[..., k]) for k, c in enumerate("RGB")}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(path))
+
+
+@pytest.mark.parametrize("sigma", [0.2, 0.5])
+@pytest.mark.parametrize("name", ["city", "interior", "studio", "sunset"])
+def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma):
+    image = reduced(real_probes / f"{name}.exr")
+    write(tmp_path / "probe.exr", image)
+    brdf = parse_spec(f"microfacet:sigma={sigma}")
+    baked = bake(open_probe(tmp_path / "probe.exr"), brdf, 0.03, dtype=np.float32)
+    light, weights = brute_force.latlong_samples(HEIGHT)
+    radiance = image.reshape(-1, 3).astype(float)
+    rng = np.random.default_rng(9)
+    reflections, views = brute_force.unit(rng, PAIRS), brute_force.unit(rng, PAIRS)
+    formula = brute_force.microfacet(sigma)
+    truth = np.array(
+        [
+            brute_force.reflected(formula, r, v, light, weights, radiance)
+            for r, v in zip(reflections, views, strict=True)
+        ]
+    )
+    normals = reflections + views
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    found = baked.map.radiance(normals, views)
+    measured = np.sqrt(np.sum((found - truth) ** 2) / np.sum(truth**2))
+    predicted = baked.map.info.predicted_error
+    print(f"{name} sigma {sigma}: predicted {predicted:.4f}, measured {measured:.4f}")
+    assert abs(measured - predicted) < 0.15 * predicted
+    assert measured < baked.error_bound

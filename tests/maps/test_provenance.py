@@ -1,0 +1,102 @@
+"""What maps remember of their light and material."""
+
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import BrdfError
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.provenance import (
+    common_brdf,
+    differing_origins,
+    record_of,
+    same_brdf,
+    spec_of,
+)
+
+MICROFACET = {"name": "microfacet", "parameters": {"sigma": 0.1, "ior": 1.7}}
+LAMBERT = {"name": "lambertian", "parameters": {}}
+
+
+def info(brdf, digest="f00d"):
+    return MapInfo(3, 2, 0.03, 1.0, 0.0, brdf, "room.exr", digest)
+
+
+@pytest.mark.parametrize("spec", [
+    "phong:exponent=0.1", "microfacet:sigma=0.3333333333333333", "ggx:roughness=0.2,f0=gold",
+    "lafortune:fit=skin", "0.3*lambertian+2*microfacet:sigma=0.1",
+])  # fmt: skip
+def test_a_record_gives_the_same_brdf_again(spec):
+    brdf = parse_spec(spec)
+    again = parse_spec(spec_of(record_of(brdf)))
+    assert type(again) is type(brdf)
+    assert again.values == brdf.values
+
+
+def test_specs():
+    assert spec_of({"name": "phong", "parameters": {"exponent": 8.0}}) == "phong:exponent=8"
+    assert spec_of({"name": "plain", "parameters": {}}) == "plain"
+    for record in ({}, {"name": "phong"}, {"name": 3, "parameters": {}}, {"parameters": {}}):
+        assert spec_of(record) == "unknown"
+    assert spec_of({"name": "phong", "parameters": [8]}) == "unknown"
+
+
+def test_one_brdf_for_all():
+    phong = {"name": "phong", "parameters": {"exponent": 8.0}}
+    brdf = common_brdf({"a": info(phong), "b": info(dict(phong))})
+    assert (brdf.name, brdf.values) == ("phong", {"exponent": 8.0})
+
+
+@pytest.mark.parametrize(
+    ("records", "message"),
+    [
+        (
+            [MICROFACET, LAMBERT],
+            "1.exr: its BRDF is lambertian, but that of 0.exr is microfacet:sigma=0.1,ior=1.7; "
+            "give --brdf",
+        ),
+        ([{}], "0.exr: its BRDF, unknown, cannot be evaluated; give --brdf"),
+        ([{"name": "velvet", "parameters": {}}], "0.exr: its BRDF, velvet, cannot be"),
+        ([{"name": "phong", "parameters": {"exponent": "x"}}], "phong:exponent=x, cannot be"),
+        ([{"name": "phong", "parameters": {"exponent": None}}], "phong:exponent=None, cannot"),
+        ([{"name": "phong", "parameters": {"gloss": 1.0}}], "phong:gloss=1, cannot be"),
+    ],
+)
+def test_no_common_brdf(records, message):
+    infos = {f"{k}.exr": info(record) for k, record in enumerate(records)}
+    with pytest.raises(BrdfError) as caught:
+        common_brdf(infos)
+    assert message in str(caught.value)
+
+
+def test_differing_origins():
+    infos = {
+        "same": info(MICROFACET),
+        "probe": info(MICROFACET, "beef"),
+        "both": info(LAMBERT, "beef"),
+        "silent": info({}, ""),
+    }
+    assert differing_origins(infos, "that of x.exr", "f00d", MICROFACET) == [
+        "probe: its probe is not that of x.exr",
+        "both: its probe is not that of x.exr",
+        "both: its BRDF is lambertian, not microfacet:sigma=0.1,ior=1.7",
+    ]
+    assert differing_origins(infos, "that of x.exr", "", {}) == []
+
+
+def test_a_record_is_the_same_in_any_order_and_with_greys_as_colours():
+    one = {"name": "ggx", "parameters": {"roughness": 0.3, "f0": 0.04}}
+    other = {"parameters": {"f0": [0.04, 0.04, 0.04], "roughness": 0.3}, "name": "ggx"}
+    assert same_brdf(one, other)
+    assert differing_origins({"a": info(other)}, "x", "", one) == []
+    assert common_brdf({"a": info(one), "b": info(other)}).values == one["parameters"]
+    for roughness, f0 in [(0.4, 0.04), (0.3, [0.04, 0.04, 0.05]), (0.3, None)]:
+        assert not same_brdf(one, {"name": "ggx", "parameters": {"roughness": roughness, "f0": f0}})
+    assert not same_brdf(one, {**other, "name": "charlie"})
+    assert not same_brdf(one, {"name": "ggx", "parameters": {"roughness": 0.3}})
+    assert not same_brdf(one, {"name": "ggx", "parameters": "x"})
+
+
+def test_advice_is_the_callers():
+    infos = {"a": info(MICROFACET), "b": info(LAMBERT)}
+    with pytest.raises(BrdfError, match=r"; try another$"):
+        common_brdf(infos, "try another")
