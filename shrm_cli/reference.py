@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli import threads
+from shrm_cli import settings
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.centers import central_directions
@@ -205,7 +205,7 @@ class Reference:
             return points, sums
 
         done = 0
-        with ThreadPoolExecutor(threads.count() or os.cpu_count()) as pool:
+        with ThreadPoolExecutor(settings.current().threads or os.cpu_count()) as pool:
             try:
                 for points, sums in pool.map(work, range(0, len(groups), at_once)):
                     result[points] = sums

@@ -18,7 +18,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"errors", "threads", "vocabulary"},
+    {"errors", "settings", "vocabulary"},
     {"sphere"},
     {"files"},
     {"probe", "brdf"},
@@ -37,7 +37,7 @@ EXTRAS = {
     "brdf/measured/reading/spectrum.py": {"colour"},
 }
 """What belongs to an extra, and is imported where it is used."""
-LIGHT = {"cli", "errors", "files", "threads", "vocabulary", "__version__"}
+LIGHT = {"cli", "errors", "files", "settings", "vocabulary", "__version__"}
 """Stops that `shrm --help` may load."""
 UNTRUSTED_LOADERS = {"pickle", "marshal", "shelve", "dill", "joblib"}
 MOST_LINES = 320
@@ -139,7 +139,7 @@ def test_commands_import_heavy_modules_when_they_run(path):
                 "cli",
                 "errors",
                 "files",
-                "threads",
+                "settings",
                 "vocabulary",
                 "__version__",
             ), full

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli import reference, threads
+from shrm_cli import reference, settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.spec import parse_spec
@@ -186,13 +186,13 @@ def test_far_tiles_are_left_out(probe, pairs, monkeypatch):
     assert 0 < sum(seen) < 0.03 * POINTS * HEIGHT * 2 * HEIGHT
 
 
-def test_threads_change_nothing_at_all(probe, pairs, monkeypatch):
+def test_threads_change_nothing_at_all(probe, pairs):
     _, views, normals = pairs
     made = Reference(probe, parse_spec("microfacet:sigma=0.3"))
     results = []
     for count in (1, 2, 5):
-        monkeypatch.setattr(threads, "_limit", count)
-        results.append(made.radiance(normals, views))
+        with settings.using(threads=count):
+            results.append(made.radiance(normals, views))
     np.testing.assert_array_equal(results[1], results[0])
     np.testing.assert_array_equal(results[2], results[0])
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli import __version__
+from shrm_cli import __version__, settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import OutputError
@@ -41,17 +41,12 @@ _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, 
 _CODE = ("brdf", "sphere")
 """Folders of the package whose code coefficients depend on."""
 
-_enabled = True
-
-
-def disable() -> None:
-    """Neither read nor write entries in this process from now on."""
-    global _enabled
-    _enabled = False
-
 
 def folder() -> Path:
-    """Where entries are: what the environment says, or the user's cache folder."""
+    """The folder of the entries: what the settings, else the environment, else the system says."""
+    set_here = settings.current().cache
+    if isinstance(set_here, Path):
+        return set_here
     chosen = os.environ.get(FOLDER_VARIABLE)
     if chosen:
         return Path(chosen)
@@ -83,7 +78,8 @@ def cached_coefficients(
         To the last bit what `compute` returns. Only BRDFs of this package are kept: of others
         the code could change unseen.
     """
-    key = _key(brdf, order_f, order_p, accuracy) if _enabled else None
+    is_used = settings.current().cache is not False
+    key = _key(brdf, order_f, order_p, accuracy) if is_used else None
     if key is None:
         return compute(brdf, order_f, order_p, accuracy)
     path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)

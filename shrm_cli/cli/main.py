@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from shrm_cli import __version__, threads
+from shrm_cli import __version__, settings
+from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.errors import ShrmError
 
 # Modules are imported when their command runs, so that --help is immediate.
@@ -70,11 +71,12 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
     arguments = sys.argv[1:] if arguments is None else arguments
     signal.signal(signal.SIGTERM, _stop)
-    threads.limit_small_products()
+    limit_small_products()
     if "--debug" not in arguments:
         warnings.simplefilter("ignore")  # of numpy; what is written is checked to be finite
     try:
-        code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
+        with settings.using():  # a command line that fails half way leaves none behind
+            code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)

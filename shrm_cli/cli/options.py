@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.core import ParameterSource
 
-from shrm_cli import threads
+from shrm_cli import settings
+from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, Components
 
 if TYPE_CHECKING:
@@ -57,15 +58,13 @@ def _apply(command: Command, options: list[Callable[[Command], Command]]) -> Com
 
 def _disable_cache(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     if value:
-        from shrm_cli.brdf import cache
-
-        cache.disable()
+        ctx.with_resource(settings.using(cache=False))
 
 
-def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> int | None:
+def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None) -> None:
     if value is not None:
-        threads.limit(value)
-    return value
+        limit_libraries(value)
+        ctx.with_resource(settings.using(threads=value))
 
 
 def report_options(command: Command) -> Command:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli import settings
 from shrm_cli.cli.options import print_json, progress_bar, warn
 
 if TYPE_CHECKING:
@@ -41,7 +42,6 @@ def compare_representations(
     import numpy as np
 
     from shrm_cli.analysis.representations import compare_forms, sheet_layout
-    from shrm_cli.brdf import cache
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.files.whole import check_target
     from shrm_cli.maps.read import is_map
@@ -62,7 +62,8 @@ def compare_representations(
         file_type(output)
         check_target(output, [str(file.path) for file in source.files])
     surfaces = [ggx_surface(float(each), f0) for each in np.linspace(low, high, steps)]
-    cache.disable()  # or the second run would take less than the first
+    # With the cache a second run would take less than the first.
+    click.get_current_context().with_resource(settings.using(cache=False))
     with progress_bar("comparing", quiet) as progress:
         table = compare_forms(
             source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,

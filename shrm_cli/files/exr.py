@@ -12,7 +12,7 @@ import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from shrm_cli import threads
+from shrm_cli import settings
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.vocabulary import MAX_ORDER_P
@@ -78,7 +78,7 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], precision: 
     ]
     with replacing(path) as temporary:
         try:
-            with OpenEXR.File(stored, num_threads=threads.count() or -1) as file:
+            with OpenEXR.File(stored, num_threads=settings.current().threads or -1) as file:
                 file.write(str(temporary))
         except RuntimeError as error:  # the library's words end with the system's
             raise OSError(0, str(error).rpartition('". ')[2].rstrip(".")) from error

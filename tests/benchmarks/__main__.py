@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from shrm_cli import threads
+from shrm_cli.cli.threads import limit_small_products
 from tests.benchmarks.table import print_table
 
 MODULES = ["tests.benchmarks.bench_sphere", "tests.benchmarks.bench_process"]
@@ -12,7 +12,7 @@ MODULES = ["tests.benchmarks.bench_sphere", "tests.benchmarks.bench_process"]
 def main() -> None:
     """Collect the rows of all modules."""
     # As the tool runs: one BLAS thread. The references take as many threads as suits them.
-    threads.limit_small_products()
+    limit_small_products()
     print_table(row for module in MODULES for row in import_module(module).rows())
 
 

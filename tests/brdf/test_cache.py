@@ -9,6 +9,7 @@ from subprocess import Popen
 import numpy as np
 import pytest
 
+from shrm_cli import settings
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
@@ -25,7 +26,6 @@ ORDERS = (8, 3, 1e-3)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(cache, "_SLOW", -1.0)
-    monkeypatch.setattr(cache, "_enabled", True)
     return tmp_path / "cache"
 
 
@@ -131,11 +131,25 @@ def test_it_can_be_switched_off(folder):
     compute = Counted()
     cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     before = entry(folder).stat().st_mtime_ns
-    cache.disable()
-    for _ in range(2):
-        cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    with settings.using(cache=False):
+        for _ in range(2):
+            cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     assert compute.calls == 3
     assert entry(folder).stat().st_mtime_ns == before
+    cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    assert compute.calls == 3
+
+
+def test_the_settings_can_name_its_folder(folder, tmp_path):
+    compute = Counted()
+    with settings.using(cache=tmp_path / "mine"):
+        for _ in range(2):
+            cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+        assert cache.folder() == tmp_path / "mine"
+        assert cache.usage()[0] == 1
+    assert compute.calls == 1
+    assert not folder.exists()
+    assert cache.folder() == folder
 
 
 # Damaged and hostile entries.

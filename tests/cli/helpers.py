@@ -14,8 +14,6 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from shrm_cli import threads
-from shrm_cli.brdf import cache
 from shrm_cli.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,7 +33,6 @@ def run(*arguments):
     """Run `shrm` in this process; its settings of the process are undone."""
     out, err = io.StringIO(), io.StringIO()
     handler, environment = signal.getsignal(signal.SIGTERM), dict(os.environ)
-    limit, caches = threads._limit, cache._enabled
     try:
         with (
             warnings.catch_warnings(),
@@ -49,7 +46,6 @@ def run(*arguments):
         signal.signal(signal.SIGTERM, handler)
         os.environ.clear()
         os.environ.update(environment)
-        threads._limit, cache._enabled = limit, caches
     raise AssertionError("main() returned")
 
 

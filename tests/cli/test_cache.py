@@ -15,7 +15,6 @@ def folder(tmp_path, monkeypatch):
     """A cache with two entries."""
     monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "kept"))
     monkeypatch.setattr(cache, "_SLOW", -1.0)
-    monkeypatch.setattr(cache, "_enabled", True)
     for exponent in (2, 3):
         brdf = parse_spec(f"phong:exponent={exponent}")
         cache.cached_coefficients(brdf, 8, 3, 1e-2, compute_coefficients)

@@ -1,13 +1,20 @@
 """`make tables`: the papers' tables and figures, made anew."""
 
+from __future__ import annotations
+
 import os
 import platform
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from shrm_cli import threads
+from shrm_cli import settings
+from shrm_cli.cli.threads import limit_libraries
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.probe import Probe
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBES = (ROOT.parent / "shared" / "probes", ROOT / "probes" / "real", ROOT / "probes")
@@ -16,17 +23,19 @@ SOURCE_HEIGHT = 128
 
 def main(folder: Path) -> None:
     """Write the page and its pictures into a folder."""
-    threads.limit(1)  # before numpy is loaded: both sides of every comparison have one thread
+    limit_libraries(1)  # both sides of every comparison have one thread
+    with settings.using(threads=1, cache=False):  # sampling the BRDF is part of what is timed
+        _write_page(folder)
+
+
+def _write_page(folder: Path) -> None:
     import numpy as np
 
-    from shrm_cli.brdf import cache
     from shrm_cli.files.image import write_image
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import resample_latlong
-    from tests.paper import exponentials, figures, page, page_engines, spheres, timings
-    from tests.paper.irradiance import irradiance_rows
+    from tests.paper import page, timings
 
-    cache.disable()  # sampling the BRDF is part of the work that is timed
     folder.mkdir(parents=True, exist_ok=True)
     interior, studio = (open_probe(_find(name)) for name in ("interior", "studio"))
     parts = [page.introduction(platform.processor() or platform.machine(), np.__version__)]
@@ -41,9 +50,20 @@ def main(folder: Path) -> None:
         _say(f"table 5.5, faces of {size} x {size}")
         rows = timings.table_5_5(light, size, np.random.default_rng(55))
         parts.append(page.table_5_5(rows))
-    threads.limit(os.cpu_count() or 1)  # pictures are not timed
+    with settings.using(threads=os.cpu_count()):  # pictures are not timed
+        parts += _pictures(folder, interior, studio)
+    (folder / "index.md").write_text("\n".join(parts))
+    _say(f"The page is {folder.resolve() / 'index.md'}")
+
+
+def _pictures(folder: Path, interior: Probe, studio: Probe) -> list[str]:
+    """The parts of the page whose work is not timed."""
+    from shrm_cli.probe.probe import open_probe
+    from tests.paper import exponentials, figures, page, page_engines, spheres
+    from tests.paper.irradiance import irradiance_rows
+
     _say("figure 5.5")
-    parts.append(page.figure_5_5(figures.figure_5_5(interior, folder), interior.name))
+    parts = [page.figure_5_5(figures.figure_5_5(interior, folder), interior.name)]
     _say("figure 5.6")
     parts.append(page.figure_5_6(*figures.figure_5_6(studio, folder)))
     _say("figure 5.8")
@@ -60,8 +80,7 @@ def main(folder: Path) -> None:
     picture = spheres.spheres((interior, studio), folder)
     pictured = [f"`{Path(probe.name).name}`" for probe in (interior, studio)]
     parts.append(page_engines.exponentials(results, picture, pictured))
-    (folder / "index.md").write_text("\n".join(parts))
-    _say(f"The page is {folder.resolve() / 'index.md'}")
+    return parts
 
 
 def _find(name: str) -> Path:
