@@ -1,6 +1,7 @@
 """What every BRDF answers, and states about itself."""
 
 import copy
+import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -137,8 +138,8 @@ class Brdf(ABC):
     """
 
     name: str
-    summary: str
-    source: str
+    summary: str = ""
+    source: str = "not stated"
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     center: Center = "reflection"
     includes_cosine: bool = False
@@ -146,6 +147,14 @@ class Brdf(ABC):
     zonal: bool = False
     isotropic: bool = True
     values: dict[str, Value]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        own = vars(cls)
+        if "name" not in own:
+            cls.name = cls.__name__.lower()
+        if "summary" not in own and cls.__doc__:
+            cls.summary = inspect.cleandoc(cls.__doc__).partition("\n")[0]
 
     def __init__(self, **values: Value) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}

@@ -38,6 +38,7 @@ _SLOW = 0.02  # seconds; below that reading a file is no gain
 _MOST_HEADER = 2**16
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
+_ROOT = Path(__file__).parents[1]
 _CODE = ("brdf", "sphere")
 """Folders of the package whose code coefficients depend on."""
 
@@ -130,7 +131,7 @@ def _key(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> str | None:
         "frame": [brdf.center, brdf.includes_cosine, brdf.has_horizon, brdf.zonal],
         "orders": [order_f, order_p],
         "accuracy": accuracy,
-        "program": [__version__, np.__version__, _code()],
+        "program": [__version__, np.__version__, _code(_ROOT)],
     }
     try:
         return json.dumps(parts, sort_keys=True)
@@ -151,9 +152,13 @@ def _is_of_this_package(brdf: Brdf) -> bool:
 
 
 @functools.cache
-def _code() -> list[tuple[str, int, int]]:
-    """Sizes and times of the modules, such that a changed model is computed anew."""
-    found, root = [], Path(__file__).parents[1]
+def _code(root: Path) -> list[tuple[str, int, int]]:
+    """Name, size and time of every module that coefficients depend on.
+
+    With it in the key, the coefficients of a model that was changed are computed anew. A name is
+    the path below `root`, the folder of the package, so that those of two folders do not collide.
+    """
+    found = []
     with contextlib.suppress(OSError):  # a package in an archive
         for name in _CODE:
             for path in (root / name).rglob("*.py"):

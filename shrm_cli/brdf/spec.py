@@ -1,79 +1,66 @@
 """The syntax that names a BRDF on the command line.
 
-``NAME``, ``NAME:key=value,key=value``, a sum such as ``0.5*lambertian+0.5*ggx``, or the path of a
-measured file. A value is a number, a
-colour (one number, ``1/0.78/0.34`` or a name such as ``gold``), or the name of a choice.
+A specification is one of
+
+- the name of a model, ``NAME`` or ``NAME:key=value,key=value``,
+- a class in a Python file of one's own, ``path/to/mine.py:Mine`` or with ``:key=value`` after it,
+- the path of a measured file,
+- a sum of these, such as ``0.5*lambertian+0.5*ggx``.
+
+A value is a number, a color (one number, ``1/0.78/0.34`` or a name such as ``gold``), or the name
+of a choice.
 """
 
+import os
 from pathlib import Path
 
-from shrm_cli.brdf.base import Brdf, Value, suggestion
-from shrm_cli.brdf.models.ashikhmin_shirley import AshikhminShirley
-from shrm_cli.brdf.models.blinn_phong import BlinnPhong
-from shrm_cli.brdf.models.charlie import Charlie
-from shrm_cli.brdf.models.cook_torrance import CookTorrance
-from shrm_cli.brdf.models.disney_diffuse import DisneyDiffuse
-from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.brdf.models.kajiya_kay import KajiyaKay
-from shrm_cli.brdf.models.lafortune import Lafortune
-from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.brdf.models.microfacet import Microfacet
-from shrm_cli.brdf.models.oren_nayar import OrenNayar
-from shrm_cli.brdf.models.phong import Phong
-from shrm_cli.brdf.models.poulin_fournier import PoulinFournier
-from shrm_cli.brdf.models.ward import Ward
+from shrm_cli.brdf.base import Brdf, Value
+from shrm_cli.brdf.discovery import is_built_in
+from shrm_cli.brdf.foreign import make_checked
+from shrm_cli.brdf.library import built_in_names, find_model, model_names
+from shrm_cli.brdf.python_file import FileTerm, file_term, load_model
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.errors import BrdfError
 
-_ALL: tuple[type[Brdf], ...] = (
-    Lambertian, Phong, Microfacet, OrenNayar, DisneyDiffuse, BlinnPhong, CookTorrance, Ggx, Ward,
-    AshikhminShirley, Lafortune, Charlie, KajiyaKay, PoulinFournier,
-)  # fmt: skip
 
-MODELS: dict[str, type[Brdf]] = {model.name: model for model in _ALL}
-
-_MEASURED_SUFFIXES = {".binary", ".bsdf", ".brdf", ".csv", ".exr", ".npz", ".dat"}
-
-
-def find_model(name: str) -> type[Brdf]:
-    """The model of that name.
-
-    Raises
-    ------
-    BrdfError
-        If there is none; names that look like it are suggested.
-    """
-    if name in MODELS:
-        return MODELS[name]
-    raise BrdfError(f"no BRDF is called {name!r}; {suggestion(name, tuple(MODELS))}")
-
-
-def parse_spec(spec: str) -> Brdf:
+def parse_spec(spec: str, *, run_code: bool = True) -> Brdf:
     """The BRDF that a specification such as ``microfacet:sigma=0.1`` names.
 
+    Parameters
+    ----------
+    spec : str
+    run_code : bool
+        Whether it may name a Python file, which is run. It must not where the specification
+        comes out of a file rather than from the user.
+
     Raises
     ------
     BrdfError
-        If the model or a parameter is unknown, malformed, repeated or out of its range, or the
-        measured file cannot be read.
+        If the model or a parameter is unknown, malformed, repeated or out of its range, or a
+        file cannot be used.
     """
-    if is_sum(spec) and not Path(spec).is_file():
-        return parse_sum(spec, parse_spec)
+    if not _is_one_file(spec) and is_sum(spec):
+        return parse_sum(spec, lambda term: parse_spec(term, run_code=run_code))
     if names_file(spec):
-        from shrm_cli.brdf.measured.open import open_measured  # it is slow to load
+        from shrm_cli.brdf.measured import open_measured  # it is slow to load
 
         return open_measured(Path(spec))
-    name, colon, rest = spec.strip().partition(":")
-    model = find_model(name)
-    values: dict[str, Value] = {}
-    for part in rest.split(",") if colon else []:
-        key, equals, text = (piece.strip() for piece in part.partition("="))
-        if not equals or not key:
-            raise BrdfError(f"{spec!r}: expected key=value, got {part!r}")
-        if key in values:
-            raise BrdfError(f"{spec!r}: {key} is given twice")
-        values[key] = _value(text)
-    return model(**values)
+    term = _python_term(spec)
+    if term is None:
+        name, colon, rest = spec.strip().partition(":")
+        model = find_model(name)
+        values = _values(spec, rest) if colon else {}
+        return model(**values) if is_built_in(model) else make_checked(model, values, name)
+    if not run_code:
+        raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
+    model = load_model(term)
+    if model.name in built_in_names() and not is_built_in(model):
+        raise BrdfError(
+            f"{term.path}: {term.name} calls itself {model.name!r}, as a model of shrm does; "
+            "give it another name"
+        )
+    values = {} if term.values is None else _values(spec, term.values)
+    return make_checked(model, values, f"{term.path}: {term.name}")
 
 
 def names_file(spec: str) -> bool:
@@ -83,17 +70,73 @@ def names_file(spec: str) -> bool:
     a folder, or the suffix of a measured file.
     """
     name, _, rest = spec.strip().partition(":")
-    if name in MODELS:
+    if name in built_in_names() or _python_term(spec) is not None:
         return False
     path = Path(spec)
-    looks_like_path = path.suffix.lower() in _MEASURED_SUFFIXES or len(path.parts) > 1
-    return path.is_file() or (looks_like_path and "=" not in rest)
+    if os.path.isfile(path):
+        return len(path.parts) > 1 or name not in model_names()
+    if "=" in rest:
+        return False
+    return len(path.parts) > 1 or _is_measured_suffix(path.suffix.lower())
 
 
 def named_files(spec: str) -> list[Path]:
     """The files that a specification names: what must not be overwritten."""
-    parts = [spec] if Path(spec).is_file() else term_texts(spec)
-    return [Path(part) for part in parts if Path(part).is_file()]
+    found = []
+    for part in [spec] if _is_one_file(spec) else term_texts(spec):
+        term = _python_term(part)
+        path = Path(part) if term is None else term.path
+        if os.path.isfile(path):
+            found.append(path)
+    return found
+
+
+def file_label(spec: str) -> str:
+    """A specification within a file name.
+
+    ``phong:exponent=32`` is ``phong-exponent-32``, ``measured/paint.brdf`` is ``paint``, and
+    ``mine.py:Mine:k=2`` is ``Mine-k-2``.
+    """
+    text, term = spec.strip(), _python_term(spec)
+    if term is not None and (_is_one_file(spec) or not is_sum(spec)):
+        text = term.label
+    elif names_file(spec) and not is_sum(spec):
+        text = Path(spec).stem
+    return "".join(c if c.isalnum() or c in "._+" else "-" for c in text)
+
+
+def _python_term(spec: str) -> FileTerm | None:
+    """The Python file that a term names; models of `shrm` come first, whatever their values."""
+    name = spec.strip().partition(":")[0]
+    return None if name in built_in_names() else file_term(spec)
+
+
+def _is_one_file(spec: str) -> bool:
+    """Whether a specification is as a whole a file that exists, though it may hold a ``+``."""
+    term = _python_term(spec)
+    is_code = term is not None and term.is_there and not is_sum(term.label)
+    return is_code or os.path.isfile(spec)
+
+
+def _is_measured_suffix(suffix: str) -> bool:
+    if not suffix:
+        return False
+    from shrm_cli.brdf.measured import formats  # it is slow to load
+
+    return any(suffix in each.suffixes for each in formats())
+
+
+def _values(spec: str, text: str) -> dict[str, Value]:
+    """The values of ``key=value,key=value``."""
+    values: dict[str, Value] = {}
+    for part in text.split(","):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not key:
+            raise BrdfError(f"{spec!r}: expected key=value, got {part!r}")
+        if key in values:
+            raise BrdfError(f"{spec!r}: {key} is given twice")
+        values[key] = _value(value)
+    return values
 
 
 def _value(text: str) -> Value:
@@ -103,12 +146,3 @@ def _value(text: str) -> Value:
     except ValueError:
         return text
     return numbers if len(numbers) > 1 else numbers[0]
-
-
-def file_label(spec: str) -> str:
-    """A specification within a file name.
-
-    ``phong:exponent=32`` is ``phong-exponent-32``, ``measured/paint.brdf`` is ``paint``.
-    """
-    text = Path(spec).stem if names_file(spec) and not is_sum(spec) else spec.strip()
-    return "".join(c if c.isalnum() or c in "._+" else "-" for c in text)

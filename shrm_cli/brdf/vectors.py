@@ -43,7 +43,7 @@ def half_vector(light: Array, view: Array) -> Half:
     return Half(x / divisor, y / divisor, z / divisor, np.minimum(length / 2, 1.0))
 
 
-def heights(light: Array, view: Array) -> tuple[Array, Array]:
+def cosines(light: Array, view: Array) -> tuple[Array, Array]:
     """N.L and N.V for denominators: at least `GRAZING`, the shapes of light and view."""
     return np.maximum(light[..., 2], GRAZING), np.maximum(view[..., 2], GRAZING)
 
@@ -59,7 +59,7 @@ def above_horizon(value: Array, light: Array, view: Array) -> Array:
     return np.where(above, value, np.zeros((), value.dtype))
 
 
-def coloured(value: Array, color: Color) -> Array:
+def colored(value: Array, color: Color) -> Array:
     """A value (...) times a colour, (..., 3); grey is a broadcast view."""
     if is_grey(color):
         return grey(value * color[0])

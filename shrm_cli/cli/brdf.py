@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import print_json, report_options
+from shrm_cli.cli.options import print_json, report_options, warn
 from shrm_cli.cli.types import Fraction
 
 if TYPE_CHECKING:
@@ -66,29 +66,30 @@ def brdf(
 
 
 def _list(as_json: bool, quiet: bool) -> None:
-    from shrm_cli.brdf.measured.open import FORMATS
-    from shrm_cli.brdf.spec import MODELS
+    from shrm_cli.brdf.library import all_models
+    from shrm_cli.brdf.measured import formats
 
+    models, problems = all_models()
+    groups = {center: [each for each in models if each.center == center] for center in _GROUPS}
     if as_json:
-        print_json([_describe(model) for model in MODELS.values()])
-    if as_json or quiet:
-        return
-    for center, title in _GROUPS.items():
-        click.echo(f"{title}:")
-        for model in MODELS.values():
-            if model.center == center:
+        print_json([_describe(model) for group in groups.values() for model in group])
+    elif not quiet:
+        for center, title in _GROUPS.items():
+            click.echo(f"{title}:")
+            for model in groups[center]:
                 click.echo(f"  {model.name:<18} {model.summary}")
                 for line in _parameter_lines(model) + _anisotropy(model):
                     click.echo(f"  {'':<18}   {line}")
-    click.echo("Measured, by the path of a file:")
-    for name, (_, what) in FORMATS.items():
-        click.echo(f"  {name:<18} {what}")
+        click.echo("Measured, by the path of a file:")
+        for kind in formats():
+            click.echo(f"  {kind.name:<18} {kind.reads}")
+    warn(problems, quiet)
 
 
 def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
     """Write a BRDF as a table, read it back, and say how far it is from the original."""
     from shrm_cli.brdf.examine import difference
-    from shrm_cli.brdf.measured.open import open_measured
+    from shrm_cli.brdf.measured import open_measured
     from shrm_cli.brdf.spec import named_files, parse_spec
     from shrm_cli.files.whole import check_target
 
@@ -105,9 +106,9 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
         write_merl(target, chosen)
     else:
         from shrm_cli.brdf.measured.reading.table_writer import write_table
-        from shrm_cli.brdf.measured.table import tabulate
+        from shrm_cli.brdf.measured.table import sample_table
 
-        write_table(target, tabulate(chosen))
+        write_table(target, sample_table(chosen))
     written = open_measured(target)
     size, error = Path(target).stat().st_size, difference(chosen, written)
     if as_json:

@@ -56,7 +56,8 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give --brdf") -> Br
                 f"{spec_of(first.brdf)}; {advice}"
             )
     try:
-        return parse_spec(spec_of(first.brdf))
+        # What a file says must not run code.
+        return parse_spec(spec_of(first.brdf), run_code=False)
     except BrdfError as error:
         raise BrdfError(
             f"{path}: its BRDF, {spec_of(first.brdf)}, cannot be evaluated; {advice}"

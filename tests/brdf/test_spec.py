@@ -49,7 +49,7 @@ def test_texts_of_values_lose_nothing():
     [
         ("microfacett", "did you mean microfacet"),
         ("Phong", "did you mean phong"),
-        ("zzz", "known: lambertian, phong, microfacet"),
+        ("zzz", "known: ashikhmin-shirley, blinn-phong, charlie"),
         ("gxx:f0=1/0.78/0.34", "no BRDF is called 'gxx'; did you mean ggx"),
         ("ggx:f0=gould", "neither a colour nor the name of one; did you mean gold"),
         ("ggx:f0=1/2", "f0=1/2 has 2 channels; give R/G/B"),
@@ -122,8 +122,6 @@ def test_what_names_a_file(spec, is_file, tmp_path, monkeypatch):
 
 def test_files_are_opened_as_measured_brdfs(monkeypatch):
     opened = []
-    from shrm_cli.brdf.measured.open import open as measured
-
-    monkeypatch.setattr(measured, "open_measured", opened.append)
+    monkeypatch.setattr("shrm_cli.brdf.measured.open_measured", opened.append)
     parse_spec("folder/paint.bsdf")
     assert opened == [Path("folder/paint.bsdf")]

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.measured.reading.table_writer import write_table
-from shrm_cli.brdf.measured.table import tabulate
+from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.brdf.models.oren_nayar import OrenNayar
@@ -131,7 +131,7 @@ def test_sums_of_different_files_of_one_name_are_different(tmp_path):
     for folder, albedo in (("a", 0.2), ("b", 0.7)):
         (tmp_path / folder).mkdir()
         path = tmp_path / folder / "x.npz"
-        write_table(path, tabulate(Lambertian(albedo=albedo), (8, 8, 8)))
+        write_table(path, sample_table(Lambertian(albedo=albedo), (8, 8, 8)))
         found.append(parse_sum(f"0.5*lambertian+0.5*{path}", parse_spec))
     assert found[0].is_measured
     assert found[0].values != found[1].values

@@ -4,8 +4,11 @@ import json
 
 import pytest
 
-from shrm_cli.brdf.spec import MODELS
+from shrm_cli.brdf.library import built_in_names, find_model
 from tests.cli.helpers import assert_refused, done, process, run, snapshot
+
+FORMATS = ["goniometer", "merl", "rgl", "table", "zernike"]
+MODELS = {name: find_model(name) for name in built_in_names()}
 
 
 def test_list_names_every_model_and_parameter():
@@ -24,16 +27,27 @@ def test_list_says_what_is_anisotropic_and_what_files_are_read():
     places = [text.index(group) for group in groups]
     assert places == sorted(places)
     assert places[0] < text.index("  lambertian ") < places[1] < text.index("  ggx ") < places[2]
-    assert places[2] < text.index("  kajiya-kay ") < places[3] < text.index("  merl ")
+    assert places[2] < text.index("  kajiya-kay ") < places[3] < text.index("  goniometer ")
     assert "anisotropic where ax and ay differ: prefiltering refuses it" in text
     assert "\n                       anisotropic: prefiltering refuses it" in text
-    for name in ("rgl", "goniometer", "zernike", "table"):
-        assert f"\n  {name} " in text[places[3] :]
+    formats = [text.index(f"\n  {name} ", places[3]) for name in FORMATS]
+    assert formats == sorted(formats)
+
+
+def test_list_is_in_the_order_of_the_alphabet_within_each_group():
+    rows = [line for line in done("brdf").splitlines() if not line.startswith("   ")]
+    groups = " ".join(row.split()[0] if row.startswith(" ") else "|" for row in rows).split("|")
+    found = [group.split() for group in groups[1:]]
+    assert found == [sorted(group) for group in found]
+    assert sorted(name for group in found[:3] for name in group) == sorted(MODELS)
+    assert found[3] == FORMATS
 
 
 def test_list_as_json():
     values = json.loads(done("brdf", "--json"))
-    assert [each["name"] for each in values] == list(MODELS)
+    groups = ["normal", "reflection", "tangent"]
+    expected = sorted(MODELS.values(), key=lambda model: (groups.index(model.center), model.name))
+    assert [each["name"] for each in values] == [model.name for model in expected]
     for each in values:
         assert list(each) == ["name", "summary", "source", "center", "isotropic", "parameters"]
     microfacet = next(each for each in values if each["name"] == "microfacet")
@@ -206,7 +220,7 @@ def test_quiet_prints_nothing_but_json():
     [
         (["microfact"], 1, ["'microfact'", "did you mean microfacet?"]),
         (["Phong"], 1, ["'Phong'", "did you mean phong?"]),
-        (["zzz"], 1, ["'zzz'", "known: lambertian, phong, microfacet"]),
+        (["zzz"], 1, ["'zzz'", "known: ashikhmin-shirley, blinn-phong, charlie"]),
         (["phong:shine=3"], 1, ["'shine'", "it has exponent"]),
         (["phong:exponent=-1"], 1, ["exponent=-1", "outside 0 .. 100000"]),
         (["phong:exponent=nan"], 1, ["exponent=nan", "not a number"]),

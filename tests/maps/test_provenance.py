@@ -68,6 +68,24 @@ def test_no_common_brdf(records, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "record",
+    [
+        {"name": "evil.py:Evil", "parameters": {}},
+        {"name": "evil.py:Evil", "parameters": {"k": 1.0}},
+        {"name": "sum", "parameters": {"spec": "0.5*lambertian+0.5*evil.py:Evil"}},
+        {"name": "sum", "parameters": {"spec": "2*evil.py:Evil"}},
+        {"name": "sum", "parameters": {"spec": "evil.py"}},
+    ],
+)
+def test_what_a_file_says_runs_no_code(tmp_path, monkeypatch, record):
+    (tmp_path / "evil.py").write_text("open('done', 'w').close()\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BrdfError, match="cannot be evaluated; give --brdf"):
+        common_brdf({"a.exr": info(record)})
+    assert not (tmp_path / "done").exists()
+
+
 def test_differing_origins():
     infos = {
         "same": info(MICROFACET),

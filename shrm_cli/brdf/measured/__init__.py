@@ -1,1 +1,83 @@
-"""Measured BRDFs, one file a format."""
+"""Measured BRDFs. Each module of this package is one file format, and holds one `MeasuredBrdf`.
+
+A format is known by being here: a new one is a new module, whose name is that of its class. What
+formats have in common, and readers of containers that a format needs, are in ``reading``.
+"""
+
+import os
+from abc import abstractmethod
+from typing import ClassVar, Self, cast
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.discovery import load_class, module_names
+from shrm_cli.brdf.measured.reading.file import check_file, first_bytes
+from shrm_cli.errors import BrdfError
+
+_HEAD = 4096
+
+
+class MeasuredBrdf(Brdf):
+    """A BRDF that interpolates the samples of a file.
+
+    Attributes
+    ----------
+    reads : str
+        What the format's files are, in one line.
+    suffixes : tuple of str
+        What the names of its files usually end with, in lower case.
+    own_suffixes : tuple of str
+        Those suffixes that mean this format even if the content means none: the file is damaged
+        then, and the format's error says how.
+    """
+
+    reads: ClassVar[str]
+    suffixes: ClassVar[tuple[str, ...]]
+    own_suffixes: ClassVar[tuple[str, ...]] = ()
+
+    @staticmethod
+    @abstractmethod
+    def recognizes(head: bytes) -> bool:
+        """Whether a file is of this format, by its first 4096 bytes.
+
+        At most one format may recognize a file, so that their order does not matter.
+        """
+
+    @classmethod
+    @abstractmethod
+    def open(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file.
+
+        Raises
+        ------
+        BrdfError
+            If it cannot be read, is damaged, or is of another format.
+        """
+
+    def __repr__(self) -> str:
+        return str(self.values["file"])
+
+
+def formats() -> list[type[MeasuredBrdf]]:
+    """The formats in the order of the alphabet; this loads the modules of all."""
+    return [cast(type[MeasuredBrdf], load_class(__name__, name)) for name in module_names(__name__)]
+
+
+def open_measured(path: str | os.PathLike[str]) -> Brdf:
+    """The measured BRDF in a file, whose format its content tells.
+
+    Raises
+    ------
+    BrdfError
+        If it is missing, no regular file, of no known format, or damaged.
+    """
+    path = check_file(path)
+    head = first_bytes(path, _HEAD)
+    if not head:
+        raise BrdfError(f"{path}: an empty file; copy it again")
+    known = formats()
+    suffix = path.suffix.lower()
+    recognizing = [each for each in known if each.recognizes(head)]
+    for each in recognizing or [each for each in known if suffix in each.own_suffixes]:
+        return each.open(path)
+    listed = "; ".join(each.reads for each in known)
+    raise BrdfError(f"{path}: not a measured BRDF; known: {listed}")

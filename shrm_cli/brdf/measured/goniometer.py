@@ -9,9 +9,10 @@ import numpy as np
 from shrm_cli.brdf.base import Array, Brdf, Value
 from shrm_cli.brdf.half_angles import half_angles
 from shrm_cli.brdf.hemisphere import evaluate_above
-from shrm_cli.brdf.measured.open import file_values
+from shrm_cli.brdf.measured import MeasuredBrdf
+from shrm_cli.brdf.measured.reading.file import file_values
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.text_file import parse_numbers, read_lines
+from shrm_cli.brdf.measured.reading.text_file import first_lines, parse_numbers, read_lines
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 from shrm_cli.sphere.directions import from_angles
@@ -32,16 +33,7 @@ _LARGEST = 1e30
 _WAVELENGTHS = np.arange(400, 701, 10)
 
 
-def recognizes(head: bytes, path: Path) -> bool:
-    """Whether a file is of goniometer samples: a count, so many wavelengths, rows of angles."""
-    lines = [line.strip() for line in head.decode("utf-8", errors="replace").splitlines()]
-    if any(line.startswith("#") and line[1:].split() == ["num", "wls"] for line in lines):
-        return True
-    data = [line for line in lines if line and not line.startswith("#")]
-    return len(data) > 1 and data[0].isdecimal() and _are_wavelengths(data[1])
-
-
-class Goniometer(Brdf):
+class Goniometer(MeasuredBrdf):
     """A BRDF sampled at scattered directions, as Cornell measured paints; isotropic.
 
     The samples' colours are interpolated by radial basis functions of the half-angle vector and
@@ -60,12 +52,25 @@ class Goniometer(Brdf):
     name = "goniometer"
     summary = "Measured isotropic BRDF, spectral samples at scattered directions"
     source = "Cornell University, light measurement laboratory"
+    reads = "Cornell's goniometer samples"
+    suffixes = (".brdf", ".dat")
 
     def __init__(
         self, light: Array, view: Array, colors: Array, values: Mapping[str, Value]
     ) -> None:
         self.values = {**values}
-        self._table, self._offset = _tabulated(light, view, np.maximum(colors, 0))
+        self._table, self._offset = _sampled_table(light, view, np.maximum(colors, 0))
+
+    @staticmethod
+    def recognizes(head: bytes) -> bool:
+        # The data begins with a count alone on its line, and so many wavelengths follow. Where the
+        # comment announces the count, what stands in its place may be damaged, but is no row of a
+        # table, which another format could recognize.
+        lines = first_lines(head)
+        data = [line for line in lines if line and not line.startswith("#")]
+        if any(line.startswith("#") and line[1:].split() == ["num", "wls"] for line in lines):
+            return not data or len(data[0].replace(",", " ").split()) < 4
+        return len(data) > 1 and data[0].isdecimal() and _are_wavelengths(data[1])
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Goniometer":
@@ -88,9 +93,6 @@ class Goniometer(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         return evaluate_above(self._interpolated, light, view)
-
-    def __repr__(self) -> str:
-        return str(self.values["file"])
 
     def _interpolated(self, light: Array, view: Array) -> Array:
         """Values at directions above the horizon, shape (n, 3)."""
@@ -182,7 +184,7 @@ def _kernel(at: Array, samples: Array) -> Array:
     return total / 4
 
 
-def _tabulated(light: Array, view: Array, colors: Array) -> tuple[Array, float]:
+def _sampled_table(light: Array, view: Array, colors: Array) -> tuple[Array, float]:
     """The interpolant ``log(value + offset)`` at the table's nodes, shape (nodes, 4)."""
     samples = _positions(_unit_angles(light, view))
     offset = max(_LOG_OFFSET * float(np.median(colors.max(axis=1))), 1e-6 * float(colors.max()))

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Array, Brdf, Value
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.hemisphere import evaluate_above
-from shrm_cli.brdf.measured.open import check_file, file_values
+from shrm_cli.brdf.measured import MeasuredBrdf
+from shrm_cli.brdf.measured.reading.file import check_file, file_values
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 
@@ -27,12 +28,7 @@ _LARGEST = 1e30
 _RECORD = 4  # channels of a cell in memory: powers of two are fetched faster
 
 
-def recognizes(head: bytes, path: Path) -> bool:
-    """Whether a file is MERL's, damaged or not, by its first bytes or by its name."""
-    return head.startswith(_HEADER) or path.suffix.lower() == ".binary"
-
-
-class Merl(Brdf):
+class Merl(MeasuredBrdf):
     """A measured isotropic BRDF, tabulated over Rusinkiewicz's half and difference angles.
 
     A cell's value belongs to the cell's centre, as MERL's own reader assigns a direction to a
@@ -52,6 +48,8 @@ class Merl(Brdf):
     name = "merl"
     summary = "Measured isotropic BRDF, a table over half and difference angles"
     source = "MERL BRDF database format, Matusik et al. 2003"
+    reads = "MERL's .binary tables"
+    suffixes = own_suffixes = (".binary",)
 
     def __init__(self, cells: Array, values: Mapping[str, Value]) -> None:
         if cells.shape != (*CELLS, 3):
@@ -62,6 +60,10 @@ class Merl(Brdf):
         table[:, :, :-1, :3] = cells
         table[:, :, -1] = table[:, :, 0]
         self._table = table.reshape(-1, _RECORD)
+
+    @staticmethod
+    def recognizes(head: bytes) -> bool:
+        return head.startswith(_HEADER)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Merl":
@@ -82,9 +84,6 @@ class Merl(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         return evaluate_above(self._interpolated, light, view)
-
-    def __repr__(self) -> str:
-        return str(self.values["file"])
 
     def _interpolated(self, light: Array, view: Array) -> Array:
         """Values at directions above the horizon, shape (n, 3)."""

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.brdf.base import Array, Value
 from shrm_cli.brdf.hemisphere import evaluate_above
-from shrm_cli.brdf.measured.open import check_file, file_values
+from shrm_cli.brdf.measured import MeasuredBrdf
+from shrm_cli.brdf.measured.reading.file import check_file, file_values
 from shrm_cli.brdf.measured.reading.rgl_warp import Grid, Slices, Warp
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.measured.reading.tensor_file import MAGIC, TensorFile, damaged
@@ -23,12 +24,7 @@ _ZEMAX_WORDS = b"SpectralContent", b"ScatterType", b"SampleRotation", b"AngleOfI
 _HEAD = 4096
 
 
-def recognizes(head: bytes, path: Path) -> bool:
-    """Whether a file is RGL's, damaged or not, by its first bytes or by its name."""
-    return head.startswith(MAGIC) or path.suffix.lower() == ".bsdf"
-
-
-class Rgl(Brdf):
+class Rgl(MeasuredBrdf):
     """A measured isotropic BRDF, parameterised by the visible normals of its microfacets.
 
     For a viewer at ``theta`` the half vector is mapped through the cumulative distribution of
@@ -49,23 +45,29 @@ class Rgl(Brdf):
     summary = "Measured isotropic BRDF of the RGL database, a transfer function"
     source = "RGL material database format, Dupuy and Jakob 2018"
     includes_cosine = True
+    reads = "RGL's .bsdf tensor files"
+    suffixes = own_suffixes = (".bsdf",)
 
     def __init__(self, file: TensorFile, values: Mapping[str, Value]) -> None:
         self.values = {**values}
         self._nodes = _angles(file)
         count = len(self._nodes)
         self._warp = Warp(_density(file, count))
-        colours = _colours(file, count)
-        self._measured = Grid(colours)
+        colors = _colors(file, count)
+        self._measured = Grid(colors)
         self._normals, self._area = _profile(file, "ndf"), _profile(file, "sigma")
         if self._area.min() <= 0:
             raise damaged(file.path, "its field 'sigma' is not positive")
         if not _flag(file, "jacobian"):  # the measurement is the transfer function itself
             self._normals = np.ones(2, dtype=np.float32)
             self._area = self._normals / 4
-        largest = np.abs(colours).max() * float(self._normals.max()) / float(self._area.min())
+        largest = np.abs(colors).max() * float(self._normals.max()) / float(self._area.min())
         if largest > _LARGEST:
             raise damaged(file.path, f"its values reach {largest:g}")
+
+    @staticmethod
+    def recognizes(head: bytes) -> bool:
+        return head.startswith(MAGIC)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Rgl":
@@ -86,9 +88,6 @@ class Rgl(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         return evaluate_above(self._interpolated, light, view)
-
-    def __repr__(self) -> str:
-        return str(self.values["file"])
 
     def _interpolated(self, light: Array, view: Array) -> Array:
         """Values at directions above the horizon, shape (n, 3)."""
@@ -168,21 +167,21 @@ def _density(file: TensorFile, count: int) -> Array:
     return density
 
 
-def _colours(file: TensorFile, count: int) -> Array:
+def _colors(file: TensorFile, count: int) -> Array:
     """The measurement in linear sRGB at each angle, shape (n, rows, columns, 3)."""
     if "rgb" in file.fields or "spectra" not in file.fields:
-        colours = np.moveaxis(_read(file, "rgb", (None, count, 3, None, None))[0], 1, -1)
+        colors = np.moveaxis(_read(file, "rgb", (None, count, 3, None, None))[0], 1, -1)
     else:
         wavelengths = _read(file, "wavelengths", (None,))
         spectra = _read(file, "spectra", (None, count, len(wavelengths), None, None))[0]
         try:
-            colours = np.stack([to_linear_srgb(wavelengths, each.T).T for each in spectra])
+            colors = np.stack([to_linear_srgb(wavelengths, each.T).T for each in spectra])
         except BrdfError as error:
             raise BrdfError(f"{file.path}: {error}") from error
-        colours = np.moveaxis(colours, 1, -1)
-    if min(colours.shape[1:3]) < 2:
+        colors = np.moveaxis(colors, 1, -1)
+    if min(colors.shape[1:3]) < 2:
         raise damaged(file.path, "its measurement has no area")
-    return colours
+    return colors
 
 
 def _profile(file: TensorFile, name: str) -> Array:

@@ -16,20 +16,20 @@ Matusik et al. 2003, A Data-Driven Reflectance Model (the square-root spacing of
 import hashlib
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.lobe import cuts_horizon
-from shrm_cli.brdf.measured.open import file_values
+from shrm_cli.brdf.measured import MeasuredBrdf
+from shrm_cli.brdf.measured.reading.file import file_values
 from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import Center
 
 AXES = ("theta_h", "theta_d", "phi_d")
 SHAPE = (128, 72, 64)
-"""Of the tables that `tabulate` makes: 7.1 MB as 32-bit RGB."""
+"""Of the tables that `sample_table` makes: 7.1 MB as 32-bit RGB."""
 
 _EXR = b"\x76\x2f\x31\x01"
 _ZIP = b"PK\x03\x04"
@@ -56,7 +56,7 @@ class TableSettings:
     made_from: str = ""
 
 
-class Table(Brdf):
+class Table(MeasuredBrdf):
     """Values between which the BRDF is interpolated linearly in each of the three angles.
 
     Attributes
@@ -72,6 +72,8 @@ class Table(Brdf):
     name = "table"
     summary = "a table over half and difference angles"
     source = "a file"
+    reads = "tables that shrm brdf --save wrote, .exr or .npz"
+    suffixes = (".exr", ".npz")
 
     def __init__(
         self,
@@ -96,6 +98,11 @@ class Table(Brdf):
         if settings.made_from:
             self.source = f"made from {settings.made_from}"
         self.values = {**(values or {"sha256": self._digest()})}
+
+    @staticmethod
+    def recognizes(head: bytes) -> bool:
+        # Any OpenEXR or zip file may be a table; reading it tells.
+        return head.startswith((_EXR, _ZIP))
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Table":
@@ -159,12 +166,7 @@ class Table(Brdf):
         return digest.hexdigest()
 
 
-def recognizes(head: bytes, path: Path) -> bool:
-    """Whether a file can be a table: any OpenEXR or zip file, which then says what it holds."""
-    return head.startswith((_EXR, _ZIP))
-
-
-def tabulate(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
+def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     """A table of another BRDF.
 
     Nodes of theta_h lie at squares, as MERL's: 0.01 degrees apart at the mirror direction, 0.7 at

@@ -1,16 +1,18 @@
 """Files of Zernike expansions, and of sparse measurements that one is fitted to."""
 
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.brdf.base import Array, Value
 from shrm_cli.brdf.hemisphere import evaluate_above
-from shrm_cli.brdf.measured.open import file_values
+from shrm_cli.brdf.measured import MeasuredBrdf
+from shrm_cli.brdf.measured.reading.file import file_values
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.text_file import parse_numbers, read_lines
+from shrm_cli.brdf.measured.reading.text_file import first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.zernike_series import (
     MAX_ORDER,
     Term,
@@ -29,14 +31,7 @@ _WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 _COEFFICIENT_ROW = re.compile(r"\s*[1-4]\s*[,\s]\s*[1-4](\s*[,\s]\s*\d{1,3}){5}\s*[,\s]\s*[-+.\d]")
 
 
-def recognizes(head: bytes, path: Path) -> bool:
-    """Whether a file holds coefficients, or measurements in CSV, by its first lines."""
-    lines = (line.strip() for line in head.decode("utf-8-sig", errors="replace").splitlines())
-    first = next((line for line in lines if line and not line.startswith("#")), "")
-    return _is_table(first) or _COEFFICIENT_ROW.match(first) is not None
-
-
-class Zernike(Brdf):
+class Zernike(MeasuredBrdf):
     """A measured isotropic BRDF as a Zernike expansion.
 
     Opened are files of coefficients as NIST publishes them, a row ``i, j, n, m, k, l, p, C``
@@ -50,6 +45,8 @@ class Zernike(Brdf):
     name = "zernike"
     summary = "Measured isotropic BRDF, Zernike polynomials on the hemisphere"
     source = "Koenderink and van Doorn 1998; Germer 2018"
+    reads = "Koenderink-van Doorn coefficients, CSV of theta_i,phi_i,theta_r,phi_r,r,g,b"
+    suffixes = (".csv",)
 
     def __init__(
         self, series: ZernikeSeries, values: Mapping[str, Value], ceiling: Array | None = None
@@ -58,8 +55,14 @@ class Zernike(Brdf):
         self._ceiling = np.full(3, np.inf) if ceiling is None else ceiling
         self.values = {**values}
 
+    @staticmethod
+    def recognizes(head: bytes) -> bool:
+        data = (line for line in first_lines(head) if line and not line.startswith("#"))
+        first = next(data, "")
+        return _is_table(first) or _COEFFICIENT_ROW.match(first) is not None
+
     @classmethod
-    def open(cls, path: str | Path) -> "Zernike":
+    def open(cls, path: str | os.PathLike[str]) -> "Zernike":
         """Read a file of coefficients or of measurements.
 
         Raises
@@ -78,9 +81,6 @@ class Zernike(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         return evaluate_above(self._clamped, light, view)
-
-    def __repr__(self) -> str:
-        return str(self.values["file"])
 
     def _clamped(self, light: Array, view: Array) -> Array:
         return np.clip(self.series.evaluate(light, view), 0, self._ceiling)

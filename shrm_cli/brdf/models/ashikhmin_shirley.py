@@ -9,10 +9,10 @@ from shrm_cli.brdf.metals import METALS
 from shrm_cli.brdf.vectors import (
     GRAZING,
     above_horizon,
-    coloured,
+    colored,
+    cosines,
     fifth_power,
     half_vector,
-    heights,
     schlick,
 )
 
@@ -45,20 +45,20 @@ class AshikhminShirley(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
-        light_height, view_height = heights(light, view)
+        light_cosine, view_cosine = cosines(light, view)
         nu, nv = self.number("nu"), self.number("nv")
         # (N.H)^e = exp((nu h_x^2 + nv h_y^2) log(N.H) / sin(theta_h)^2); the last goes to -1/2.
         sine2 = np.clip(half.square_sine, 1e-12, 1 - np.finfo(half.x.dtype).eps)
         rate = np.log1p(-sine2) / (2 * sine2)
         lobe = np.exp((nu * half.x**2 + nv * half.y**2) * rate)
         scale = math.sqrt((nu + 1) * (nv + 1)) / (8 * math.pi)
-        near = np.maximum(half.cosine, GRAZING) * np.maximum(light_height, view_height)
+        near = np.maximum(half.cosine, GRAZING) * np.maximum(light_cosine, view_cosine)
         value = above_horizon(scale * lobe / near, light, view)
         result = scaled(schlick(self.color("specular"), half.cosine), value)
         if max(self.color("diffuse")) == 0:
             return result
-        base = (1 - fifth_power(1 - light_height / 2)) * (1 - fifth_power(1 - view_height / 2))
+        base = (1 - fifth_power(1 - light_cosine / 2)) * (1 - fifth_power(1 - view_cosine / 2))
         lower = above_horizon(base * (28 / (23 * np.pi)), light, view)
         pairs = zip(self.color("diffuse"), self.color("specular"), strict=True)
         red, green, blue = (diffuse * (1 - specular) for diffuse, specular in pairs)
-        return result + coloured(lower, (red, green, blue))
+        return result + colored(lower, (red, green, blue))

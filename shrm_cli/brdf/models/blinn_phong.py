@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter
-from shrm_cli.brdf.vectors import above_horizon, coloured, half_vector
+from shrm_cli.brdf.vectors import above_horizon, colored, half_vector
 
 
 class BlinnPhong(Brdf):
@@ -28,10 +28,10 @@ class BlinnPhong(Brdf):
         n = self.number("exponent")
         # (N.H)^n by way of the sine is exact for large n in single precision too.
         sine2 = np.minimum(half.square_sine, 1 - np.finfo(half.x.dtype).eps)
-        value = normalisation(n) * np.exp(n / 2 * np.log1p(-sine2))
-        return coloured(above_horizon(value, light, view), self.color("color"))
+        value = normalization(n) * np.exp(n / 2 * np.log1p(-sine2))
+        return colored(above_horizon(value, light, view), self.color("color"))
 
 
-def normalisation(exponent: float) -> float:
+def normalization(exponent: float) -> float:
     """``1 / int (N.H)^n N.L dL`` for a view along the normal."""
     return (exponent + 2) * (exponent + 4) / (8 * math.pi * (2 ** (-exponent / 2) + exponent))

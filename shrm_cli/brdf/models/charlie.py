@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter
-from shrm_cli.brdf.vectors import above_horizon, coloured, half_vector, heights
+from shrm_cli.brdf.vectors import above_horizon, colored, cosines, half_vector
 
 # Table 1: a, b, c, d, e of L(x) for roughness 0 and 1.
 _SMOOTH = 25.3245, 3.32435, 0.16801, -1.27393, -4.85967
@@ -28,13 +28,13 @@ class Charlie(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
-        light_height, view_height = heights(light, view)
+        light_cosine, view_cosine = cosines(light, view)
         rate = 1 / self.number("roughness")
         sine = np.sqrt(np.minimum(half.square_sine, 1.0))
         distribution = (2 + rate) / (2 * np.pi) * sine**rate
-        shadowed = 1 + self._shadowing(light_height) + self._shadowing(view_height)
-        value = distribution / (4 * light_height * view_height * shadowed)
-        return coloured(above_horizon(value, light, view), self.color("color"))
+        shadowed = 1 + self._shadowing(light_cosine) + self._shadowing(view_cosine)
+        value = distribution / (4 * light_cosine * view_cosine * shadowed)
+        return colored(above_horizon(value, light, view), self.color("color"))
 
     def _shadowing(self, cosine: Array) -> Array:
         """Lambda: exp(L(x)) for x < 1/2, and exp(2 L(1/2) - L(1 - x)) above."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
 from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
-from shrm_cli.brdf.vectors import GRAZING, above_horizon, half_vector, heights, schlick
+from shrm_cli.brdf.vectors import GRAZING, above_horizon, cosines, half_vector, schlick
 
 
 class CookTorrance(Brdf):
@@ -26,12 +26,12 @@ class CookTorrance(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
-        light_height, view_height = heights(light, view)
+        light_cosine, view_cosine = cosines(light, view)
         m2 = self.number("roughness") ** 2
         z2 = np.maximum(half.z, GRAZING) ** 2
         distribution = np.exp(-half.square_sine / (z2 * m2)) / (np.pi * m2 * z2 * z2)
-        larger = np.maximum(light_height, view_height)
+        larger = np.maximum(light_cosine, view_cosine)
         cavity = 2 * half.z / (np.maximum(half.cosine, GRAZING) * larger)
-        visibility = np.minimum(cavity, 1 / (light_height * view_height)) / 4
+        visibility = np.minimum(cavity, 1 / (light_cosine * view_cosine)) / 4
         value = above_horizon(distribution * visibility, light, view)
         return scaled(schlick(self.color("f0"), half.cosine), value)

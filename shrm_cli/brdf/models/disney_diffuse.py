@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter
-from shrm_cli.brdf.vectors import coloured, fifth_power, tangential
+from shrm_cli.brdf.vectors import colored, fifth_power, tangential
 
 
 class DisneyDiffuse(Brdf):
@@ -25,10 +25,10 @@ class DisneyDiffuse(Brdf):
     center = "normal"
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        light_height = np.clip(light[..., 2], 0.0, 1.0)
-        view_height = np.minimum(np.abs(view[..., 2]), 1.0)
+        light_cosine = np.clip(light[..., 2], 0.0, 1.0)
+        view_cosine = np.minimum(np.abs(view[..., 2]), 1.0)
         # (L.H)^2 = (1 + L.V) / 2
-        cosine = light_height * view_height + tangential(light, view)
+        cosine = light_cosine * view_cosine + tangential(light, view)
         g = self.number("roughness") * (1 + cosine) - 0.5
-        value = (1 + g * fifth_power(1 - light_height)) * (1 + g * fifth_power(1 - view_height))
-        return coloured(value / np.pi * (light[..., 2] > 0), self.color("color"))
+        value = (1 + g * fifth_power(1 - light_cosine)) * (1 + g * fifth_power(1 - view_cosine))
+        return colored(value / np.pi * (light[..., 2] > 0), self.color("color"))

@@ -4,14 +4,14 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
 from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
-from shrm_cli.brdf.vectors import above_horizon, half_vector, heights, schlick
+from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector, schlick
 
 
 class Ggx(Brdf):
     """``f_r = F D G / (4 N.L N.V)`` above the horizon, with ``a = roughness^2``.
 
     ``D = 1 / (pi a^2 (tan(theta_h)^2 / a^2 + 1)^2 cos(theta_h)^4)``, Smith's G for light and view
-    at correlated heights, F after Schlick. Light that meets several facets is lost.
+    at correlated cosines, F after Schlick. Light that meets several facets is lost.
     """
 
     name = "ggx"
@@ -24,10 +24,10 @@ class Ggx(Brdf):
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
-        light_height, view_height = heights(light, view)
+        light_cosine, view_cosine = cosines(light, view)
         a2 = self.number("roughness") ** 4
         distribution = 1 / (np.pi * a2 * (half.square_sine / a2 + half.z**2) ** 2)
-        masking = light_height * np.sqrt(a2 + (1 - a2) * view_height**2)
-        shadowing = view_height * np.sqrt(a2 + (1 - a2) * light_height**2)
+        masking = light_cosine * np.sqrt(a2 + (1 - a2) * view_cosine**2)
+        shadowing = view_cosine * np.sqrt(a2 + (1 - a2) * light_cosine**2)
         value = above_horizon(distribution / (2 * (masking + shadowing)), light, view)
         return scaled(schlick(self.color("f0"), half.cosine), value)

@@ -24,8 +24,8 @@ class KajiyaKay(Brdf):
     has_horizon = False
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        light_height, view_height = light[..., 2], view[..., 2]
+        light_cosine, view_cosine = light[..., 2], view[..., 2]
         light_sine = np.hypot(light[..., 0], light[..., 1])
         view_sine = np.hypot(view[..., 0], view[..., 1])
-        cosine = light_height * view_height + light_sine * view_sine
+        cosine = light_cosine * view_cosine + light_sine * view_sine
         return grey(power(np.minimum(cosine, 1.0), self.number("exponent")))

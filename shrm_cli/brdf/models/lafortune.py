@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Color, Parameter, Value
-from shrm_cli.brdf.vectors import above_horizon, coloured, is_grey, power, tangential
+from shrm_cli.brdf.vectors import above_horizon, colored, is_grey, power, tangential
 from shrm_cli.errors import BrdfError
 
 Lobe = tuple[Color, Color, Color]
@@ -131,7 +131,7 @@ class Lafortune(Brdf):
             for channel in range(1 if all(map(is_grey, everything)) else 3)
         ]
         if len(channels) == 1:
-            return coloured(channels[0], (1.0, 1.0, 1.0))
+            return colored(channels[0], (1.0, 1.0, 1.0))
         return np.stack(channels, axis=-1)
 
     def _channel(self, channel: int, across: Array, up: Array) -> Array:

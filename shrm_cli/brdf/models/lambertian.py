@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter
-from shrm_cli.brdf.vectors import coloured
+from shrm_cli.brdf.vectors import colored
 
 
 class Lambertian(Brdf):
@@ -21,4 +21,4 @@ class Lambertian(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         shape = np.broadcast_shapes(light.shape[:-1], view.shape[:-1])
         value = np.full((), 1 / np.pi, dtype=np.result_type(light, view))
-        return coloured(np.broadcast_to(value, shape), self.color("albedo"))
+        return colored(np.broadcast_to(value, shape), self.color("albedo"))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter
-from shrm_cli.brdf.vectors import GRAZING, coloured, tangential
+from shrm_cli.brdf.vectors import GRAZING, colored, tangential
 
 
 class OrenNayar(Brdf):
@@ -34,4 +34,4 @@ class OrenNayar(Brdf):
         larger = np.maximum(light[..., 2], np.abs(view[..., 2]))
         swing = np.maximum(tangential(light, view), 0.0) / np.maximum(larger, GRAZING)
         value = (first + second * swing) / np.pi
-        return coloured(value * (light[..., 2] > 0), self.color("albedo"))
+        return colored(value * (light[..., 2] > 0), self.color("albedo"))

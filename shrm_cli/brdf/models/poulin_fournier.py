@@ -4,8 +4,8 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Color, Parameter
 from shrm_cli.brdf.metals import METALS
-from shrm_cli.brdf.models.blinn_phong import normalisation
-from shrm_cli.brdf.vectors import above_horizon, half_vector, heights, power
+from shrm_cli.brdf.models.blinn_phong import normalization
+from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector, power
 from shrm_cli.sphere.grids import gauss_legendre
 
 _NODES = 32
@@ -58,10 +58,10 @@ class PoulinFournier(Brdf):
                 diffuse + facing,
                 specular + facing * power(towards_half, exponent),
             )
-        light_height, view_height = heights(light, view)
-        projected = distance * light_height * view_height
+        light_cosine, view_cosine = cosines(light, view)
+        projected = distance * light_cosine * view_cosine
         diffuse = above_horizon(diffuse / (np.pi * projected), light, view)
-        specular = above_horizon(specular * normalisation(exponent) / projected, light, view)
+        specular = above_horizon(specular * normalization(exponent) / projected, light, view)
         return _mixed(diffuse, self.color("diffuse"), specular, self.color("specular"))
 
 

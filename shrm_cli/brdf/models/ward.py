@@ -4,7 +4,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter, Value
 from shrm_cli.brdf.metals import METALS
-from shrm_cli.brdf.vectors import GRAZING, above_horizon, coloured
+from shrm_cli.brdf.vectors import GRAZING, above_horizon, colored
 
 
 class Ward(Brdf):
@@ -34,4 +34,4 @@ class Ward(Brdf):
         z2 = np.maximum(z, 2 * GRAZING) ** 2
         slope = ((x / ax) ** 2 + (y / ay) ** 2) / z2
         value = np.exp(-slope) * (x * x + y * y + z2) / (np.pi * ax * ay * z2 * z2)
-        return coloured(above_horizon(value, light, view), self.color("color"))
+        return colored(above_horizon(value, light, view), self.color("color"))

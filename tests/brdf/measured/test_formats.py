@@ -6,7 +6,7 @@ import pytest
 from shrm_cli.brdf.measured.goniometer import write_goniometer
 from shrm_cli.brdf.measured.merl import write_merl
 from shrm_cli.brdf.measured.reading.table_writer import write_table
-from shrm_cli.brdf.measured.table import tabulate
+from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.shrm.prefilter import bake
 from shrm_cli.probe.probe import open_probe
@@ -22,7 +22,7 @@ def write(path, brdf):
     elif path.suffix == ".brdf":
         write_goniometer(path, brdf)
     else:
-        write_table(path, tabulate(brdf))
+        write_table(path, sample_table(brdf))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.measured.goniometer import MAX_SAMPLES, Goniometer, recognizes, write_goniometer
+from shrm_cli.brdf.measured.goniometer import MAX_SAMPLES, Goniometer, write_goniometer
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.errors import BrdfError
@@ -190,12 +190,12 @@ def test_speed(rng, rough):
     assert time.perf_counter() - started < 1.5  # 0.13 s on an idle machine
 
 
-def test_recognizes(shared, rough, tmp_path):
+def test_recognizes(shared, rough):
     paints = sorted((shared / "brdf" / "cornell").glob("*.brdf"))
     assert len(paints) == 3
     for path in [*paints, rough[0]]:
-        assert recognizes(path.read_bytes()[:4096], path)
-    assert recognizes(b"3\n450 550 650\n0 0 0 0 1 1 1\n", tmp_path)
+        assert Goniometer.recognizes(path.read_bytes()[:4096])
+    assert Goniometer.recognizes(b"3\n450 550 650\n0 0 0 0 1 1 1\n")
     others = [
         (shared / "brdf" / "nist" / "PTFE.532.coeff.csv").read_bytes()[:4096],
         (shared / "brdf" / "lafortune.csv").read_bytes(),
@@ -204,7 +204,7 @@ def test_recognizes(shared, rough, tmp_path):
         b"",
         b"\x00\xff\n\x00" * 99,
     ]
-    assert not [head[:30] for head in others if recognizes(head, tmp_path)]
+    assert not [head[:30] for head in others if Goniometer.recognizes(head)]
 
 
 HEAD = "# num wls\n3\n450 550\n650\n"

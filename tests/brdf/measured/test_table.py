@@ -16,7 +16,7 @@ from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.measured.reading import table_file
 from shrm_cli.brdf.measured.reading.table_writer import write_table
-from shrm_cli.brdf.measured.table import SHAPE, Table, TableSettings, tabulate
+from shrm_cli.brdf.measured.table import SHAPE, Table, TableSettings, sample_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, OutputError
 from tests.brute_force import unit
@@ -87,7 +87,7 @@ def test_functions_linear_in_each_angle_are_reproduced(rng):
 )
 def test_tables_are_near_the_model_that_they_are_of(rng, spec, tolerance):
     model = parse_spec(spec)
-    table = tabulate(model)
+    table = sample_table(model)
     assert table.table.shape[:3] == SHAPE
     view = hemisphere(rng, 20000, 0.1)
     # Half vectors at all scales, so that the lobe's peak is met.
@@ -104,7 +104,7 @@ def test_tables_are_near_the_model_that_they_are_of(rng, spec, tolerance):
 
 def test_coefficients_are_near_those_of_the_model():
     model = parse_spec("ggx:roughness=0.6")
-    one, other = (compute_coefficients(b, 24, 4, 1e-4) for b in (model, tabulate(model)))
+    one, other = (compute_coefficients(b, 24, 4, 1e-4) for b in (model, sample_table(model)))
     difference = np.sum((one.values - other.values) ** 2) / np.sum(one.values**2)
     assert np.sqrt(difference) < 0.005
 
@@ -112,7 +112,7 @@ def test_coefficients_are_near_those_of_the_model():
 def test_a_fibre_is_a_function_around_its_tangent(rng):
     model = parse_spec("kajiya-kay")
     light, view = unit(rng, 5000), unit(rng, 5000)
-    table = tabulate(model)
+    table = sample_table(model)
     assert table.center == "tangent"
     expected = model.evaluate(light, view)
     error = np.sum((table.evaluate(light, view) - expected) ** 2) / np.sum(expected**2)
@@ -123,12 +123,12 @@ def test_lobes_below_the_horizon_stay_and_others_end_there(rng):
     light = unit(rng, 500) * [1, 1, -1]
     light[:, 2] = -abs(light[:, 2])
     view = hemisphere(rng, 500)
-    assert not tabulate(parse_spec("ggx"), (8, 6, 4)).evaluate(light, view).any()
-    assert not tabulate(parse_spec("ggx"), (8, 6, 4)).evaluate(view, light).any()
+    assert not sample_table(parse_spec("ggx"), (8, 6, 4)).evaluate(light, view).any()
+    assert not sample_table(parse_spec("ggx"), (8, 6, 4)).evaluate(view, light).any()
     phong = parse_spec("phong:exponent=4")
     expected = phong.evaluate(light, view)
     assert expected.max() > 0.1
-    assert np.allclose(tabulate(phong).evaluate(light, view), expected, atol=0.004)
+    assert np.allclose(sample_table(phong).evaluate(light, view), expected, atol=0.004)
 
 
 def test_what_is_not_reciprocal_stays_so(rng):
@@ -139,13 +139,13 @@ def test_what_is_not_reciprocal_stays_so(rng):
         def evaluate(self, light, view):
             return np.where(light[..., 2:] > 0, 1 + light[..., 2:], 0) * np.ones(3)
 
-    table = tabulate(Physical())
+    table = sample_table(Physical())
     assert np.allclose(table.evaluate(light, view), 1 + light[:, 2:], atol=0.01)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_values_are_finite_everywhere_and_keep_their_type(rng, dtype):
-    table = tabulate(parse_spec("ggx:f0=copper"), (8, 6, 4))
+    table = sample_table(parse_spec("ggx:f0=copper"), (8, 6, 4))
     light = unit(rng, 300).astype(dtype)
     light[:6] = np.concatenate([np.eye(3), -np.eye(3)])
     for view in (light, -light, np.roll(light, 7, axis=0), light[2]):
@@ -158,7 +158,7 @@ def test_values_are_finite_everywhere_and_keep_their_type(rng, dtype):
 
 
 def test_grey_tables_give_a_broadcast_view(rng):
-    table = tabulate(parse_spec("ggx"), (8, 6, 4))
+    table = sample_table(parse_spec("ggx"), (8, 6, 4))
     assert table.table.shape == (8, 6, 4, 1)
     assert table.evaluate(unit(rng, 5), unit(rng, 5)).strides[-1] == 0
 
@@ -170,7 +170,8 @@ def test_negative_values_are_noise():
 
 
 def test_tables_in_memory_are_identified_by_their_values():
-    tables = [tabulate(parse_spec(f"ggx:roughness={r},f0=0.1"), (5, 4, 3)) for r in (0.3, 0.3, 0.4)]
+    models = [parse_spec(f"ggx:roughness={r},f0=0.1") for r in (0.3, 0.3, 0.4)]
+    tables = [sample_table(model, (5, 4, 3)) for model in models]
     digests = [table.values["sha256"] for table in tables]
     assert digests[0] == digests[1] != digests[2]
     assert repr(tables[0]) == "table of ggx:roughness=0.3,f0=0.1"
@@ -178,7 +179,7 @@ def test_tables_in_memory_are_identified_by_their_values():
 
 def test_anisotropic_and_infinite_models_are_refused():
     with pytest.raises(BrdfError, match="anisotropic"):
-        tabulate(parse_spec("ward:ax=0.1,ay=0.3"))
+        sample_table(parse_spec("ward:ax=0.1,ay=0.3"))
     with pytest.raises(ValueError, match="of shape"):
         Table(np.ones((4, 3, 5)), AXES)
 
@@ -188,7 +189,7 @@ def test_anisotropic_and_infinite_models_are_refused():
 
 @pytest.fixture
 def coloured():
-    return tabulate(parse_spec("ggx:roughness=0.5,f0=gold"), (7, 5, 4))
+    return sample_table(parse_spec("ggx:roughness=0.5,f0=gold"), (7, 5, 4))
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".npz", ".NPZ"])

@@ -14,7 +14,7 @@ from shrm_cli.brdf.measured.reading.zernike_series import (
     fit_zernike,
     terms_of,
 )
-from shrm_cli.brdf.measured.zernike import Zernike, recognizes
+from shrm_cli.brdf.measured.zernike import Zernike
 from shrm_cli.brdf.models.oren_nayar import OrenNayar
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles, normalize
@@ -225,11 +225,11 @@ def test_is_finite_everywhere_and_zero_below(rng, shared):
         assert found[~below][:, ~below].min() > 0.1
 
 
-def test_recognizes(shared, tmp_path):
+def test_recognizes(shared):
     nist = shared / "brdf" / "nist"
-    assert recognizes((nist / "PTFE.532.coeff.csv").read_bytes()[:4096], nist)
-    assert recognizes(b"\xef\xbb\xbf# x\n\nTheta_i, phi_i,theta_r,phi_r,r,g,b\n", tmp_path)
-    assert recognizes((HEADER + "value").encode(), tmp_path)
+    assert Zernike.recognizes((nist / "PTFE.532.coeff.csv").read_bytes()[:4096])
+    assert Zernike.recognizes(b"\xef\xbb\xbf# x\n\nTheta_i, phi_i,theta_r,phi_r,r,g,b\n")
+    assert Zernike.recognizes((HEADER + "value").encode())
     others = [
         (nist / "PTFE.data.csv").read_bytes()[:4096],
         (shared / "brdf" / "lafortune.csv").read_bytes(),
@@ -238,7 +238,7 @@ def test_recognizes(shared, tmp_path):
         b"\x00\xff" * 99,
         b"400 410 420 430 440 450 460 470",
     ]
-    assert not [head[:30] for head in others if recognizes(head, tmp_path)]
+    assert not [head[:30] for head in others if Zernike.recognizes(head)]
 
 
 ROW = "10,0,20,30,0.1,0.1,0.1\n"

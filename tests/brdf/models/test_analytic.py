@@ -9,10 +9,13 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import gamma
 
+from shrm_cli.brdf.library import built_in_names, find_model
 from shrm_cli.brdf.models.lafortune import FITS
-from shrm_cli.brdf.spec import MODELS, parse_spec
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.orders import choose_orders
 from tests import brute_force
+
+MODELS = {name: find_model(name) for name in built_in_names()}
 
 # Reflect more than they receive: the most found for views up to 80 degrees, and why.
 MORE_THAN_RECEIVED = {

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import value_text
-from shrm_cli.brdf.spec import MODELS, parse_spec
+from shrm_cli.brdf.library import built_in_names, find_model
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from tests import brute_force
+
+MODELS = {name: find_model(name) for name in built_in_names()}
 
 
 def frame_of(normal, rng):

@@ -26,7 +26,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Array
-from shrm_cli.brdf.measured.open import check_file
+from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.brdf.measured.table import AXES, Table, TableSettings
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.measured.open import check_file
+from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.errors import BrdfError
 
 MAGIC = b"tensor_file\0"

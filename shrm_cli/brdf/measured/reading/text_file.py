@@ -7,13 +7,24 @@ nothing.
 import math
 import os
 
-from shrm_cli.brdf.measured.open import check_file
+from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.errors import BrdfError
 
 MAX_BYTES = 2**25
 """A hundred times what is known of such files."""
 MAX_LINE = 2**16
 MAX_LINES = 2**17
+
+
+def first_lines(head: bytes) -> list[str]:
+    """The lines of the first bytes of a file, stripped; none where they are no text.
+
+    Bytes that are not UTF-8, such as the last character's if it was cut, are replaced.
+    """
+    if b"\0" in head:
+        return []
+    text = head.decode("utf-8-sig", errors="replace")
+    return [line.strip() for line in text.splitlines()]
 
 
 def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]:

@@ -1,52 +1,16 @@
-"""Measured BRDFs: files of several formats, told apart by their content."""
+"""Files of measured BRDFs, whatever their format: whether they can be read, and their identity.
+
+The messages name the file and say what to do, as a user sees them.
+"""
 
 import hashlib
-import importlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 
-from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import BrdfError
-
-FORMATS = {
-    "merl": ("Merl", "MERL's .binary tables"),
-    "rgl": ("Rgl", "RGL's .bsdf tensor files"),
-    "goniometer": ("Goniometer", "Cornell's goniometer samples"),
-    "zernike": (
-        "Zernike",
-        "Koenderink-van Doorn coefficients, CSV of theta_i,phi_i,theta_r,phi_r,r,g,b",
-    ),
-    "table": ("Table", "tables that shrm brdf --save wrote, .exr or .npz"),
-}
-"""Formats in the order in which they are tried: the module's name, its class, and what it reads."""
-
-_HEAD = 4096
-
-
-def open_measured(path: str | os.PathLike[str]) -> Brdf:
-    """The measured BRDF in a file, whatever its format and its name.
-
-    Raises
-    ------
-    BrdfError
-        If it is missing, no regular file, of no known format, or damaged.
-    """
-    path = check_file(path)
-    with _readable(path) as stream:
-        head = stream.read(_HEAD)
-    if not head:
-        raise BrdfError(f"{path}: an empty file; copy it again")
-    for name, (kind, _) in FORMATS.items():
-        # Imported one by one: most formats need more than their recognition does.
-        module = importlib.import_module(f"shrm_cli.brdf.measured.{name}")
-        if module.recognizes(head, path):
-            found: Brdf = getattr(module, kind).open(path)
-            return found
-    known = "; ".join(what for _, what in FORMATS.values())
-    raise BrdfError(f"{path}: not a measured BRDF; known: {known}")
 
 
 def check_file(path: str | os.PathLike[str]) -> Path:
@@ -67,6 +31,18 @@ def check_file(path: str | os.PathLike[str]) -> Path:
     except (OSError, ValueError) as error:  # such as a name too long, or with a null
         raise _unreadable(path, error) from error
     return path
+
+
+def first_bytes(path: Path, count: int) -> bytes:
+    """The first `count` bytes of a file, or all of a shorter one.
+
+    Raises
+    ------
+    BrdfError
+        If the file cannot be read.
+    """
+    with _readable(path) as stream:
+        return stream.read(count)
 
 
 def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -90,7 +66,7 @@ def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[BufferedReader]:
-    """A file opened for reading; what the system refuses is an error of one line."""
+    """A file opened for reading; an OSError within the block becomes a BrdfError of one line."""
     try:
         with open(path, "rb") as stream:
             yield stream

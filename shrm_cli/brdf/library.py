@@ -1,0 +1,83 @@
+"""The BRDF models that have a name: those of `shrm`, and those of packages that are installed.
+
+A package offers one by an entry point of the group ``shrm.brdf``, whose name is that of the model
+and whose value is a subclass of `shrm_cli.brdf.base.Brdf`.
+"""
+
+from importlib.metadata import EntryPoint, entry_points
+
+from shrm_cli.brdf.base import Brdf, suggestion
+from shrm_cli.brdf.discovery import load_class, module_names
+from shrm_cli.brdf.foreign import checked_model, explained
+from shrm_cli.errors import BrdfError
+
+MODELS = "shrm_cli.brdf.models"
+GROUP = "shrm.brdf"
+
+
+def built_in_names() -> list[str]:
+    """Names of the models of `shrm`, in the order of the alphabet; none is loaded."""
+    return module_names(MODELS)
+
+
+def model_names() -> list[str]:
+    """Names of all models, in the order of the alphabet; none is loaded."""
+    return sorted({*built_in_names(), *_installed()})
+
+
+def find_model(name: str) -> type[Brdf]:
+    """Load the model of that name, and no other. The names of `shrm` itself come first.
+
+    Raises
+    ------
+    BrdfError
+        If there is none, and then names that look like it are suggested; or if an installed
+        package has one that cannot be used.
+    """
+    if name in built_in_names():
+        return load_class(MODELS, name)
+    installed = _installed()
+    if name in installed:
+        return _load(installed[name])
+    raise BrdfError(f"no BRDF is called {name!r}; {suggestion(name, model_names())}")
+
+
+def all_models() -> tuple[list[type[Brdf]], list[str]]:
+    """Load every model.
+
+    Returns
+    -------
+    models : list of Brdf classes
+        In the order of the alphabet.
+    problems : list of str
+        A line for each model of an installed package that cannot be used.
+    """
+    models, problems = [], []
+    for name in model_names():
+        try:
+            models.append(find_model(name))
+        except BrdfError as error:
+            problems.append(str(error))
+    return models, problems
+
+
+def _installed() -> dict[str, EntryPoint]:
+    """Entry points by name; of several with the same name the first that is found."""
+    found: dict[str, EntryPoint] = {}
+    for each in entry_points(group=GROUP):
+        found.setdefault(each.name, each)
+    return found
+
+
+def _load(point: EntryPoint) -> type[Brdf]:
+    where = f"{point.name}: the entry point {point.value!r}"
+    if point.dist is not None:
+        where += f" of the package {point.dist.name}"
+    try:
+        found = point.load()
+    except (Exception, SystemExit) as error:
+        raise BrdfError(f"{where} cannot be loaded: {explained(error)}") from error
+    model = checked_model(found, where)
+    if model.name != point.name:
+        raise BrdfError(f"{where} is a BRDF that calls itself {model.name!r}; give both one name")
+    return model
