@@ -1,7 +1,10 @@
-"""What every BRDF answers, and states about itself."""
+"""The base class of all BRDFs: what each answers, and what each states about itself.
+
+Sections and equations with a number 5.x are those of Ramamoorthi's thesis, "A Signal-Processing
+Framework for Forward and Inverse Rendering" (2002).
+"""
 
 import copy
-import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -17,28 +20,30 @@ from shrm_cli.vocabulary import Center
 Array = NDArray[np.floating]
 Color = tuple[float, float, float]
 
-# What `Brdf.values` holds and a constructor takes: a number, a colour's channels, or a name.
 Value = float | Sequence[float] | str
+"""What `Brdf.values` holds and a constructor takes: a number, a color's channels, or a name."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a model: a number, a colour, or a choice of names, as its default is.
+    """A parameter of a model. It is a number, a color or a choice of names, as its default is.
 
     Attributes
     ----------
     name : str
     default : float, tuple of 3 floats (linear RGB) or str
-        Applies when it is left out.
+        The value of the parameter where a specification leaves it out.
     minimum, maximum : float
         The closed range of a number, and of each channel of a colour.
     meaning : str
+        What it does, in a few words, as `shrm brdf` prints them.
     names : mapping of str to tuple of 3 floats
-        Colours that may be given by name.
+        The colors that may be given by name.
     choices : tuple of str
         The values of a choice.
     follows : str
-        The parameter whose value it takes when it is left out, instead of its default.
+        The name of an earlier parameter whose value this one takes, instead of its default,
+        where it is left out.
     """
 
     name: str
@@ -52,7 +57,7 @@ class Parameter:
 
     @property
     def domain(self) -> str:
-        """What it may be, in words: ``0 .. 1`` or ``skin, clay or felt``."""
+        """The values that are allowed, in words: ``0 .. 1`` or ``skin, clay or felt``."""
         if self.choices:
             return _either(self.choices)
         span = f"{self.minimum:g} .. {self.maximum:g}"
@@ -62,18 +67,18 @@ class Parameter:
 
     @property
     def default_text(self) -> str:
-        """Its default as specifications have it."""
+        """The default, written as in a specification."""
         return f"that of {self.follows}" if self.follows else value_text(self.default)
 
     def checked(self, value: object) -> Value:
         """A value as `Brdf.values` holds it: a float, a list of 3 floats, or a name.
 
-        Greys are one number, however they are given.
+        A grey color becomes one number, however it is given.
 
         Raises
         ------
         BrdfError
-            If it is of another kind or outside its range.
+            If the value is of another kind than the default, or outside the range.
         """
         if self.choices:
             if value not in self.choices:
@@ -117,24 +122,30 @@ class Brdf(ABC):
     Attributes
     ----------
     name, summary, source : str
-        As `shrm brdf` prints them.
+        What specifications call the model, what it is in one line, and where it was published;
+        `shrm brdf` prints them. By default the name is that of the class in lower case, and the
+        summary the first line of its docstring.
     parameters : tuple of Parameter
+        What a constructor takes; none by default.
     values : dict
-        The parameters' values, such that JSON can hold them and ``type(brdf)(**values)`` is the
-        same BRDF: numbers (greys too), lists of 3 numbers (linear RGB), names.
+        The values of the parameters: numbers (also for grey colors), lists of 3 numbers (linear
+        RGB) and names. JSON can hold them, and ``type(brdf)(**values)`` is the same BRDF.
     center : {"reflection", "normal", "tangent"}
-        The central direction C that its map is parameterised by (section 5.3.1).
+        The central direction C, about which the BRDF is expanded and by which a map of it is
+        looked up (section 5.3.1 of the thesis): the mirror direction of the view, the normal,
+        or the tangent.
     includes_cosine : bool
-        Whether `evaluate` is already the transfer function rho_hat rather than f_r.
+        Whether `evaluate` returns the transfer function rho_hat, which includes the cosine of
+        the light's angle, rather than the BRDF f_r.
     has_horizon : bool
-        Whether light from below the surface (N.L <= 0) is cut off; phenomenological lobes about
-        the mirror direction go on there.
+        Whether light from below the surface (N.L <= 0) is cut off. Phenomenological lobes about
+        the mirror direction, such as Phong's, go on there.
     zonal : bool
         Whether rho_hat depends on the angle between C and the light alone, and is zero beyond
-        90 degrees (the "radially symmetric" BRDFs of section 5.3.1).
+        90 degrees (the "radially symmetric" BRDFs of section 5.3.1 of the thesis).
     isotropic : bool
-        Whether turning light and view together about the normal changes nothing. Others can be
-        evaluated, but not prefiltered in frequency space.
+        Whether turning light and view together about the normal changes nothing. Anisotropic
+        BRDFs can be evaluated, but not prefiltered in frequency space.
     """
 
     name: str
@@ -154,7 +165,7 @@ class Brdf(ABC):
         if "name" not in own:
             cls.name = cls.__name__.lower()
         if "summary" not in own and cls.__doc__:
-            cls.summary = inspect.cleandoc(cls.__doc__).partition("\n")[0]
+            cls.summary = cls.__doc__.strip().partition("\n")[0]
 
     def __init__(self, **values: Value) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}
@@ -173,31 +184,32 @@ class Brdf(ABC):
 
     @abstractmethod
     def evaluate(self, light: Array, view: Array) -> Array:
-        """Value of the BRDF.
+        """Evaluate the BRDF for pairs of directions.
 
         Parameters
         ----------
         light, view : ndarray, shape (..., 3), broadcastable
-            Unit directions to the light and to the viewer in the frame of the normal, z = N;
-            where `center` is the tangent, in a frame whose z is the tangent.
+            Unit directions to the light and to the viewer, in the frame whose z axis is the
+            normal N, or the tangent where `center` is the tangent.
 
         Returns
         -------
         ndarray, shape (..., 3)
-            f_r (1/sr) of linear RGB, or rho_hat where `includes_cosine`. Grey models return a
-            read-only broadcast view.
+            f_r (1/sr) for linear RGB, or rho_hat where `includes_cosine` is set. Grey models
+            return a read-only broadcast view, of which functions here look at one channel only.
         """
 
     def transfer(self, light: Array, view: Array) -> Array:
-        """The BRDF transfer function rho_hat: with the cosine of the light's angle, and horizon.
+        """Evaluate the transfer function rho_hat: the BRDF times the cosine of the light's angle.
 
-        Takes and returns what `evaluate` does.
+        It is 0 for light from below the surface, unless the BRDF has no horizon. Parameters and
+        result are those of `evaluate`.
         """
         value = self.evaluate(light, view)
-        height = light[..., 2]
+        cosine = light[..., 2]
         if not self.includes_cosine:
-            return scaled(value, np.maximum(height, 0.0))
-        return scaled(value, height > 0) if self.has_horizon else value
+            return scaled(value, np.maximum(cosine, 0.0))
+        return scaled(value, cosine > 0) if self.has_horizon else value
 
     def recentered(self, center: Center) -> Self:
         """The same BRDF, to be expanded about another central direction.
@@ -205,8 +217,8 @@ class Brdf(ABC):
         Raises
         ------
         BrdfError
-            From or to the tangent: what is a function of the angles to the tangent is not one
-            of the angles to the normal.
+            If one of the centers is the tangent and the other is not: a function of the angles
+            to the tangent is not a function of the angles to the normal.
         """
         if center == self.center:
             return self
@@ -221,7 +233,7 @@ class Brdf(ABC):
 
     @property
     def is_measured(self) -> bool:
-        """Whether it interpolates a file's samples: then it has kinks, and noise."""
+        """Whether the BRDF interpolates samples of a file, so that it has kinks and noise."""
         return "sha256" in self.values
 
     def number(self, key: str) -> float:
@@ -229,7 +241,7 @@ class Brdf(ABC):
         return float(self.values[key])  # type: ignore[arg-type]
 
     def color(self, key: str) -> Color:
-        """The value of a parameter that is a colour."""
+        """The value of a parameter that is a color: linear red, green and blue."""
         value = self.values[key]
         if isinstance(value, int | float):
             return value, value, value
@@ -242,9 +254,9 @@ class Brdf(ABC):
 
 
 def value_text(value: object) -> str:
-    """A value as specifications have it: ``0.3``, ``1/0.78/0.34``, ``skin``.
+    """A value of a parameter as specifications have it: ``0.3``, ``1/0.78/0.34``, ``skin``.
 
-    Reading it again gives the same number, to the last bit.
+    Parsing the text gives the same number, to the last bit.
     """
     if isinstance(value, Sequence) and not isinstance(value, str):
         channels = [value_text(channel) for channel in value]
@@ -256,7 +268,7 @@ def value_text(value: object) -> str:
 
 
 def suggestion(text: str, known: Sequence[str]) -> str:
-    """Words that help with a mistyped name: those that look like it, or all."""
+    """The end of an error about a mistyped name: the known names that resemble it, or all."""
     import difflib  # slow to load, and rarely needed
 
     lower = text.lower()
@@ -265,12 +277,12 @@ def suggestion(text: str, known: Sequence[str]) -> str:
 
 
 def grey(value: Array) -> Array:
-    """A scalar as three equal channels, shape (...) to (..., 3), without copying."""
+    """View a value of shape (...) as three equal channels, shape (..., 3), without copying it."""
     return np.broadcast_to(value[..., None], (*value.shape, 3))
 
 
 def scaled(values: Array, factor: Array | NDArray[np.bool_]) -> Array:
-    """RGB values (..., 3) times a factor (...); grey values stay a broadcast view."""
+    """Multiply RGB values (..., 3) by a factor (...); grey values stay a broadcast view."""
     if values.strides[-1] == 0:
         return grey(values[..., 0] * factor)
     return values * factor[..., None]

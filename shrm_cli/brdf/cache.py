@@ -1,8 +1,9 @@
-"""Coefficients of BRDFs kept on disk between runs, where computing them takes long.
+"""A cache on disk for coefficients of BRDFs that take long to compute.
 
-An entry is one file, named by a digest of all that its coefficients depend on: the BRDF with its
-parameters (of a measured one the digest of its file), the orders, the accuracy, and the program.
-It holds the digest of its own bytes; whatever is damaged is computed and written again.
+An entry is one file. Its name is a digest of all that its coefficients depend on: the BRDF with
+its parameters (a measured BRDF with the digest of its file), the orders, the accuracy, and the
+program. The entry holds the digest of its own bytes; if it is damaged, its coefficients are
+computed and written again.
 """
 
 import contextlib
@@ -30,17 +31,17 @@ FOLDER_VARIABLE = "SHRM_CACHE_DIR"
 """Environment variable that names the cache's folder."""
 
 MOST_BYTES = 256 * 2**20
-"""Of all entries; those that were not used for the longest time make room."""
+"""The size of all entries together; those that were used longest ago make room for new ones."""
 
 _SUFFIX = ".coefficients"
 _MAGIC = b"shrm coefficients 1\n"
-_SLOW = 0.02  # seconds; below that reading a file is no gain
+_SLOW = 0.02  # seconds; what takes less to compute is not worth a file
 _MOST_HEADER = 2**16
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
 _ROOT = Path(__file__).parents[1]
 _CODE = ("brdf", "sphere")
-"""Folders of the package whose code coefficients depend on."""
+"""The folders of the package with the code that coefficients depend on, subfolders included."""
 
 
 def folder() -> Path:
@@ -63,7 +64,7 @@ def cached_coefficients(
     accuracy: float,
     compute: Callable[[Brdf, int, int, float], BrdfCoefficients],
 ) -> BrdfCoefficients:
-    """Coefficients from the cache, or computed, and kept if that took long.
+    """Take coefficients from the cache, or compute them, and keep them if that took long.
 
     Parameters
     ----------
@@ -71,13 +72,13 @@ def cached_coefficients(
     order_f, order_p : int
     accuracy : float
     compute : callable
-        `compute_coefficients`, or what does as it does.
+        `compute_coefficients`, or a function with its parameters and result.
 
     Returns
     -------
     BrdfCoefficients
-        To the last bit what `compute` returns. Only BRDFs of this package are kept: of others
-        the code could change unseen.
+        What `compute` returns, to the last bit. Only BRDFs of this package are kept, because the
+        code of others could change without the key's noticing.
     """
     is_used = settings.current().cache is not False
     key = _key(brdf, order_f, order_p, accuracy) if is_used else None
@@ -94,18 +95,29 @@ def cached_coefficients(
 
 
 def usage() -> tuple[int, int]:
-    """How many entries there are, and their size in bytes."""
+    """Count the entries.
+
+    Returns
+    -------
+    count, size : int
+        How many there are, and how many bytes they have together.
+    """
     sizes = [size for _, size, _ in _entries(folder())]
     return len(sizes), sum(sizes)
 
 
 def clear() -> tuple[int, int]:
-    """Remove every entry; returns how many there were, and their size in bytes.
+    """Remove every entry, and the folder if nothing else is in it.
+
+    Returns
+    -------
+    count, size : int
+        How many entries there were, and how many bytes they had together.
 
     Raises
     ------
     OutputError
-        If one cannot be removed.
+        If an entry cannot be removed.
     """
     where = folder()
     count = size = 0
@@ -115,13 +127,13 @@ def clear() -> tuple[int, int]:
         except OSError as error:
             raise OutputError(f"{path}: cannot be removed ({error.strerror})") from error
         count, size = count + 1, size + length
-    with contextlib.suppress(OSError):  # as where there is something else in it
+    with contextlib.suppress(OSError):  # such as that something else is in it
         where.rmdir()
     return count, size
 
 
 def _key(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> str | None:
-    """All that coefficients depend on, as JSON; None of BRDFs that are not identified by it."""
+    """All that coefficients depend on, as JSON; None for a BRDF that this does not identify."""
     if not _is_of_this_package(brdf):
         return None
     parts = {
@@ -140,7 +152,7 @@ def _key(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> str | None:
 
 
 def _is_of_this_package(brdf: Brdf) -> bool:
-    """Whether the code of a BRDF, and of those that it is made of, is here."""
+    """Whether the code of a BRDF, and of the BRDFs that it is made of, is in this package."""
     pending = list(vars(brdf).values())
     while pending:
         part = pending.pop()
@@ -170,7 +182,7 @@ def _code(root: Path) -> list[tuple[str, int, int]]:
 
 
 def _write(path: Path, key: str, coefficients: BrdfCoefficients) -> None:
-    """Write an entry, and remove old ones beyond the limit; do nothing if that fails."""
+    """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
     header: dict[str, Any] = {"key": key, "shapes": {}, "others": {}}
     arrays = []
     for field in dataclasses.fields(coefficients):
@@ -192,11 +204,11 @@ def _write(path: Path, key: str, coefficients: BrdfCoefficients) -> None:
 
 
 def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients | None:
-    """The coefficients of an entry; None if there is none that is whole and fits the key."""
+    """The coefficients of an entry; None if there is no whole entry that fits the key."""
     try:
-        if not path.is_file():  # a pipe would be waited for
+        if not path.is_file():  # opening a pipe would wait for its writer
             return None
-        # No entry is larger than its arrays at these orders, and no more than that is read.
+        # An entry cannot be larger than its arrays at these orders, so no more than that is read.
         values = 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1)
         most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + 8 * values
         with open(path, "rb") as stream:
@@ -214,12 +226,12 @@ def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients 
     if not fits:
         return None
     with contextlib.suppress(OSError):
-        os.utime(path)  # used now: the last to make room
+        os.utime(path)  # the entries that were used last are the last to make room
     return found
 
 
 def _unpacked(body: memoryview, key: str) -> BrdfCoefficients:
-    """The coefficients in the body of an entry; any of several errors if they are not there."""
+    """The coefficients in the body of an entry; raises one of `_UNSOUND` if it holds none."""
     start = 4 + int.from_bytes(body[:4], "little")
     header = json.loads(bytes(body[4:start]))
     if header["key"] != key:
@@ -254,14 +266,14 @@ def _make_room(newest: Path) -> None:
 
 
 def _entries(where: Path) -> Iterator[tuple[Path, int, int]]:
-    """Path, size and time of last use of every entry, those being written too."""
+    """Path, size and time of last use of every entry, also of those that are being written."""
     try:
         with os.scandir(where) as found:
             paths = [Path(entry.path) for entry in found if entry.name.endswith(_SUFFIX)]
-    except (OSError, ValueError):  # no such folder, or none that can be
+    except (OSError, ValueError):  # there is no such folder, or cannot be one
         return
     for path in paths:
-        with contextlib.suppress(OSError):  # removed meanwhile
+        with contextlib.suppress(OSError):  # another process has removed it
             status = path.lstat()
             if stat.S_ISREG(status.st_mode):
                 yield path, status.st_size, status.st_mtime_ns

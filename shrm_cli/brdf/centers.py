@@ -1,4 +1,9 @@
-"""Central directions: what a map of a BRDF is looked up with (section 5.3.1)."""
+"""Central directions: what a map of a BRDF is looked up with.
+
+References
+----------
+Ramamoorthi 2002, "A Signal-Processing Framework for Forward and Inverse Rendering", section 5.3.1.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +15,20 @@ Array = NDArray[np.floating]
 
 
 def central_directions(center: Center, normals: Array, views: Array) -> Array:
-    """Central directions C of points of a surface.
+    """Compute the central directions C of points of a surface.
 
     Parameters
     ----------
     center : {"reflection", "normal", "tangent"}
-        The mirror direction of the view, the normal, or the tangent, which on a surface known by
-        its normals alone is the horizontal one.
+        The mirror direction of the view, the normal, or the tangent. A surface that is known by
+        its normals alone has the horizontal tangent.
     normals, views : ndarray, shape (..., 3), broadcastable
-        Unit, world axes.
+        Unit vectors in world axes.
 
     Returns
     -------
     ndarray, shape (..., 3)
+        Unit vectors in world axes.
     """
     if center == "reflection":
         return reflect(views, normals)

@@ -1,7 +1,16 @@
-"""Brdf -> rho_hat_lpq: frequency-space coefficients about the central direction.
+"""Brdf -> rho_hat_lpq: the spherical harmonic coefficients about the central direction C.
 
-``rho_hat(w_i', w_o') = sum_lpq rho_hat_lpq conj(Y_lq(w_i')) Y_pq(w_o')`` with real coefficients,
-even in q (isotropic BRDFs), both directions in the local frame of C (eq. 13 of appendix A).
+With both directions in the local frame of C, whose z axis is C,
+
+    rho_hat(w_i', w_o') = sum over l, p, q of rho_hat_lpq conj(Y_lq(w_i')) Y_pq(w_o').
+
+The coefficients of an isotropic BRDF are real, and the same for q and -q.
+
+References
+----------
+Ramamoorthi and Hanrahan 2002, "Frequency Space Environment Map Rendering", appendix A, eq. 13 (the
+expansion). Equations with a number 5.x are those of chapter 5 of Ramamoorthi's thesis, "A
+Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
 from collections.abc import Iterator
@@ -19,26 +28,27 @@ from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 Array = NDArray[np.floating]
 
 _MOST_SAMPLES = 2**23
-_WORST_ACCURACY = 50
-_ROUNDING = 1e-24
-_ZONAL_NODES = 2**7, 2**15
+_WORST_ACCURACY = 50  # times the accuracy that was asked for, accepted at the most samples
+_ROUNDING = 1e-24  # the share of the energy that is taken for rounding errors
+_ZONAL_NODES = 2**7, 2**15  # at least and at most
 
 
 @dataclass(frozen=True)
 class BrdfCoefficients:
-    """Coefficients of a transfer function up to orders F, P, and the energy of all of it.
+    """Coefficients of a transfer function up to the orders F and P, and its whole energy.
 
     Attributes
     ----------
     values : ndarray, shape (F+1, P+1, P+1, 3)
-        rho_hat_lpq for q >= 0; zero where q > min(l, p).
+        rho_hat_lpq for q >= 0, indexed [l, p, q, channel]; zero where q > min(l, p).
     total_energy : ndarray, shape (3,)
-        ``2 pi int int int rho_hat^2 sin sin dtheta_i dtheta_o dphi`` (right side of eq. 5.18).
+        ``2 pi int int int rho_hat^2 sin(theta_i) sin(theta_o) dtheta_i dtheta_o dphi`` of each
+        channel, the right side of eq. 5.18.
     degree_energy : ndarray, shape (F+1, 3)
-        The part of it in each l with every p, known without expanding the dependence on
-        theta_o; of azimuthal orders up to P.
+        The part of that energy in each l, with every p but azimuthal orders up to P. It is
+        known without expanding the dependence on theta_o.
     samples : tuple of int
-        Nodes in theta_i, theta_o and phi at which the sampling had converged.
+        The numbers of nodes in theta_i, theta_o and phi at which the sampling had converged.
     """
 
     values: Array
@@ -67,48 +77,54 @@ class BrdfCoefficients:
         return not self.values[:, :, 1:].any()
 
     def energies(self) -> Array:
-        """``sum_q |rho_hat_lpq|^2`` over both signs of q, shape (F+1, P+1, 3)."""
+        """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q."""
         return np.sum(self.values**2 * _both_signs(self.order_p)[:, None], axis=2)
 
     def captured(self) -> Array:
-        """Fraction of the energy, over the channels together, for every (F, P) (eq. 5.18)."""
+        """The fraction of the energy of all channels that each pair of orders captures (eq. 5.18).
+
+        Returns
+        -------
+        ndarray, shape (F+1, P+1)
+        """
         total = self.total_energy.sum()
         if total == 0:
             return np.ones(self.values.shape[:2])
         return np.cumsum(np.cumsum(self.energies().sum(axis=-1), axis=0), axis=1) / total
 
     def truncated(self, order_f: int, order_p: int) -> Array:
-        """Coefficients up to smaller orders, shape (order_f+1, order_p+1, order_p+1, 3)."""
+        """The coefficients up to smaller orders, shape (order_f+1, order_p+1, order_p+1, 3)."""
         return self.values[: order_f + 1, : order_p + 1, : order_p + 1]
 
 
 def compute_coefficients(
     brdf: Brdf, order_f: int, order_p: int, accuracy: float = 1e-5
 ) -> BrdfCoefficients:
-    """Coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
+    """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
 
-    The nodes are Fejer's in theta_i and theta_o and equidistant in phi, at least two an order.
-    Each axis in turn is doubled; where that changes the coefficients by more than `accuracy`,
-    as energy of the difference over the whole energy, or the whole energy by more, relatively,
-    the axis stays doubled. The sampling has converged when no axis asks for more. BRDFs with a
-    discontinuity (the horizon) converge algebraically, smooth ones exponentially.
+    The nodes are Fejer's in theta_i and theta_o and equidistant in phi, at least two for each
+    order. The number of nodes of one axis after the other is doubled. It stays doubled if that
+    changes the coefficients, measured as the energy of the difference over the whole energy, or
+    the whole energy, relatively, by more than `accuracy`. The sampling has converged when
+    doubling any axis changes less. BRDFs with a discontinuity (the horizon) converge
+    algebraically, smooth ones exponentially.
 
-    Zonal BRDFs need one integral over the cosine of the angle, on which the rule is exact for
-    polynomials; it is doubled until nothing changes at all.
+    A zonal BRDF needs only one integral over the cosine of the angle, for which Fejer's rule is
+    exact where the BRDF is a polynomial; the rule is doubled until nothing changes at all.
 
     Parameters
     ----------
     brdf : Brdf
     order_f, order_p : int
-        Largest l and p. Zonal BRDFs have p = 0 only.
+        The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
     accuracy : float
-        Fraction of the energy that the sampling may miss; up to 50 times as much is accepted
+        The fraction of the energy that the sampling may miss; up to 50 times as much is accepted
         at the largest number of samples.
 
     Raises
     ------
     BrdfError
-        If the BRDF is not finite, or has not converged at 8 million samples.
+        If the BRDF is anisotropic or not finite, or has not converged at 8 million samples.
     """
     if not brdf.isotropic:
         raise BrdfError(
@@ -120,7 +136,7 @@ def compute_coefficients(
 
 
 def _without_rounding(coefficients: BrdfCoefficients) -> BrdfCoefficients:
-    """Coefficients that are exactly 0 for the azimuthal orders that hold rounding errors only."""
+    """Set the azimuthal orders that hold nothing but rounding errors to exactly 0."""
     values = coefficients.values
     energy = np.sum(values**2, axis=(0, 1, 3))
     nothing = energy <= _ROUNDING * energy.sum()
@@ -153,6 +169,7 @@ def _converged_coefficients(
 
 
 def _change(one: BrdfCoefficients, other: BrdfCoefficients) -> float:
+    """How far two samplings are apart, relative to the energy; see `compute_coefficients`."""
     total = other.total_energy.sum()
     if total == 0:
         return 0.0
@@ -163,7 +180,7 @@ def _change(one: BrdfCoefficients, other: BrdfCoefficients) -> float:
 
 
 def _both_signs(order_p: int) -> Array:
-    """1 for q = 0 and 2 for the others, which stand for q and -q: U_q of eq. 13."""
+    """How many signs each q >= 0 stands for: 1 for q = 0 and 2 for the others, shape (P+1,)."""
     return np.where(np.arange(order_p + 1) == 0, 1.0, 2.0)
 
 
@@ -173,7 +190,8 @@ def _sampled_coefficients(
     theta_i, theta_o, phi = ((nodes(n) + 1) * (np.pi / 2) for n in shape)
     weights_i, weights_o = colatitude_weights(shape[0]), colatitude_weights(shape[1])
     waves = np.cos(np.outer(phi, np.arange(order_p + 1)))
-    # phi runs over half a circle, its mirror image doubles it; the other 2 pi is eq. 5.22's.
+    # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the factor
+    # of eq. 5.22.
     measure = 2 * np.pi * 2 * np.pi / shape[2]
     by_q = np.empty((shape[0], shape[1], 3, order_p + 1))
     energies = np.empty((3, shape[0]))
@@ -195,7 +213,8 @@ def _sampled_coefficients(
     for q in range(min(order_f, order_p) + 1):
         light_part = lighting[q, : order_f + 1 - q] * weights_i
         by_lq = (light_part @ by_q[..., q].reshape(shape[0], -1)).reshape(-1, shape[1], 3)
-        # The f_pq are normalised to 1 / (2 pi), and complete in p.
+        # The functions of theta_o are complete in p, and their squares integrate to 1 / (2 pi), so
+        # that the energy over all p is an integral over theta_o.
         square = np.einsum("loc,o->lc", by_lq**2, weights_o) / (2 * np.pi)
         degree_energy[q:] += (1 if q == 0 else 2) * square
         values[q:, q:, q] = (viewing[q, : order_p + 1 - q] * weights_o) @ by_lq
@@ -205,20 +224,32 @@ def _sampled_coefficients(
 def transfer_samples(
     brdf: Brdf, theta_i: Array, theta_o: Array, phi: Array
 ) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield blocks of theta_i, rho_hat there, and the part of each cell above the horizon.
+    """Sample rho_hat on a grid of angles about C, a block of theta_i at a time.
 
-    The horizon N.L = 0 cuts through cells in theta_i. Such a cell counts by the part that is
-    above, and takes its value at the horizon if its own sample lies below: a model that jumps
-    there then converges with the square of the cell, not with the cell.
+    The horizon N.L = 0 cuts through cells in theta_i. Such a cell counts by the part of it that
+    is above the horizon, and if its own sample lies below, it takes the value at the horizon. So
+    the integral of a model that jumps at the horizon converges with the square of the cell's
+    size, not with the size.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    theta_i, theta_o : ndarray
+        Angles of light and view from C, radians; those of the light are the middles of equal
+        cells over 0 .. pi.
+    phi : ndarray
+        Azimuths of the light about C, radians; the view has the azimuth 0.
 
     Yields
     ------
     rows : slice
-        Of theta_i.
+        Which of theta_i the block holds.
     samples : ndarray, shape (block, theta_o, phi, 3)
+        rho_hat.
     coverage : ndarray, shape (block, theta_o, phi)
+        The part of each cell that lies above the horizon, 0 .. 1.
     """
-    # The view lies in the plane phi_o = 0; about the mirror direction the normal halves its angle.
+    # About the mirror direction the normal is half way between C and the view.
     tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
     view = from_angles(theta_o - tilt, 0.0)[None, :, None]
     horizon = np.pi / 2 + np.arctan(np.tan(tilt)[:, None] * np.cos(phi))
@@ -238,7 +269,11 @@ def transfer_samples(
 
 
 def _zonal_coefficients(brdf: Brdf, order_f: int) -> BrdfCoefficients:
-    """``rho_hat_l = sqrt(4 pi) 2 pi int u(z) f_l0(z) dz`` of rho_hat = u(C.L), as p = q = 0."""
+    """The coefficients of a zonal BRDF, which has p = q = 0 only.
+
+    With rho_hat = u(C.L) and the normalized Legendre functions f_l0 they are
+    ``rho_hat_l00 = sqrt(4 pi) 2 pi int u(z) f_l0(z) dz``.
+    """
     count, most = _ZONAL_NODES
     current = _zonal_integrals(brdf, order_f, max(count, 2 * order_f))
     while current.samples[0] < most:
@@ -250,6 +285,7 @@ def _zonal_coefficients(brdf: Brdf, order_f: int) -> BrdfCoefficients:
 
 
 def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> BrdfCoefficients:
+    """The integrals of `_zonal_coefficients` with `count` nodes."""
     z = (nodes_in_cosine(count) + 1) / 2
     weights = colatitude_weights(count) / 2
     sine = np.sqrt(1 - z**2)
@@ -263,5 +299,5 @@ def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> BrdfCoefficients:
 
 
 def nodes_in_cosine(count: int) -> Array:
-    """Fejer's nodes as cosines: the weights of `colatitude_weights` integrate over them."""
+    """Fejer's nodes as cosines, over which the weights of `colatitude_weights` integrate."""
     return np.cos((nodes(count) + 1) * (np.pi / 2))

@@ -1,4 +1,4 @@
-"""What a BRDF is: its values, the light that it reflects, and whether it could be a surface's."""
+"""Properties of a BRDF: its values, its albedo, and whether a real surface could have it."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -12,35 +12,35 @@ from shrm_cli.sphere.directions import from_angles, normalize, reflect
 from shrm_cli.sphere.grids import gauss_legendre
 
 ANGLES = (0, 15, 30, 45, 60, 75)
-"""Of the view, degrees, at which albedos are reported."""
+"""The angles of the view, in degrees, at which albedos are reported."""
 
-_GRAZING = (80, 85, 88)
-_STEEPEST = np.radians(80)
+_GRAZING = (80, 85, 88)  # more angles of the view, at which a gain of energy is looked for
+_STEEPEST = np.radians(80)  # the largest angle from the normal of the random pairs
 _PAIRS = 2**15
-_NARROWEST = 1e-3  # radians between half vector and normal, of the pairs near the mirror direction
-_COUNTS = (48, 96, 192, 384)
-_ACCURACY = 1e-3
+_NARROWEST = 1e-3  # radians from the half vector to the normal, least of the pairs near the mirror
+_COUNTS = (48, 96, 192, 384)  # nodes of each angle, tried until the albedo settles
+_ACCURACY = 1e-3  # the relative change of an albedo that counts as settled
 _SAMPLES_AT_ONCE = 2**17
 
 
 @dataclass(frozen=True)
 class Examination:
-    """Properties of a BRDF; channels are linear RGB.
+    """What `examine` finds; arrays of three are linear RGB.
 
     Attributes
     ----------
     smallest, largest : ndarray, shape (3,)
-        Values of f_r (1/sr) with light and view up to 80 degrees from the normal; of rho_hat
-        all around a tangent.
+        The range of f_r (1/sr) over light and view up to 80 degrees from the normal. For a
+        BRDF about the tangent it is the range of rho_hat over all directions.
     albedo : ndarray, shape (6, 3)
-        Integral of rho_hat over the light, for views at `ANGLES` from the normal, or from the
-        tangent: the fraction of light from there that a reciprocal BRDF reflects.
+        The integral of rho_hat over the light, for views at `ANGLES` from the normal, or from
+        the tangent. A reciprocal BRDF reflects that fraction of the light from there.
     furnace_albedo, furnace_angle : float
-        The largest albedo of a channel that was found, up to 88 degrees, and its angle in
-        degrees: above 1 a white furnace would see the surface glow.
+        The largest albedo of any channel at angles up to 88 degrees, and that angle in degrees.
+        If it is above 1, the surface glows in a white furnace.
     reciprocity_error : float
-        Root mean square of f(L, V) - f(V, L) relative to that of f, over random pairs, half of
-        them near the mirror direction. 0 for real surfaces.
+        The root mean square of f(L, V) - f(V, L) relative to that of f, over random pairs, half
+        of which are near the mirror direction. It is 0 for real surfaces.
     """
 
     smallest: Array
@@ -52,14 +52,19 @@ class Examination:
 
     @property
     def gains_energy(self) -> bool:
-        """Whether it reflects more light than arrives, beyond what sampling could err."""
+        """Whether the BRDF reflects more light than arrives, by more than sampling could err."""
         return self.furnace_albedo > 1 + 2 * _ACCURACY
 
 
 def examine(brdf: Brdf, seed: int = 0) -> Examination:
-    """Sample a BRDF; the same seed gives the same result.
+    """Sample a BRDF, and summarize what it does.
 
-    Anisotropic BRDFs are examined for views in the plane of x and z.
+    Parameters
+    ----------
+    brdf : Brdf
+        Albedos of an anisotropic one are those of views in the plane of x and z.
+    seed : int
+        Of the random pairs of directions; the same seed gives the same result.
     """
     light, view = _random_pairs(brdf, np.random.default_rng(seed))
     there, back = _values(brdf, light, view), _values(brdf, view, light)
@@ -83,8 +88,8 @@ def examine(brdf: Brdf, seed: int = 0) -> Examination:
 def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
     """Relative RMS difference of the transfer functions of two BRDFs over random directions.
 
-    Half of the pairs of light and view lie near the mirror direction; all of them up to 80
-    degrees from the normal.
+    Light and view are up to 80 degrees from the normal, and half of the pairs lie near the mirror
+    direction. The difference is relative to the root mean square of the first BRDF.
     """
     light, view = _random_pairs(one, np.random.default_rng(seed))
     first, second = (np.asarray(brdf.transfer(light, view), dtype=float) for brdf in (one, other))
@@ -93,20 +98,22 @@ def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
 
 
 def directional_albedo(brdf: Brdf, theta: float) -> Array:
-    """Integral of rho_hat over all directions of the light, for a view at an angle.
+    """Integrate rho_hat over all directions of the light, for a view at an angle.
 
-    Polar coordinates about the mirror direction, dense at it; sampled twice as finely until
-    the result changes by a thousandth at most, or at 384 x 384 samples.
+    The samples lie on polar coordinates about the mirror direction, and are dense near it. Their
+    number is doubled in both coordinates until the result changes by a thousandth at most, or
+    there are 384 x 384.
 
     Parameters
     ----------
     brdf : Brdf
     theta : float
-        Of the view from the z axis, radians.
+        The angle of the view from the z axis, radians.
 
     Returns
     -------
     ndarray, shape (3,)
+        Linear RGB.
     """
     previous = np.full(3, np.inf)
     for count in _COUNTS:
@@ -118,12 +125,21 @@ def directional_albedo(brdf: Brdf, theta: float) -> Array:
 
 
 def captured_by_view_order(brdf: Brdf, order_f: int, most_p: int = 5) -> Array:
-    """Fraction of the energy within F, for P = 0 .. `most_p` (eq. 5.18), shape (most_p + 1,).
+    """Compute the fraction of a BRDF's energy within the order F, for each order P.
+
+    Returns
+    -------
+    ndarray, shape (most_p + 1,)
+        For P = 0 .. `most_p`.
 
     Raises
     ------
     BrdfError
         If the BRDF is anisotropic, or too sharp to be sampled.
+
+    References
+    ----------
+    Ramamoorthi 2002, "A Signal-Processing Framework for Forward and Inverse Rendering", eq. 5.18.
     """
     coefficients = cached_coefficients(brdf, order_f, most_p, 1e-4, compute_coefficients)
     captured = coefficients.captured()[order_f]
@@ -131,8 +147,10 @@ def captured_by_view_order(brdf: Brdf, order_f: int, most_p: int = 5) -> Array:
 
 
 def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
+    """`directional_albedo` with `count` nodes of each angle."""
     nodes, weights = _rule(count)
-    # Squares are dense at the mirror direction: lobes of a third of a degree have nodes enough.
+    # The angles from the mirror direction are squares of equal steps, so dense near it that a lobe
+    # a third of a degree wide has nodes enough.
     u = (nodes + 1) / 2
     from_mirror = np.pi * u**2
     weights = weights / 2 * 2 * np.pi * u * np.sin(from_mirror) * (2 * np.pi / count)
@@ -151,11 +169,12 @@ def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
 
 @cache
 def _rule(count: int) -> tuple[Array, Array]:
+    """Gauss and Legendre's rule, which takes long to make for many nodes."""
     return gauss_legendre(count)
 
 
 def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Light and view, shape (n, 3): half of them independent, half near the mirror direction."""
+    """Light and view, shape (n, 3). Half of the pairs are independent, half near the mirror."""
     if brdf.center == "tangent":
         directions = normalize(rng.normal(size=(2, _PAIRS, 3)))
         return directions[0], directions[1]
@@ -171,7 +190,7 @@ def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _values(brdf: Brdf, light: Array, view: Array) -> Array:
-    """f_r, shape (n, 3), also of models that include the cosine; rho_hat about a tangent."""
+    """Values (n, 3) of f_r, also of a model that includes the cosine; of rho_hat about a tangent."""
     value = np.asarray(brdf.evaluate(light, view), dtype=float)
     if brdf.includes_cosine and brdf.center != "tangent":
         return value / light[:, 2:]

@@ -3,8 +3,6 @@
 They come from a file that the user names, or from an installed package.
 """
 
-import inspect
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from shrm_cli.brdf.base import Brdf, Parameter, Value
 from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import CENTERS
 
-# Along the normal, slanting, grazing, opposite, below the surface.
+# They lie along the normal, slanting, grazing, opposite each other, and below the surface.
 _DIRECTIONS = np.array(
     [[0, 0, 1], [0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.96, 0.28], [1, 0, 0], [0.6, 0, -0.8]]
 )
@@ -37,7 +35,7 @@ def checked_model(found: object, where: str) -> type[Brdf]:
     """
     if not (isinstance(found, type) and issubclass(found, Brdf)):
         raise BrdfError(f"{where} is not a subclass of Brdf; make it one")
-    if inspect.isabstract(found):
+    if getattr(found, "__abstractmethods__", None):
         raise BrdfError(f"{where} has no method evaluate(self, light, view); write one")
     if found.center not in CENTERS:
         raise BrdfError(f"{where} has the center {found.center!r}; known: {', '.join(CENTERS)}")
@@ -75,6 +73,8 @@ def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> 
 
 def explained(error: BaseException, path: Path | None = None) -> str:
     """An error of foreign code in one line, with the last line of the file that took part in it."""
+    import traceback  # slow to load, and rarely needed
+
     words = f"{type(error).__name__}: {error}".rstrip(": ")
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if path is not None and frame.filename == str(path)]

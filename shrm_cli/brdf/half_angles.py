@@ -1,4 +1,11 @@
-"""The half vector and the difference: angles in which reflection lobes lie along the axes."""
+"""Rusinkiewicz's angles, of the half vector and the difference, along which reflection lobes lie.
+
+The half vector H is (L + V) / |L + V|. The difference angle is the light's angle from H.
+
+References
+----------
+Rusinkiewicz 1998, "A New Change of Variables for Efficient BRDF Representation".
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,25 +16,31 @@ Array = NDArray[np.floating]
 
 
 def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
-    """Rusinkiewicz's angles of unit directions, shape (..., 3), in the frame of the normal.
+    """Compute the half and difference angles of pairs of directions.
+
+    Parameters
+    ----------
+    light, view : ndarray, shape (..., 3)
+        Unit vectors in the frame of the normal, z = N.
 
     Returns
     -------
-    theta_h, theta_d, phi_d : ndarray, shape (...)
-        Of the half vector from the normal, of the light from the half vector, and the light's
-        azimuth about the half vector, 0 on the side away from the normal, in -pi .. pi; radians.
-
-    References
-    ----------
-    Rusinkiewicz 1998, A new change of variables for efficient BRDF representation.
+    theta_h : ndarray, shape (...)
+        The angle of the half vector from the normal, radians.
+    theta_d : ndarray, shape (...)
+        The angle of the light from the half vector, radians.
+    phi_d : ndarray, shape (...)
+        The azimuth of the light about the half vector, radians in -pi .. pi; it is 0 on the side
+        away from the normal.
     """
     total, difference = light + view, light - view
     x, y, z = np.moveaxis(total, -1, 0)
     u, v, w = np.moveaxis(difference, -1, 0)
     across, length = np.sqrt(x * x + y * y), np.sqrt(x * x + y * y + z * z)
     spread = np.sqrt(u * u + v * v + w * w)
-    # The difference stands on the half vector: its parts along that vector's theta and phi, both
-    # times `across`, so that at theta_h = 0 nothing is divided by zero.
+    # L - V is perpendicular to the half vector. These are its components along the half vector's
+    # theta and phi directions, both multiplied by `across`, so that nothing is divided by zero
+    # where theta_h = 0.
     along_theta = np.where(across > 0, z * (u * x + v * y) - across * across * w, u)
     along_phi = np.where(across > 0, (v * x - u * y) * length, v)
     return (
@@ -38,7 +51,10 @@ def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
 
 
 def from_half_angles(theta_h: Array, theta_d: Array, phi_d: Array) -> tuple[Array, Array]:
-    """Light and view, shape (..., 3), with the half vector in the plane of x and z."""
+    """Compute the light and the view, shape (..., 3) each, that have given angles.
+
+    It is the inverse of `half_angles`, with the half vector in the plane of x and z.
+    """
     cosine, sine = np.cos(theta_h), np.sin(theta_h)
     result = []
     for turn in (0.0, np.pi):

@@ -1,4 +1,4 @@
-"""Evaluating what is defined above the horizon alone."""
+"""Evaluation of BRDFs that are defined above the horizon only, as measured ones are."""
 
 from collections.abc import Callable
 
@@ -7,23 +7,24 @@ import numpy as np
 from shrm_cli.brdf.base import Array
 
 _PAIRS_AT_ONCE = 2**14
-"""What is computed for so many pairs stays in the processor's cache."""
+"""Arrays of so many pairs of directions stay in the processor's cache."""
 
 
 def evaluate_above(kernel: Callable[[Array, Array], Array], light: Array, view: Array) -> Array:
-    """Values of a kernel where both directions are above the horizon, and 0 elsewhere.
+    """Evaluate a function where both directions are above the horizon; elsewhere the value is 0.
 
     Parameters
     ----------
     kernel : callable
-        From directions to light and viewer, (n, 3) each, to values (n, 3).
+        Takes directions to the light and to the viewer, shape (n, 3) each, and returns values of
+        shape (n, 3).
     light, view : ndarray, shape (..., 3), broadcastable
-        Unit, in the frame of the normal, z = N.
+        Unit vectors in the frame of the normal, z = N.
 
     Returns
     -------
     ndarray, shape (..., 3)
-        Of the directions' precision.
+        The values, in the precision of the directions.
     """
     dtype = np.result_type(light, view, np.float32)
     above = (light[..., 2] > 0) & (view[..., 2] > 0)

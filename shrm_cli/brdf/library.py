@@ -4,12 +4,17 @@ A package offers one by an entry point of the group ``shrm.brdf``, whose name is
 and whose value is a subclass of `shrm_cli.brdf.base.Brdf`.
 """
 
-from importlib.metadata import EntryPoint, entry_points
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.base import Brdf, suggestion
 from shrm_cli.brdf.discovery import load_class, module_names
 from shrm_cli.brdf.foreign import checked_model, explained
 from shrm_cli.errors import BrdfError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 MODELS = "shrm_cli.brdf.models"
 GROUP = "shrm.brdf"
@@ -63,8 +68,10 @@ def all_models() -> tuple[list[type[Brdf]], list[str]]:
 
 def _installed() -> dict[str, EntryPoint]:
     """Entry points by name; of several with the same name the first that is found."""
+    import importlib.metadata  # slow to load, and rarely needed
+
     found: dict[str, EntryPoint] = {}
-    for each in entry_points(group=GROUP):
+    for each in importlib.metadata.entry_points(group=GROUP):
         found.setdefault(each.name, each)
     return found
 

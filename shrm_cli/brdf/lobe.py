@@ -1,4 +1,8 @@
-"""The lobe of a BRDF about its central direction C: its width, and its mean over the azimuth."""
+"""The lobe of a BRDF about its central direction C: its width, and its mean over the azimuth.
+
+Equations with a number 5.x are those of chapter 5 of Ramamoorthi's thesis, "A Signal-Processing
+Framework for Forward and Inverse Rendering" (2002).
+"""
 
 import numpy as np
 
@@ -6,42 +10,45 @@ from shrm_cli.brdf.base import Array, Brdf, grey, scaled
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.grids import gauss_legendre
 
+# Samples that find the width of a lobe: angles of the light (for any BRDF, and for a zonal one),
+# angles of the view, and azimuths.
 _ANGLES = 512
 _ZONAL_ANGLES = 2**15
 _VIEWS = 32
 _AZIMUTHS = 32
+# Samples of a lobe's mean over the azimuth.
 _MEAN_ANGLES = 2048
 _MEAN_AZIMUTHS = 96
 _SAMPLES_AT_ONCE = 2**17
-_NOTHING = 1e-30
+_NOTHING = 1e-30  # of the peak
 
 
 def cuts_horizon(brdf: Brdf) -> bool:
-    """Whether light from below the surface (N.L < 0) is not reflected."""
+    """Whether the BRDF reflects no light from below the surface (N.L < 0)."""
     return brdf.has_horizon or not brdf.includes_cosine
 
 
 def lobe_angle(brdf: Brdf, tolerance: float) -> float:
-    """Angle about C within which all but a fraction `tolerance` of the lobe lies (eq. 5.30).
+    """Find the angle about C within which all but a fraction of the lobe lies (eq. 5.30).
 
-    It solves ``int_0^angle u sin(theta_i) dtheta_i = (1 - tolerance) int_0^pi u ...`` where
-    ``u(theta_i)`` is rho_hat, its channels added, integrated over all azimuths and all views
-    (sin(theta_o) dtheta_o from 0 to pi).
+    It solves ``int_0^angle u sin(theta_i) dtheta_i = (1 - tolerance) int_0^pi u sin(theta_i)
+    dtheta_i`` where ``u(theta_i)`` is rho_hat, its channels added, integrated over all azimuths
+    and all views (sin(theta_o) dtheta_o from 0 to pi).
 
     Parameters
     ----------
     brdf : Brdf
     tolerance : float
-        In 0 .. 1.
+        The fraction that may lie outside, 0 .. 1.
 
     Returns
     -------
     float
-        Radians, in 0 .. pi. For Phong ``cos(angle) = tolerance^(1 / (s + 1))``.
+        Radians, in 0 .. pi. For Phong's lobe ``cos(angle) = tolerance^(1 / (s + 1))``.
     """
     # A zonal lobe ends at 90 degrees, whether it jumps there or not.
     cells, end = (_ZONAL_ANGLES, np.pi / 2) if brdf.zonal else (_ANGLES, np.pi)
-    # Squares, because narrow lobes need narrow cells near the centre.
+    # The cells' edges are squares of equal steps, because narrow lobes need narrow cells near C.
     edges = end * np.linspace(0, 1, cells + 1) ** 2
     middles = end * ((np.arange(cells) + 0.5) / cells) ** 2
     if brdf.zonal:
@@ -50,7 +57,7 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
         cosines, weights = gauss_legendre(_VIEWS)
         means = azimuthal_means(brdf, middles, np.arccos(cosines), _AZIMUTHS)
         lobe = np.einsum("ioc,o->i", means, weights)
-    # The difference of the edges' cosines, without cancellation.
+    # This is the difference of the cosines of the edges, without cancellation.
     rings = 2 * np.sin((edges[1:] + edges[:-1]) / 2) * np.sin(np.diff(edges) / 2)
     sums = np.concatenate([[0.0], np.cumsum(lobe * rings)])
     if sums[-1] == 0:
@@ -59,10 +66,10 @@ def lobe_angle(brdf: Brdf, tolerance: float) -> float:
 
 
 def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -> Array:
-    """Mean of rho_hat over the azimuth about C between light and view.
+    """Average rho_hat over the azimuth about C between light and view.
 
-    Where the BRDF cuts at the horizon, the rule of Gauss and Legendre covers the azimuths above
-    it only, so the jump there costs no accuracy.
+    Where the BRDF has a horizon, the quadrature (Gauss and Legendre's) covers only the azimuths
+    above it, so that the jump there costs no accuracy.
 
     Parameters
     ----------
@@ -70,14 +77,14 @@ def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -
     theta_i, theta_o : ndarray, shapes (n,) and (k,)
         Angles of light and view from C, radians.
     azimuths : int
-        Nodes of the rule.
+        The number of nodes of the quadrature.
 
     Returns
     -------
     ndarray, shape (n, k, 3)
     """
     nodes, weights = gauss_legendre(azimuths)
-    # The view lies in the plane of azimuth 0; about the mirror direction N halves its angle.
+    # The view lies in the plane of azimuth 0. About the mirror direction N is half way to the view.
     tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
     view = from_angles(theta_o - tilt, 0.0)[:, None, :]
     result = np.empty((len(theta_i), len(theta_o), 3))
@@ -86,9 +93,9 @@ def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -
         polar = theta_i[start : start + rows, None]
         above = np.full((len(polar), len(theta_o)), np.pi)
         if cuts_horizon(brdf):
-            # N.L = cos(tilt) cos(theta_i) + sin(tilt) sin(theta_i) cos(phi) = 0
-            height, swing = np.cos(tilt) * np.cos(polar), np.sin(tilt) * np.sin(polar)
-            above = np.arctan2(np.sqrt(np.maximum(swing**2 - height**2, 0)), -height)
+            # On the horizon N.L = cos(tilt) cos(theta_i) + sin(tilt) sin(theta_i) cos(phi) = 0.
+            level, swing = np.cos(tilt) * np.cos(polar), np.sin(tilt) * np.sin(polar)
+            above = np.arctan2(np.sqrt(np.maximum(swing**2 - level**2, 0)), -level)
         phi = (nodes + 1) / 2 * above[..., None]
         light = tilted_frame(from_angles(polar[..., None], phi), tilt[:, None])
         samples = brdf.transfer(light, view)
@@ -98,21 +105,23 @@ def azimuthal_means(brdf: Brdf, theta_i: Array, theta_o: Array, azimuths: int) -
 
 
 def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
-    """The lobe for one angle between C and the view, as a function of C.L alone.
+    """Average the lobe over the azimuth, for one angle between C and the view.
 
-    Averaging over the azimuth makes the radially symmetric BRDFs of Kautz and McCool.
+    The mean is a function of C.L alone: the radially symmetric BRDF of Kautz and McCool.
 
     Parameters
     ----------
     brdf : Brdf
     view_theta : float
-        Angle theta_o' between C and the view, radians.
+        The angle theta_o' between C and the view, radians.
 
     Returns
     -------
     cosines : ndarray, shape (n,)
-        ``C.L = 1 - 2 t^2``, falling from 1 to -1; ``t = sin(theta_i' / 2)`` is equidistant.
+        ``C.L = 1 - 2 t^2``, falling from 1 to -1, where ``t = sin(theta_i' / 2)`` has equal
+        steps.
     values : ndarray, shape (n, 3)
+        The mean there.
 
     References
     ----------
@@ -128,21 +137,20 @@ def azimuthal_mean(brdf: Brdf, view_theta: float) -> tuple[Array, Array]:
 
 
 def interpolate_mean(cosines: Array, means: Array) -> Array:
-    """Values of `azimuthal_mean` between its samples.
+    """Interpolate the result of `azimuthal_mean` linearly in t, the sine of half the angle.
 
     Parameters
     ----------
     cosines : ndarray, shape (...)
         C.L.
     means : ndarray, shape (n, 3)
-        The result's precision is theirs.
+        The values that `azimuthal_mean` returned; the result has their precision.
 
     Returns
     -------
     ndarray, shape (..., 3)
-        Grey means give a broadcast view.
+        A broadcast view if the means are grey.
     """
-    # They are equidistant in the sine of half the angle.
     position = np.sqrt(np.clip((1 - cosines) / 2, 0, 1)) * (len(means) - 1)
     index = position.astype(np.int32)
     position -= index
@@ -153,9 +161,14 @@ def interpolate_mean(cosines: Array, means: Array) -> Array:
 
 
 def zonal_support(brdf: Brdf) -> float:
-    """Angle (radians) beyond which a zonal lobe is less than 1e-30 of its peak, 90 degrees at most.
+    """Find the angle beyond which a zonal lobe is less than 1e-30 of its peak.
 
-    There is nothing left for single precision but denormal numbers, which are slow.
+    In single precision what lies beyond is denormal numbers, which are slow.
+
+    Returns
+    -------
+    float
+        Radians, 90 degrees at most.
     """
     theta = np.linspace(0, np.pi / 2, _MEAN_ANGLES)
     lobe = _zonal_lobe(brdf, theta).max(axis=-1)
@@ -164,7 +177,7 @@ def zonal_support(brdf: Brdf) -> float:
 
 
 def lobe_tail(brdf: Brdf, angle: float) -> Brdf:
-    """The part of a BRDF's lobe that lies more than `angle` (radians) away from C."""
+    """Make the BRDF of what a lobe truncated at `angle` (radians) from C lacks: the part beyond."""
     bound = np.cos(angle)
 
     class Tail(Brdf):
@@ -189,5 +202,5 @@ def lobe_tail(brdf: Brdf, angle: float) -> Brdf:
 
 
 def _zonal_lobe(brdf: Brdf, theta: Array) -> Array:
-    """A zonal BRDF at angles from C, shape (n, 3): the view may be C itself, and N too."""
+    """A zonal BRDF at angles from C, shape (n, 3), evaluated where C, N and V are the same."""
     return brdf.transfer(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))

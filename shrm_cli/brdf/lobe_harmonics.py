@@ -16,22 +16,23 @@ Array = NDArray[np.floating]
 def lobe_harmonics(
     brdf: Brdf, view_theta: Array, order: int, max_m: int, samples: tuple[int, int]
 ) -> Array:
-    """Coefficients of rho_hat over the light's direction, for views at some angles from C.
+    """Expand rho_hat over the direction to the light, for views at some angles from C.
 
     Parameters
     ----------
     brdf : Brdf
     view_theta : ndarray, shape (n,)
-        Angles between C and the view, radians; the view lies in the plane of azimuth 0.
+        The angles between C and the view, radians; the view lies in the plane of azimuth 0.
     order, max_m : int
-        Largest l and m.
+        The largest l and m.
     samples : tuple of 2 int
-        Fejer's nodes in theta_i, and nodes over half a turn of the azimuth.
+        The number of Fejer's nodes in theta_i, and of nodes over half a turn of the azimuth.
 
     Returns
     -------
     ndarray, shape (max_m+1, order+1, n, 3)
-        ``[m, l - m]`` over the real harmonics of m >= 0; the lobe is even in the azimuth.
+        Coefficients of the real harmonics with m >= 0, indexed [m, l - m, view, channel]. Those
+        with m < 0 vanish, because the lobe is even in the azimuth.
     """
     count, azimuths = samples
     theta_i, phi = ((nodes(n) + 1) * (np.pi / 2) for n in (count, azimuths))
@@ -49,6 +50,6 @@ def lobe_harmonics(
 
 @lru_cache(1)
 def _weighted_legendre(order: int, max_m: int, count: int) -> Array:
-    """Normalised Legendre functions at Fejer's nodes, times the weights: (m, l - m, nodes)."""
+    """Normalized Legendre functions at Fejer's nodes, times the weights: [m, l - m, node]."""
     cosines = np.cos((nodes(count) + 1) * (np.pi / 2))
     return legendre_table(order, cosines, max_m) * colatitude_weights(count)

@@ -1,8 +1,7 @@
-"""Colours of metals, for the models that have a reflectance at normal incidence."""
+"""Colors of metals, for the models that have a reflectance at normal incidence."""
 
 from shrm_cli.brdf.base import Color, Parameter
 
-# Linear RGB with the primaries of sRGB.
 METALS: dict[str, Color] = {
     "aluminum": (0.913, 0.922, 0.924),
     "chromium": (0.549, 0.556, 0.554),
@@ -14,15 +13,15 @@ METALS: dict[str, Color] = {
     "silver": (0.972, 0.960, 0.915),
     "titanium": (0.542, 0.497, 0.449),
 }
-"""Reflectance at normal incidence.
+"""Reflectance at normal incidence by the name of the metal, linear RGB with sRGB's primaries.
 
 References
 ----------
 Akenine-Moeller et al. 2018, Real-Time Rendering, 4th edition, table 9.2.
 """
 
-# 1 by default: the energy of what reflects little from above sits at grazing angles, in orders that
-# tolerances below some per cent do not reach.
+# The default is 1 because a surface that reflects little along its normal has most of its energy at
+# grazing angles, in orders that a tolerance below some per cent does not reach.
 NORMAL_REFLECTANCE = Parameter(
     "f0", (1.0, 1.0, 1.0), 0.0, 1.0, "reflectance at normal incidence, 0.04 for plastics",
     names=METALS,

@@ -1,4 +1,4 @@
-"""BRDFs that are sums of terms, and how others come apart into a diffuse and a glossy term."""
+"""Sums of BRDFs, and the split of other BRDFs into a diffuse and a glossy term."""
 
 import json
 import re
@@ -10,11 +10,12 @@ from shrm_cli.brdf.base import Array, Brdf, Value, value_text
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 
+# Directions at which the least value of a BRDF is looked for. They end at 95 % of the way to the
+# horizon, where measured data end and models reach their limits.
 _ANGLES = 24
 _AZIMUTHS = 13
-_LEAST_ALBEDO = 0.005
 _GRAZING = 0.95
-"""Part of the quarter circle that counts: measured data end there, and models have their limits."""
+_LEAST_ALBEDO = 0.005  # a smaller Lambertian part is not worth a map of its own
 
 
 class Sum(Brdf):
@@ -23,11 +24,14 @@ class Sum(Brdf):
     Parameters
     ----------
     terms : sequence of (float, Brdf)
-        Weights and terms, two at least; of one frame, so tangent BRDFs are left out.
+        The weights and the terms, two at least. All must be defined about the normal or the
+        mirror direction, since a BRDF about the tangent is evaluated in another frame.
 
     Raises
     ------
     BrdfError
+        If there are too few terms, a term is about the tangent, or a weight is negative or not
+        finite.
     """
 
     name = "sum"
@@ -66,7 +70,7 @@ class Sum(Brdf):
 
 
 def _record(spec: str, terms: Sequence[Brdf]) -> dict[str, Value]:
-    """What identifies a sum: its specification, and the contents of the files that it names."""
+    """What identifies a sum: its specification, and the digests of the files that it names."""
     record: dict[str, Value] = {"spec": spec}
     if any(term.is_measured for term in terms):
         record["terms"] = json.dumps([term.values for term in terms], sort_keys=True)
@@ -74,7 +78,7 @@ def _record(spec: str, terms: Sequence[Brdf]) -> dict[str, Value]:
 
 
 class Diffuse(Brdf):
-    """A Lambertian part of another BRDF, of a colour of its own."""
+    """The Lambertian part that `split` takes from another BRDF."""
 
     name = "diffuse-part"
     summary = "the largest Lambertian part of a BRDF"
@@ -93,7 +97,7 @@ class Diffuse(Brdf):
 
 
 class Rest(Brdf):
-    """A BRDF without its Lambertian part."""
+    """What `split` leaves of a BRDF without its Lambertian part."""
 
     summary = "a BRDF without its Lambertian part"
 
@@ -110,15 +114,15 @@ class Rest(Brdf):
 
 
 def split(brdf: Brdf) -> list[Brdf]:
-    """The terms that a BRDF may be prefiltered by, each about its own centre.
+    """Split a BRDF into terms, each of which may be prefiltered about a center of its own.
 
-    A sum comes apart into its terms. From another BRDF the largest Lambertian part is split off
-    that leaves nothing negative.
+    A sum is split into its terms. Any other BRDF is split into the largest Lambertian part that
+    leaves nothing negative, and the rest.
 
     Returns
     -------
     list of Brdf
-        One where there is nothing to split.
+        Only the BRDF itself where there is nothing to split.
     """
     if isinstance(brdf, Sum):
         return [_Weighted(weight, term) for weight, term in brdf.terms]
@@ -130,7 +134,7 @@ def split(brdf: Brdf) -> list[Brdf]:
 
 
 class _Weighted(Brdf):
-    """A term of a sum."""
+    """A BRDF times a weight: a term of a sum."""
 
     name = "sum"
     summary = "a term of a sum"
@@ -154,7 +158,15 @@ class _Weighted(Brdf):
 
 
 def diffuse_albedo(brdf: Brdf) -> Array:
-    """Pi times the least value of a BRDF over light and view above the horizon, shape (3,)."""
+    """Find the albedo of the largest Lambertian part of a BRDF.
+
+    It is pi times the least value over light and view above the horizon.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Linear RGB, not negative.
+    """
     theta = (np.arange(_ANGLES) + 0.5) / _ANGLES * (_GRAZING * np.pi / 2)
     phi = np.linspace(0, np.pi, _AZIMUTHS)
     light = from_angles(theta[:, None, None], phi)
@@ -163,7 +175,7 @@ def diffuse_albedo(brdf: Brdf) -> Array:
     return np.asarray(np.maximum(least, 0) * np.pi)
 
 
-_PLUS = re.compile(r"(?<![0-9.][eE])\+")  # not the sign of an exponent: 1e+5
+_PLUS = re.compile(r"(?<![0-9.][eE])\+")  # a plus that is no sign of an exponent, as in 1e+5
 _WEIGHT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*\*")
 
 
@@ -173,22 +185,23 @@ def is_sum(spec: str) -> bool:
 
 
 def term_texts(spec: str) -> list[str]:
-    """The terms of a specification, without their weights."""
+    """The specifications of the terms of a sum, without their weights."""
     return [_WEIGHT.sub("", part, count=1).strip() for part in _PLUS.split(spec)]
 
 
 def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
-    """The sum that ``0.5*lambertian+0.5*ggx:roughness=0.3`` names.
+    """Parse a sum such as ``0.5*lambertian+0.5*ggx:roughness=0.3``.
 
     Parameters
     ----------
     spec : str
     parse : callable
-        Reads one term.
+        Makes the BRDF of one term from its specification.
 
     Raises
     ------
     BrdfError
+        If a term is empty or has no sound weight, or cannot be parsed or added.
     """
     terms = []
     for part in _PLUS.split(spec):

@@ -1,4 +1,7 @@
-"""What the models share: cosines, the half vector, Fresnel's term, colours, the horizon."""
+"""Functions that the models share: cosines, the half vector, Fresnel's term, colors, the horizon.
+
+Light L and view V are unit vectors in the frame of the normal N, whose z axis is N.
+"""
 
 from typing import NamedTuple
 
@@ -6,18 +9,21 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Color, grey
 
-# Cosines in denominators are at least this: what diverges where light or view graze is cut there,
-# 0.0006 degrees from the horizon, so that single precision does not overflow.
 GRAZING = 1e-5
+"""The least value of cosines in denominators.
+
+What diverges where light or view graze is cut off there, 0.0006 degrees from the horizon, so that
+single precision does not overflow.
+"""
 
 
 class Half(NamedTuple):
-    """The half vector H = (L+V) / |L+V| in the frame of the normal.
+    """The half vector H = (L + V) / |L + V| of many pairs of light and view.
 
     Attributes
     ----------
     x, y, z : ndarray, shape (...)
-        Its components; z is the cosine N.H.
+        Its components in the frame of the normal; z is the cosine N.H.
     cosine : ndarray, shape (...)
         ``L.H = V.H``, in 0 .. 1.
     """
@@ -29,12 +35,15 @@ class Half(NamedTuple):
 
     @property
     def square_sine(self) -> Array:
-        """``1 - (N.H)^2``, exact for small angles too."""
+        """``1 - (N.H)^2``, the squared sine of theta_h, which is exact for small angles too."""
         return self.x**2 + self.y**2
 
 
 def half_vector(light: Array, view: Array) -> Half:
-    """The half vector; the normal where light and view are opposite, and it has no direction."""
+    """Compute the half vector of light and view, shape (..., 3) each.
+
+    Where they are opposite it has no direction, and the normal takes its place.
+    """
     x, y, z = (light[..., k] + view[..., k] for k in range(3))
     length = np.sqrt(x * x + y * y + z * z)
     opposite = length < GRAZING
@@ -44,30 +53,48 @@ def half_vector(light: Array, view: Array) -> Half:
 
 
 def cosines(light: Array, view: Array) -> tuple[Array, Array]:
-    """N.L and N.V for denominators: at least `GRAZING`, the shapes of light and view."""
+    """Compute N.L and N.V for denominators, which are `GRAZING` at least.
+
+    Returns
+    -------
+    light_cosine, view_cosine : ndarray
+        Of the shapes of light and view without their last axis.
+    """
     return np.maximum(light[..., 2], GRAZING), np.maximum(view[..., 2], GRAZING)
 
 
 def tangential(light: Array, view: Array) -> Array:
-    """``L_x V_x + L_y V_y = sin(theta_i) sin(theta_o) cos(phi)``, shape (...)."""
+    """Compute ``L_x V_x + L_y V_y = sin(theta_i) sin(theta_o) cos(phi)``, shape (...)."""
     return light[..., 0] * view[..., 0] + light[..., 1] * view[..., 1]
 
 
 def above_horizon(value: Array, light: Array, view: Array) -> Array:
-    """A value (...) where light and view are above the surface, and 0 elsewhere."""
+    """Set a value (...) to 0 where light or view is below the surface."""
     above = (light[..., 2] > 0) & (view[..., 2] > 0)
     return np.where(above, value, np.zeros((), value.dtype))
 
 
 def colored(value: Array, color: Color) -> Array:
-    """A value (...) times a colour, (..., 3); grey is a broadcast view."""
+    """Multiply a value (...) by a color: shape (..., 3), a broadcast view if the color is grey."""
     if is_grey(color):
         return grey(value * color[0])
     return value[..., None] * np.array(color, dtype=value.dtype)
 
 
 def schlick(f0: Color, cosine: Array) -> Array:
-    """Schlick's approximation ``f0 + (1 - f0) (1 - L.H)^5`` of Fresnel's reflectance, (..., 3).
+    """Compute Schlick's approximation of Fresnel's reflectance, ``f0 + (1 - f0) (1 - L.H)^5``.
+
+    Parameters
+    ----------
+    f0 : tuple of 3 floats
+        Reflectance at normal incidence, linear RGB.
+    cosine : ndarray, shape (...)
+        L.H.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        A broadcast view if `f0` is grey.
 
     References
     ----------
@@ -81,15 +108,15 @@ def schlick(f0: Color, cosine: Array) -> Array:
 
 
 def fifth_power(value: Array) -> Array:
-    """Its fifth power, without the cost of a general one."""
+    """Raise a value to the fifth power by products, which is faster than a general power."""
     square = value * value
     return square * square * value
 
 
 def power(base: Array, exponent: float) -> Array:
-    """``base^exponent`` where the base is positive, 0 elsewhere.
+    """Compute ``base^exponent`` where the base is positive; elsewhere the result is 0.
 
-    exp and log are several times faster than a power where it vanishes.
+    Where the result underflows, exp and log are several times faster than a power.
     """
     logarithm = np.log(np.maximum(base, np.finfo(base.dtype).tiny))
     return np.where(base > 0, np.exp(exponent * logarithm), np.zeros((), base.dtype))

@@ -2,12 +2,13 @@
 
 import json
 import sys
+from importlib import metadata
 from subprocess import run as start
 
 import numpy as np
 import pytest
 
-from shrm_cli.brdf import library, models
+from shrm_cli.brdf import models
 from shrm_cli.brdf.library import all_models, built_in_names, find_model, model_names
 from shrm_cli.brdf.spec import names_file, parse_spec
 from shrm_cli.errors import BrdfError
@@ -181,6 +182,6 @@ def test_one_whose_module_fails_is_one_line(install, code):
 
 def test_the_first_of_two_of_one_name_is_taken(install, monkeypatch):
     install({"red-velvet": "velvets:Velvet"})
-    twice = [*library.entry_points(group="shrm.brdf")] * 2
-    monkeypatch.setattr(library, "entry_points", lambda group: twice)
+    twice = [*metadata.entry_points(group="shrm.brdf")] * 2
+    monkeypatch.setattr(metadata, "entry_points", lambda group: twice)
     assert model_names().count("red-velvet") == 1

@@ -20,9 +20,9 @@ from shrm_cli.brdf.vectors import (
 class AshikhminShirley(Brdf):
     """A lobe about the half vector that Fresnel's term strengthens, over a diffuse base.
 
-    ``sqrt((nu+1) (nv+1)) / (8 pi) (N.H)^e F / (L.H max(N.L, N.V))`` with ``e = nu cos(phi_h)^2 +
-    nv sin(phi_h)^2``, and ``28 diffuse / (23 pi) (1 - specular) (1 - (1 - N.L/2)^5) (1 -
-    (1 - N.V/2)^5)``. With different nu and nv it is anisotropic.
+    The lobe is ``sqrt((nu+1) (nv+1)) / (8 pi) (N.H)^e F / (L.H max(N.L, N.V))`` with ``e = nu
+    cos(phi_h)^2 + nv sin(phi_h)^2``. The base is ``28 diffuse / (23 pi) (1 - specular) (1 - (1 -
+    N.L/2)^5) (1 - (1 - N.V/2)^5)``. If nu and nv differ, the BRDF is anisotropic.
     """
 
     name = "ashikhmin-shirley"
@@ -47,7 +47,8 @@ class AshikhminShirley(Brdf):
         half = half_vector(light, view)
         light_cosine, view_cosine = cosines(light, view)
         nu, nv = self.number("nu"), self.number("nv")
-        # (N.H)^e = exp((nu h_x^2 + nv h_y^2) log(N.H) / sin(theta_h)^2); the last goes to -1/2.
+        # (N.H)^e = exp((nu h_x^2 + nv h_y^2) rate) with rate = log(N.H) / sin(theta_h)^2, which
+        # goes to -1/2 for small theta_h.
         sine2 = np.clip(half.square_sine, 1e-12, 1 - np.finfo(half.x.dtype).eps)
         rate = np.log1p(-sine2) / (2 * sine2)
         lobe = np.exp((nu * half.x**2 + nv * half.y**2) * rate)

@@ -1,4 +1,4 @@
-"""Blinn's cosine lobe about the half vector, normalised."""
+"""Blinn's cosine lobe about the half vector, normalized."""
 
 import math
 
@@ -11,7 +11,7 @@ from shrm_cli.brdf.vectors import above_horizon, colored, half_vector
 class BlinnPhong(Brdf):
     """``f_r = color (n+2) (n+4) / (8 pi (2^(-n/2) + n)) (N.H)^n`` above the horizon.
 
-    So normalised it reflects exactly `color` of a constant light when seen from the normal, and
+    With this factor it reflects exactly `color` of a uniform light when seen along the normal, and
     less from elsewhere.
     """
 
@@ -26,12 +26,12 @@ class BlinnPhong(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
         n = self.number("exponent")
-        # (N.H)^n by way of the sine is exact for large n in single precision too.
+        # Computed from the sine, (N.H)^n is exact in single precision even for large n.
         sine2 = np.minimum(half.square_sine, 1 - np.finfo(half.x.dtype).eps)
         value = normalization(n) * np.exp(n / 2 * np.log1p(-sine2))
         return colored(above_horizon(value, light, view), self.color("color"))
 
 
 def normalization(exponent: float) -> float:
-    """``1 / int (N.H)^n N.L dL`` for a view along the normal."""
+    """Compute ``1 / int (N.H)^n N.L dL`` for a view along the normal."""
     return (exponent + 2) * (exponent + 4) / (8 * math.pi * (2 ** (-exponent / 2) + exponent))

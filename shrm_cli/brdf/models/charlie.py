@@ -1,11 +1,11 @@
-"""The sheen of cloth: microfibres that stand up from the surface."""
+"""The sheen of cloth, whose microfibers stand up from the surface."""
 
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter
 from shrm_cli.brdf.vectors import above_horizon, colored, cosines, half_vector
 
-# Table 1: a, b, c, d, e of L(x) for roughness 0 and 1.
+# The parameters a, b, c, d, e of L(x) for roughness 0 and 1, table 1 of Estevez and Kulla 2017.
 _SMOOTH = 25.3245, 3.32435, 0.16801, -1.27393, -4.85967
 _ROUGH = 21.5473, 3.82987, 0.19823, -1.97760, -4.32054
 
@@ -13,9 +13,9 @@ _ROUGH = 21.5473, 3.82987, 0.19823, -1.97760, -4.32054
 class Charlie(Brdf):
     """``f_r = color D G / (4 N.L N.V)`` above the horizon.
 
-    ``D = (2 + 1/r) sin(theta_h)^(1/r) / (2 pi)`` with r the roughness, and ``G = 1 / (1 +
-    Lambda(N.L) + Lambda(N.V))`` with the paper's fit of Lambda. The paper's softening of the
-    terminator is left out: it treats light and view differently.
+    ``D = (2 + 1/r) sin(theta_h)^(1/r) / (2 pi)`` with the roughness r, and ``G = 1 / (1 +
+    Lambda(N.L) + Lambda(N.V))`` with the fit of Lambda in the paper (see `source`). The paper's
+    softening of the terminator is left out, because it treats light and view differently.
     """
 
     name = "charlie"
@@ -37,7 +37,7 @@ class Charlie(Brdf):
         return colored(above_horizon(value, light, view), self.color("color"))
 
     def _shadowing(self, cosine: Array) -> Array:
-        """Lambda: exp(L(x)) for x < 1/2, and exp(2 L(1/2) - L(1 - x)) above."""
+        """Lambda(x) of a cosine x: exp(L(x)) for x < 1/2, and exp(2 L(1/2) - L(1 - x)) above."""
         smooth = (1 - self.number("roughness")) ** 2
         a, b, c, d, e = (
             smooth * s + (1 - smooth) * r for s, r in zip(_SMOOTH, _ROUGH, strict=True)

@@ -1,4 +1,4 @@
-"""Cook and Torrance's microfacets: Beckmann slopes in V-shaped cavities."""
+"""Cook and Torrance's microfacets: Beckmann's distribution of slopes, in V-shaped cavities."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from shrm_cli.brdf.vectors import GRAZING, above_horizon, cosines, half_vector, 
 class CookTorrance(Brdf):
     """``f_r = F D G / (4 N.L N.V)`` above the horizon.
 
-    Beckmann's ``D = exp(-tan(theta_h)^2 / m^2) / (pi m^2 cos(theta_h)^4)``, the geometric term of
-    Torrance and Sparrow ``G = min(1, 2 N.H N.V / V.H, 2 N.H N.L / V.H)``, F after Schlick. The
-    paper has pi in the place of 4, which reflects more than it receives; 4 is the Jacobian of
-    the half vector.
+    D is Beckmann's ``exp(-tan(theta_h)^2 / m^2) / (pi m^2 cos(theta_h)^4)``, G the geometric term
+    of Torrance and Sparrow, ``min(1, 2 N.H N.V / V.H, 2 N.H N.L / V.H)``, and F Schlick's
+    approximation of Fresnel's reflectance. Cook and Torrance have pi in the place of 4, and
+    their surface reflects more than it receives; 4 is the Jacobian of the half vector.
     """
 
     name = "cook-torrance"

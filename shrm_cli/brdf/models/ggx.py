@@ -10,8 +10,9 @@ from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector, schlick
 class Ggx(Brdf):
     """``f_r = F D G / (4 N.L N.V)`` above the horizon, with ``a = roughness^2``.
 
-    ``D = 1 / (pi a^2 (tan(theta_h)^2 / a^2 + 1)^2 cos(theta_h)^4)``, Smith's G for light and view
-    at correlated cosines, F after Schlick. Light that meets several facets is lost.
+    D is ``1 / (pi a^2 (tan(theta_h)^2 / a^2 + 1)^2 cos(theta_h)^4)``, G is Smith's for correlated
+    heights of light and view, and F Schlick's approximation of Fresnel's reflectance. Light that
+    meets several facets is lost.
     """
 
     name = "ggx"

@@ -7,12 +7,13 @@ from shrm_cli.brdf.vectors import power
 
 
 class KajiyaKay(Brdf):
-    """``rho_hat = cos(theta_i - theta_o)^s`` where that is positive; both angles to the tangent.
+    """``rho_hat = cos(theta_i - theta_o)^s`` where the cosine is positive, and 0 elsewhere.
 
-    Light and view are given in a frame whose z is the TANGENT. The peak is 1, as in the paper:
-    the lobe is not normalised. Under constant light of radiance 1 a fibre seen from the side
-    shines with ``2 pi^(3/2) Gamma(s/2 + 1) / Gamma(s/2 + 3/2)``, 2.72 for s = 32. A fibre has no
-    horizon, and no azimuth: light from all around it counts alike.
+    Both angles are from the tangent: light and view are given in a frame whose z axis is the
+    TANGENT. The peak is 1, as in the paper of Kajiya and Kay, so the lobe is not normalized.
+    Under uniform light of radiance 1 a fiber seen from the side shines with ``2 pi^(3/2) Gamma(s/2
+    + 1) / Gamma(s/2 + 3/2)``, which is 2.72 for s = 32. A fiber has no horizon, and light from all
+    azimuths around it counts alike.
     """
 
     name = "kajiya-kay"
@@ -24,7 +25,7 @@ class KajiyaKay(Brdf):
     has_horizon = False
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        light_cosine, view_cosine = light[..., 2], view[..., 2]
+        light_cosine, view_cosine = light[..., 2], view[..., 2]  # with the tangent
         light_sine = np.hypot(light[..., 0], light[..., 1])
         view_sine = np.hypot(view[..., 0], view[..., 1])
         cosine = light_cosine * view_cosine + light_sine * view_sine

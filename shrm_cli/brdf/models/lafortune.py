@@ -1,4 +1,4 @@
-"""Lafortune's generalised cosine lobes, one of one's own or the fits to measured materials."""
+"""Lafortune's generalized cosine lobes: one of one's own, or fits to measured materials."""
 
 import numpy as np
 
@@ -7,8 +7,8 @@ from shrm_cli.brdf.vectors import above_horizon, colored, is_grey, power, tangen
 from shrm_cli.errors import BrdfError
 
 Lobe = tuple[Color, Color, Color]
+"""C_xy, C_z and the exponent of a lobe, each for R, G and B."""
 
-# Diffuse reflectance, and C_xy, C_z and the exponent of three lobes, each for R, G and B.
 # fmt: off
 FITS: dict[str, tuple[Color, tuple[Lobe, ...]]] = {
     "bluepaint": (
@@ -79,7 +79,7 @@ FITS: dict[str, tuple[Color, tuple[Lobe, ...]]] = {
     ),
 }
 # fmt: on
-"""Fits to measurements of Cornell University.
+"""Fits to measurements of Cornell University: the diffuse reflectance and three lobes of each.
 
 References
 ----------
@@ -92,9 +92,10 @@ Lafortune BRDF for RenderMan (all of these numbers).
 class Lafortune(Brdf):
     """``f_r = diffuse / pi + sum (C_xy (L_x V_x + L_y V_y) + C_z L_z V_z)^n`` above the horizon.
 
-    A lobe counts where its base is positive. C_xy = -1, C_z = 1 is the mirror direction,
-    C_xy = C_z = 1 the way back to the light; the lobes are not normalised. The fits follow their
-    data where there were any, and may reflect more than they receive towards grazing angles.
+    A lobe counts where the base of its power is positive. With C_xy = -1 and C_z = 1 it lies about
+    the mirror direction, with C_xy = C_z = 1 about the way back to the light. The lobes are not
+    normalized. The fits follow the data where there were any, and may reflect more than they
+    receive towards grazing angles.
     """
 
     name = "lafortune"
@@ -135,6 +136,7 @@ class Lafortune(Brdf):
         return np.stack(channels, axis=-1)
 
     def _channel(self, channel: int, across: Array, up: Array) -> Array:
+        """One channel from L_x V_x + L_y V_y and L_z V_z, without the horizon."""
         value = np.full_like(up, self._diffuse[channel] / np.pi)
         for c_xy, c_z, exponent in self._lobes:
             value += power(c_xy[channel] * across + c_z[channel] * up, exponent[channel])

@@ -7,7 +7,7 @@ from shrm_cli.brdf.vectors import colored
 
 
 class Lambertian(Brdf):
-    """``f_r = albedo / pi``."""
+    """``f_r = albedo / pi``: equally bright from every direction."""
 
     name = "lambertian"
     summary = "ideal diffuse reflection, f_r = albedo / pi"

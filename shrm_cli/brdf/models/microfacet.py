@@ -1,4 +1,4 @@
-"""The simplified microfacet model of section 5.7.1."""
+"""The simplified microfacet model of Ramamoorthi's thesis (2002), section 5.7.1."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
 
 
 class Microfacet(Brdf):
-    """``rho_hat = exp(-(theta_h / sigma)^2) / (4 pi sigma^2)`` above the horizon (eq. 5.34).
+    """``rho_hat = exp(-(theta_h / sigma)^2) / (4 pi sigma^2)`` above the horizon.
 
-    theta_h is the angle between the normal and the half-angle vector; light from below the
-    surface (N.L < 0) is not reflected.
+    theta_h is the angle between the normal and the half vector. Light from below the surface
+    (N.L < 0) is not reflected. It is eq. 5.34 of the thesis.
     """
 
     name = "microfacet"
@@ -21,7 +21,7 @@ class Microfacet(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         half = light + view
         x, y = half[..., 0], half[..., 1]
-        # atan2 is exact for small angles, where acos of the normalised cosine is not.
+        # atan2 is exact for small angles, where the arc cosine of N.H is not.
         angle = np.arctan2(np.sqrt(x * x + y * y), half[..., 2])
         sigma = self.number("sigma")
         return grey(np.exp(-((angle / sigma) ** 2)) / (4 * np.pi * sigma**2))

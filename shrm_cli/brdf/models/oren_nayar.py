@@ -1,4 +1,4 @@
-"""Rough diffuse surfaces: V-shaped cavities with Lambertian walls."""
+"""Oren and Nayar's rough diffuse surface: V-shaped cavities with Lambertian walls."""
 
 import numpy as np
 
@@ -9,13 +9,14 @@ from shrm_cli.brdf.vectors import GRAZING, colored, tangential
 class OrenNayar(Brdf):
     """``f_r = albedo / pi (A + B max(0, cos(phi_i - phi_o)) sin(a) tan(b))``.
 
-    a is the larger and b the smaller of theta_i and theta_o, ``A = 1 - sigma^2 / (2 sigma^2 +
-    0.66)``, ``B = 0.45 sigma^2 / (sigma^2 + 0.09)``: the qualitative model, without the
-    interreflection of the walls. It reflects up to 1 % more than it receives, seen from 80
-    degrees. Its tangent grows without bound where light and view graze on the same side; it is
-    cut 0.0006 degrees from there.
+    Here a is the larger and b the smaller of theta_i and theta_o, ``A = 1 - sigma^2 / (2 sigma^2 +
+    0.66)``, and ``B = 0.45 sigma^2 / (sigma^2 + 0.09)``. This is the paper's qualitative model,
+    which leaves out the interreflection of the walls. Seen from 80 degrees it reflects up to 1 %
+    more than it receives. The tangent grows without bound where light and view graze on the same
+    side; it is cut off 0.0006 degrees from the horizon.
 
-    A view from below is never seen. It takes the value from above, which spares the map a jump.
+    A view from below the surface is never seen, but a map about the normal is expanded over it. It
+    takes the value of its mirror image above, so that there is no jump at the horizon.
     """
 
     name = "oren-nayar"
@@ -30,7 +31,7 @@ class OrenNayar(Brdf):
     def evaluate(self, light: Array, view: Array) -> Array:
         square = self.number("sigma") ** 2
         first, second = 1 - 0.5 * square / (square + 0.33), 0.45 * square / (square + 0.09)
-        # sin(a) sin(b) cos(phi) over cos(b), the larger of the cosines.
+        # sin(a) tan(b) cos(phi) is sin(a) sin(b) cos(phi) over cos(b), the larger of the cosines.
         larger = np.maximum(light[..., 2], np.abs(view[..., 2]))
         swing = np.maximum(tangential(light, view), 0.0) / np.maximum(larger, GRAZING)
         value = (first + second * swing) / np.pi

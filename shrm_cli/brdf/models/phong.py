@@ -6,7 +6,10 @@ from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
 
 
 class Phong(Brdf):
-    """``rho_hat = (s + 1) / (2 pi) (R.L)^s`` where R.L > 0 (eq. 5.26)."""
+    """``rho_hat = (s + 1) / (2 pi) (R.L)^s`` where R.L > 0.
+
+    R is the mirror direction of the view. The lobe is eq. 5.26 of Ramamoorthi's thesis (2002).
+    """
 
     name = "phong"
     summary = "normalised cosine lobe about the mirror direction, a transfer function"
@@ -17,11 +20,11 @@ class Phong(Brdf):
     zonal = True
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        # R = (-Vx, -Vy, Vz) in the frame of the normal.
+        # The mirror direction is R = (-Vx, -Vy, Vz) in the frame of the normal.
         cosine = light[..., 2] * view[..., 2]
         cosine = cosine - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
         exponent = self.number("exponent")
-        # exp and log are several times faster than a power where it vanishes.
+        # Where the lobe underflows, exp and log are several times faster than a power.
         logarithm = np.log(np.clip(cosine, np.finfo(cosine.dtype).tiny, 1.0))
         lobe = np.where(cosine > 0, np.exp(exponent * logarithm), 0)
         return grey((exponent + 1) / (2 * np.pi) * lobe)

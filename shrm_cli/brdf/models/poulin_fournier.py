@@ -14,13 +14,15 @@ _NODES = 32
 class PoulinFournier(Brdf):
     """Light reflected once by half cylinders of radius 1 along x, their axes `distance` apart.
 
-    ``f_r = int f (n.L) (n.V) ds / (distance N.L N.V)`` over what of one period of the profile is
-    lit and visible, with ``f = diffuse / pi + specular (e+2) (e+4) / (8 pi (2^(-e/2) + e))
-    (n.H)^e``. The cylinders hide parts of each other and of the floor between them, which lies
-    at the height of their axes. Choose diffuse + specular <= 1.
+    The BRDF is ``f_r = int f (n.L) (n.V) ds / (distance N.L N.V)``, an integral over the part of
+    one period of the profile that is lit and visible. There n is the local normal, and ``f =
+    diffuse / pi + specular (e+2) (e+4) / (8 pi (2^(-e/2) + e)) (n.H)^e``. The cylinders hide parts
+    of each other and of the floor between them, which is level with their axes. Choose diffuse +
+    specular <= 1.
 
-    The paper has cylinders that protrude from the floor by any part, or are cut into it, several
-    directions of cylinders at one place, and a polynomial in the place of the quadrature.
+    Poulin and Fournier also have cylinders that protrude from the floor by any part or are cut
+    into it, and several directions of cylinders at one place. They approximate by a polynomial
+    what is a quadrature here.
     """
 
     name = "poulin-fournier"
@@ -44,7 +46,7 @@ class PoulinFournier(Brdf):
         floor = np.minimum(lit[3], seen[3]) - np.maximum(lit[2], seen[2])
         half = half_vector(light, view)
         exponent = self.number("exponent")
-        # On the floor n = N.
+        # On the floor the local normal n is N.
         product = np.maximum(light[..., 2] * view[..., 2], 0.0) * np.maximum(floor, 0.0)
         diffuse, specular = product, product * power(np.minimum(half.z, 1.0), exponent)
         for node, weight in zip(*gauss_legendre(_NODES), strict=True):
@@ -66,22 +68,24 @@ class PoulinFournier(Brdf):
 
 
 def _open_parts(direction: Array, distance: float) -> tuple[Array, Array, Array, Array]:
-    """What a direction reaches: angles on a cylinder, and places on the floor beside it.
+    """The parts of one period that rays of a direction reach: of a cylinder, and of the floor.
 
-    Angles from z towards y. A ray that touches the next cylinder meets this one at an angle
-    with ``sin(angle - inclination) = distance cos(inclination) - 1``, or the floor at
-    ``distance - 1 / cos(inclination)``.
+    Angles on the cylinder are from z towards y. The inclination is the angle of the ray from z in
+    the plane of y and z. A ray that touches the next cylinder meets this one at an angle with
+    ``sin(angle - inclination) = distance cos(inclination) - 1``, or the floor at ``distance - 1 /
+    cos(inclination)`` from this cylinder's axis.
 
     Returns
     -------
     low, high : ndarray, shape (...)
-        Angles, radians.
+        The range of angles on the cylinder, radians.
     start, end : ndarray, shape (...)
-        Places on the floor from the axis, in radii; none where start >= end.
+        The range of places on the floor, measured from the axis in radii; it is empty where
+        start >= end.
     """
     y, z = direction[..., 1], np.maximum(direction[..., 2], 0.0)
     inclination = np.arctan2(np.abs(y), z)
-    # z / hypot(y, z) is the cosine.
+    # The length of the shadow is 1 / cos(inclination), and the cosine is z / hypot(y, z).
     shadow = np.hypot(y, z) / np.maximum(z, np.finfo(z.dtype).tiny)
     shadow = np.where(np.isfinite(shadow), shadow, distance)
     reach = inclination + np.arcsin(np.clip(distance * np.cos(inclination) - 1, -1.0, 1.0))
@@ -96,6 +100,7 @@ def _open_parts(direction: Array, distance: float) -> tuple[Array, Array, Array,
 
 
 def _mixed(diffuse: Array, diffuse_color: Color, specular: Array, specular_color: Color) -> Array:
+    """The sum of two values (...) times their colors; a broadcast view if both are grey."""
     pairs = list(zip(diffuse_color, specular_color, strict=True))
     if pairs[0] == pairs[1] == pairs[2]:
         value = diffuse * pairs[0][0] + specular * pairs[0][1]
