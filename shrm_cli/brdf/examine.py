@@ -190,7 +190,7 @@ def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _values(brdf: Brdf, light: Array, view: Array) -> Array:
-    """Values (n, 3) of f_r, also of a model that includes the cosine; of rho_hat about a tangent."""
+    """Values (n, 3) of f_r, also if the model includes the cosine; of rho_hat about a tangent."""
     value = np.asarray(brdf.evaluate(light, view), dtype=float)
     if brdf.includes_cosine and brdf.center != "tangent":
         return value / light[:, 2:]

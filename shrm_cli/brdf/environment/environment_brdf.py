@@ -1,4 +1,4 @@
-"""The environment-BRDF of GGX: what a white, uniform environment has it reflect."""
+"""The environment BRDF of GGX: what it reflects of a white, uniform environment."""
 
 from collections.abc import Callable
 
@@ -12,19 +12,20 @@ Array = NDArray[np.floating]
 
 
 def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array]:
-    """Scale and bias of GGX's directional albedo, ``f0 * scale + bias``.
+    """Compute scale and bias of GGX's directional albedo, ``f0 * scale + bias``.
 
-    The BRDF is that of `shrm_cli.brdf.models.ggx`: correlated Smith, Schlick's Fresnel term, and
-    ``ggx_alpha = roughness^2``. With ``f_DV`` the BRDF without Fresnel's term, the bias is the
-    integral of ``f_DV (1 - V.H)^5 N.L`` over the hemisphere of L, and scale + bias that of
-    ``f_DV N.L``. Both are exact to 1e-5, at any roughness and down to N.V = 1e-5.
+    The BRDF is that of `shrm_cli.brdf.models.ggx`, with Smith's G for correlated heights, Schlick's
+    Fresnel term, and ``ggx_alpha = roughness^2``. If ``f_DV`` is the BRDF without Fresnel's term,
+    the bias is the integral of ``f_DV (1 - V.H)^5 N.L`` over the hemisphere of L, and scale + bias
+    is the integral of ``f_DV N.L``. Both are exact to 1e-5, at any roughness and down to N.V =
+    1e-5.
 
     Parameters
     ----------
     roughness : float
         Perceptual, in 0 .. 1.
     cosines : array_like, shape (n,)
-        N.V; those below 1e-5 count as that.
+        N.V; values below 1e-5 count as 1e-5.
 
     Returns
     -------
@@ -37,7 +38,8 @@ def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array
 
     References
     ----------
-    Karis 2013, Real shading in Unreal Engine 4; Silvennoinen et al. 2025, eq. 5-7 and 15.
+    Karis 2013, "Real Shading in Unreal Engine 4" (scale and bias); eq. 5 to 7 and 15 of
+    Silvennoinen et al. 2025.
     """
     total, bias = lobe_moments(roughness, cosines)[:, 0]
     return total - bias, bias
@@ -46,17 +48,18 @@ def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array
 def environment_table(
     size: int, multiscatter: bool = False, progress: Callable[[int, int], object] | None = None
 ) -> Array:
-    """The environment-BRDF of every roughness: the look-up table of the split sum ("DFG").
+    """Compute the environment BRDF of every roughness: the split sum's table, or "DFG".
 
     Parameters
     ----------
     size : int
-        Rows of roughness, columns of N.V, both at texel centres, ``(k + 0.5) / size``; the first
-        row is the smoothest.
+        The number of rows, over the roughness, and of columns, over N.V. Both are sampled at
+        texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
     multiscatter : bool
-        What the two channels hold. False: scale and bias; the surface reflects ``f0 * R + G`` of
-        a uniform environment. True: bias and scale + bias, as Filament has them; with the light
-        that meets several facets, it reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``.
+        What the two channels R and G hold. If False, they hold scale and bias, and a surface
+        reflects ``f0 * R + G`` of a uniform environment. If True, they hold bias and scale +
+        bias, as in Filament, and a surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``,
+        which includes the light that meets several facets.
     progress : callable, optional
         Called with rows done and rows in all.
 
@@ -66,8 +69,8 @@ def environment_table(
 
     References
     ----------
-    Multiple scattering: Lagarde & Golubev 2018, as Filament has it; a surface of f0 = 1 loses
-    nothing. It is the form of Turquin 2019, with Fresnel's term at normal incidence.
+    Lagarde and Golubev 2018, in Filament (multiple scattering, with which a surface of f0 = 1
+    loses nothing); Turquin 2019 (the same form; here with Fresnel's term at normal incidence).
     """
     table = np.empty((size, size, 2))
     moments = moments_table(size, progress)
@@ -77,7 +80,7 @@ def environment_table(
 
 
 def moments_table(size: int, progress: Callable[[int, int], object] | None = None) -> Array:
-    """The first moments of every roughness's lobe: the look-up table of SH exponentials.
+    """Compute the moments of the lobe of every roughness: the table of SH exponentials.
 
     Parameters
     ----------
@@ -89,22 +92,22 @@ def moments_table(size: int, progress: Callable[[int, int], object] | None = Non
     Returns
     -------
     ndarray, shape (size, size, 6)
-        Integrals of 1, N.L and T.L without Fresnel's term, then with Schlick's tail; see
-        `lobe_moments`.
+        The integrals of 1, N.L and T.L over the lobe without Fresnel's term, then with Schlick's
+        tail; see `lobe_moments`.
     """
-    centres = (np.arange(size) + 0.5) / size
+    centers = (np.arange(size) + 0.5) / size
     table = np.empty((size, size, 6))
-    for row, roughness in enumerate(centres.tolist()):
-        table[row] = lobe_moments(roughness, centres).reshape(6, size).T
+    for row, roughness in enumerate(centers.tolist()):
+        table[row] = lobe_moments(roughness, centers).reshape(6, size).T
         if progress is not None:
             progress(row + 1, size)
     return table
 
 
 class DirectionalAlbedo:
-    """The environment-BRDF of one roughness, tabulated over N.V for rendering.
+    """The environment BRDF of one roughness, tabulated over N.V for rendering.
 
-    Interpolated values are those of `environment_brdf` to 2e-5.
+    Interpolated values differ from those of `environment_brdf` by 2e-5 at most.
 
     Parameters
     ----------
@@ -114,7 +117,7 @@ class DirectionalAlbedo:
     Raises
     ------
     MapError
-        If it is outside 0 .. 1.
+        If the roughness is outside 0 .. 1.
     """
 
     def __init__(self, roughness: float) -> None:
@@ -124,12 +127,12 @@ class DirectionalAlbedo:
         self._moments = LobeMoments(roughness)
 
     def scale_bias(self, cosines: ArrayLike) -> tuple[Array, Array]:
-        """Scale and bias at N.V, each of the shape of `cosines`."""
+        """Interpolate scale and bias at N.V, each of the shape of `cosines`."""
         total, bias = self._moments.totals(cosines)
         return total - bias, bias
 
     def __call__(self, cosines: ArrayLike, f0: ArrayLike) -> Array:
-        """Directional albedo ``f0 * scale + bias``.
+        """Interpolate the directional albedo, ``f0 * scale + bias``.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""GGX as the split sum has it: seen along the normal, a lobe about the mirror direction."""
+"""GGX as split sums have it: its lobe seen along the normal, moved to the mirror direction."""
 
 from functools import cached_property
 
@@ -11,11 +11,11 @@ _NODES = 128
 
 
 class GgxLobe(Brdf):
-    """``f_DV N.L`` of `Ggx` for ``N = V = R``, normalised: a mean of the light about R.
+    """The lobe ``f_DV N.L`` of `Ggx` for ``N = V = R``, normalized to be a mean of light about R.
 
-    With ``c = R.L`` and H half way between, ``rho_hat = k D(N.H) c / (c + sqrt(a^2 + (1 - a^2)
-    c^2))``, where k makes the integral over the hemisphere 1. It is no model of a material, and
-    `shrm brdf` does not list it.
+    f_DV is the BRDF without Fresnel's term. With ``c = R.L`` and H half way between R and L,
+    ``rho_hat = k D(R.H) c / (c + sqrt(a^2 + (1 - a^2) c^2))``, where k makes the integral over the
+    hemisphere 1. It is no model of a material, so it is not among the models that have a name.
     """
 
     name = "ggx-lobe"
@@ -33,7 +33,7 @@ class GgxLobe(Brdf):
         self.ggx_alpha = self.number("roughness") ** 2
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        # |L - R|^2 / 4 = sin(angle / 2)^2 is exact where 1 - R.L would cancel.
+        # |L - R|^2 / 4 = sin(angle / 2)^2 is exact for small angles, where 1 - R.L would cancel.
         x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
         z = light[..., 2] - view[..., 2]
         square_sine = (x * x + y * y + z * z) / 4
@@ -44,7 +44,11 @@ class GgxLobe(Brdf):
 
     @cached_property
     def _peak(self) -> float:
-        """The factor k D(1): with ``tan(angle / 2) = a sinh(x)`` all scales are smooth in x."""
+        """The factor k D(1).
+
+        The integral over the lobe substitutes ``tan(angle / 2) = a sinh(x)``, since lobes of all
+        widths are smooth in x.
+        """
         a2 = self.ggx_alpha**2
         nodes, weights = gauss_legendre(_NODES)
         end = np.arcsinh(1 / self.ggx_alpha)
@@ -52,6 +56,6 @@ class GgxLobe(Brdf):
         square_tangent = a2 * np.sinh(x) ** 2
         cosine = (1 - square_tangent) / (1 + square_tangent)
         visible = cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2))
-        # D N.H dH = 2 tanh(x) / cosh(x)^2 dx dphi / (2 pi), and dL = 4 N.H dH.
+        # Here D N.H dH = 2 tanh(x) / cosh(x)^2 dx dphi / (2 pi), and dL = 4 N.H dH.
         whole = 2 * end * np.sum(weights * visible * 2 * np.tanh(x) / np.cosh(x) ** 2)
         return float(1 / (np.pi * a2 * whole))

@@ -1,4 +1,4 @@
-"""How much light GGX reflects, and from where on average: the first moments of its lobe."""
+"""The first moments of GGX's lobe: how much light it reflects, and from where on average."""
 
 from functools import cached_property, lru_cache
 
@@ -11,32 +11,33 @@ from shrm_cli.sphere.grids import gauss_legendre
 
 Array = NDArray[np.floating]
 
-_SLOPES = 40
-_AZIMUTHS = 16
-_VIEWS_AT_ONCE = 8  # whose samples stay in the processor's cache
-_TABLE = 129
-_NEAR_NORMAL = 1 - 1e-9  # where T.L / sin(theta_v) has still a meaning
-_LEAST_ALPHA = 1e-8  # a smaller one changes nothing that can be seen, but would divide by zero
+_SLOPES = 40  # nodes of each half of the integral over the slope of the half vector
+_AZIMUTHS = 16  # and of the integral over its azimuth
+_VIEWS_AT_ONCE = 8  # so few that their samples stay in the processor's cache
+_TABLE = 129  # nodes in N.V
+_NEAR_NORMAL = 1 - 1e-9  # the largest N.V for which T.L / sin(theta_v) can be computed
+_LEAST_ALPHA = 1e-8  # smaller values would look the same, but divide by zero
 
 
 def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
-    """Integrals over GGX's lobe of 1, N.L and T.L, without Fresnel's term and with Schlick's tail.
+    """Integrate 1, N.L and T.L over GGX's lobe, without Fresnel's term and with Schlick's tail.
 
-    The lobe is ``f_DV N.L``, GGX as in `brdf.models.ggx` with Fresnel's term 1, or that times
-    ``(1 - V.H)^5``. T is the tangent towards which a mirror sends the view: R = N.V N + sin T.
-    All are exact to 1e-5, at any roughness and down to N.V = 1e-5.
+    The lobe is ``f_DV N.L``, where f_DV is GGX as in `shrm_cli.brdf.models.ggx` with 1 in the
+    place of Fresnel's term, or this times ``(1 - V.H)^5``. T is the tangent towards which a mirror
+    reflects the view, ``R = (N.V) N + sin(theta_v) T``. All integrals are exact to 1e-5, at any
+    roughness and down to N.V = 1e-5.
 
     Parameters
     ----------
     roughness : float
         Perceptual, in 0 .. 1.
     cosines : array_like, shape (n,)
-        N.V; those below 1e-5 count as that.
+        N.V; values below 1e-5 count as 1e-5.
 
     Returns
     -------
     ndarray, shape (2, 3, n)
-        ``[base or tail, (1, N.L, T.L)]``.
+        Indexed [without Fresnel's term or with the tail; 1, N.L or T.L; view].
 
     Raises
     ------
@@ -58,13 +59,14 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
 
 
 def _integrals(alpha: float, view: Array) -> Array:
-    """`lobe_moments` by Gauss and Legendre's rule over the half vector, from N.V of shape (n, 1).
+    """Compute `lobe_moments` by Gauss and Legendre's rule, for N.V of shape (n, 1).
 
-    Over the half vector H instead of L, ``dL = 4 V.H dH``: by its slope ``t = tan(theta_h) =
-    alpha sinh(x)``, which flattens D and resolves all scales, and its azimuth from the view. L is
-    above the surface where ``cos(phi) > N.V (t^2 - 1) / (2 t sin(theta_v))``: at all azimuths up
-    to the slope ``(1 - sin(theta_v)) / N.V``, and at none beyond ``(1 + sin(theta_v)) / N.V``.
-    Nodes lie dense at both, where the range of azimuths changes like a square root.
+    The integral is over the half vector H instead of L, with ``dL = 4 V.H dH``. Its coordinates are
+    the azimuth of H from the view, and x, where the slope of H is ``t = tan(theta_h) = alpha
+    sinh(x)``; in x lobes of all widths are smooth. L is above the surface where ``cos(phi) > N.V
+    (t^2 - 1) / (2 t sin(theta_v))``. That holds for all azimuths up to the slope ``(1 -
+    sin(theta_v)) / N.V``, and for none beyond ``(1 + sin(theta_v)) / N.V``. Nodes are dense at both
+    slopes, because the range of azimuths changes there like a square root.
     """
     sine = np.sqrt(1 - view**2)
     first, second = np.arcsinh(view / (1 + sine) / alpha), np.arcsinh((1 + sine) / view / alpha)
@@ -74,34 +76,34 @@ def _integrals(alpha: float, view: Array) -> Array:
     x = np.concatenate([first * nodes, first + span * eased], axis=1)
     measure = np.concatenate([first * weights, span * eased_weights], axis=1)
     slope = alpha * np.sinh(x)
-    # D cos(theta_h) dH = 2 y / (1 + y^2)^2 dy dphi / (2 pi) with y = sinh(x).
+    # With y = sinh(x), D cos(theta_h) dH = 2 y / (1 + y^2)^2 dy dphi / (2 pi).
     measure *= 2 * np.tanh(x) / np.cosh(x) ** 2
     limit = view * (slope**2 - 1) / np.maximum(2 * slope * sine, np.finfo(float).tiny)
     end = np.arccos(np.clip(limit, -1.0, 1.0))
     azimuths, azimuth_weights = (each[:, None, None] for each in _rule(_AZIMUTHS))
-    along = np.cos(end * azimuths) * slope  # of H / N.H, towards the view
+    along = np.cos(end * azimuths) * slope  # the component of H / N.H towards the view
     facing = along * sine + view  # V.H / N.H
     cosine2 = 1 / (1 + slope**2)
     turned = 2 * cosine2 * facing
-    height = np.maximum(turned - view, 0.0)  # N.L
+    light = np.maximum(turned - view, 0.0)  # N.L
     forward = sine - turned * along  # T.L
     a2 = alpha**2
     masking = np.sqrt(a2 + (1 - a2) * view**2)
-    shadowing = np.sqrt(a2 + (1 - a2) * height**2)
-    base = 2 * measure * end / np.pi * azimuth_weights * height * facing
-    base /= np.maximum(height * masking + view * shadowing, np.finfo(float).tiny)
+    shadowing = np.sqrt(a2 + (1 - a2) * light**2)
+    base = 2 * measure * end / np.pi * azimuth_weights * light * facing
+    base /= np.maximum(light * masking + view * shadowing, np.finfo(float).tiny)
     tail = base * fifth_power(1 - np.minimum(facing * np.sqrt(cosine2), 1.0))
     result = np.empty((2, 3, len(view)))
     for kind, values in enumerate((base, tail)):
         result[kind, 0] = values.sum(axis=(0, 2))
-        result[kind, 1] = np.einsum("pnx,pnx->n", values, height)
+        result[kind, 1] = np.einsum("pnx,pnx->n", values, light)
         result[kind, 2] = np.einsum("pnx,pnx->n", values, forward)
     return result
 
 
 @lru_cache
 def _rule(count: int) -> tuple[Array, Array]:
-    """Gauss and Legendre's rule on 0 .. 1."""
+    """Nodes and weights of Gauss and Legendre's rule on 0 .. 1."""
     nodes, weights = gauss_legendre(count)
     return (nodes + 1) / 2, weights / 2
 
@@ -109,7 +111,7 @@ def _rule(count: int) -> tuple[Array, Array]:
 class LobeMoments:
     """The moments of one roughness, tabulated over N.V for rendering.
 
-    Interpolated values are those of `lobe_moments` to 2e-5, at any roughness.
+    Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
 
     Parameters
     ----------
@@ -121,19 +123,19 @@ class LobeMoments:
         self.roughness = roughness
 
     def at(self, cosines: ArrayLike) -> Array:
-        """`lobe_moments` at N.V of shape (...), shape (2, 3, ...)."""
+        """Interpolate `lobe_moments` at N.V of shape (...); the result is of shape (2, 3, ...)."""
         view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
         moments = self._interpolated(self._table, view)
         moments[:, 2] *= np.sqrt(1 - view**2)
         return moments
 
     def totals(self, cosines: ArrayLike) -> Array:
-        """The integrals of 1 alone, shape (2, ...)."""
+        """Interpolate only the integrals of 1, shape (2, ...)."""
         view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
         return self._interpolated(self._table[:, 0], view)
 
     def _interpolated(self, table: Array, view: Array) -> Array:
-        """Of each row of a table, the cubic polynomial through the four nodes that are nearest."""
+        """Interpolate each row by the cubic polynomial through the four nearest nodes."""
         position = (_TABLE - 1) * self._position(view)
         node = np.clip(position.astype(int), 1, _TABLE - 3)
         t = position - node
@@ -144,7 +146,11 @@ class LobeMoments:
         return np.asarray(result)
 
     def _position(self, view: Array) -> Array:
-        """Of N.V in the table, 0 .. 1: dense where it is less than alpha, as much as elsewhere."""
+        """The position of N.V in the table, 0 .. 1.
+
+        The moments change fastest where N.V is less than alpha. The nodes are dense there, at any
+        roughness.
+        """
         first, last = self._ends
         return (np.arcsinh(np.sqrt(view / self._scale)) - first) / (last - first)
 
@@ -159,7 +165,10 @@ class LobeMoments:
 
     @cached_property
     def _table(self) -> Array:
-        """Rows of equal steps in `_position`; T.L over sin(theta_v), which is smooth at 0."""
+        """The moments at equal steps of `_position`; those of T.L are divided by sin(theta_v).
+
+        The quotient is smooth at sin(theta_v) = 0, where T.L is not.
+        """
         nodes = self._scale * np.sinh(np.linspace(*self._ends, _TABLE)) ** 2
         view = np.clip(nodes, GRAZING, _NEAR_NORMAL)
         table = lobe_moments(self.roughness, view)
@@ -168,12 +177,14 @@ class LobeMoments:
 
 
 def whole_lobe(moments: Array, f0: float) -> tuple[Array, Array]:
-    """Albedo and mean direction of the lobe with Schlick's term, ``f0 + (1 - f0) (1 - V.H)^5``.
+    """Compute albedo and mean direction of the lobe with Schlick's term for one f0.
+
+    Schlick's term is ``f0 + (1 - f0) (1 - V.H)^5``.
 
     Parameters
     ----------
     moments : ndarray, shape (2, 3, ...)
-        As `lobe_moments` has them.
+        As `lobe_moments` returns them.
     f0 : float
         Reflectance at normal incidence.
 
@@ -181,20 +192,21 @@ def whole_lobe(moments: Array, f0: float) -> tuple[Array, Array]:
     -------
     albedo : ndarray, shape (...)
     mean : ndarray, shape (2, ...)
-        N.L and T.L, averaged over the lobe; never longer than 1. Where nothing is reflected, as
-        a mirror of f0 = 0 seen along its normal, it is the mean without Schlick's term.
+        N.L and T.L, averaged over the lobe; the vector is never longer than 1. Where nothing is
+        reflected, as by a mirror of f0 = 0 seen along its normal, it is the mean without
+        Schlick's term.
     """
     whole = f0 * moments[0] + (1 - f0) * moments[1]
     lobe = np.where(whole[0] > 0, whole, moments[0])
     mean = lobe[1:] / lobe[0]
-    # A ratio of interpolated values may be longer, where next to nothing is reflected.
+    # Where next to nothing is reflected, a ratio of interpolated values may be longer than 1.
     return whole[0], mean / np.maximum(np.hypot(*mean), 1.0)
 
 
 def mean_vectors(mean: Array, normals: Array, views: Array) -> Array:
-    """Mean vectors of lobes in world axes, shape (..., 3), from their N.L and T.L, (2, ...)."""
+    """Turn means N.L and T.L, shape (2, ...), into vectors in world axes, shape (..., 3)."""
     tangents = np.sum(normals * views, axis=-1, keepdims=True) * normals - views
-    # Where V = N there is no tangent, and no component along it either.
+    # Where V = N there is no tangent, but no component along it either.
     length = np.linalg.norm(tangents, axis=-1, keepdims=True)
     tangents = tangents / np.where(length > 0, length, 1.0)
     return np.asarray(mean[0][..., None] * normals + mean[1][..., None] * tangents)

@@ -1,4 +1,4 @@
-"""Goniometer samples: BRDFs measured at scattered directions, made smooth by radial functions."""
+"""Goniometer files: BRDFs sampled at scattered directions, interpolated by radial functions."""
 
 import os
 from collections.abc import Mapping
@@ -18,35 +18,38 @@ from shrm_cli.files.whole import replacing
 from shrm_cli.sphere.directions import from_angles
 
 MAX_SAMPLES = 4096
-"""They are solved for together: seconds, and 0.1 GB."""
+"""The most samples of a file. One linear system for all of them takes seconds, and 0.1 GB."""
 MAX_WAVELENGTHS = 1024
 
-# Chosen by leaving a fifth of the samples out, for three paints from rough to glossy.
+# These three numbers were chosen by leaving out a fifth of the samples of three paints, from rough
+# to glossy, and predicting them.
 _DIFFERENCE_SCALE = 0.5
 _SMOOTHING = 3e-4
-_LOG_OFFSET = 0.03  # of the median value: below it differences are linear rather than relative
+_LOG_OFFSET = 0.03  # times the median; of smaller values the difference counts, not the ratio
 
-_NODES = (64, 64, 16)  # in theta_h, theta_d, phi_d
+_NODES = (64, 64, 16)  # of the table, in theta_h, theta_d and phi_d
 _NODES_AT_ONCE = 512
-_RECORD = 4  # channels of a node in memory: powers of two are fetched faster
-_LARGEST = 1e30
+_RECORD = 4  # floats of a node in memory, of which three are used: four are fetched faster
+_LARGEST = 1e30  # a larger number in a file is an error
 _WAVELENGTHS = np.arange(400, 701, 10)
 
 
 class Goniometer(MeasuredBrdf):
-    """A BRDF sampled at scattered directions, as Cornell measured paints; isotropic.
+    """An isotropic BRDF sampled at scattered directions, as Cornell University measured paints.
 
-    The samples' colours are interpolated by radial basis functions of the half-angle vector and
-    the difference angle, in which lobes are smooth and keep their place: of the logarithm, so
-    that relative errors count and nothing is negative. Reciprocity and mirror symmetry place
-    each sample four times. Nearer to the horizon than any sample theta_d is that of the lowest
-    one, and values end at the largest measured. What results is tabulated and read trilinearly.
+    Radial basis functions of the half vector and the difference angle interpolate the logarithm
+    of the samples' colors. Lobes are smooth in these angles, and keep their place. The logarithm
+    makes relative errors count, and nothing negative. By reciprocity and mirror symmetry each
+    sample stands at four places. Nearer to the horizon than any sample, theta_d is reduced to that
+    of the lowest sample. No value exceeds the largest measured one. The result is sampled in a
+    table, which is interpolated trilinearly.
 
     References
     ----------
-    Kautz, Sloan and Snyder 2002, section 3 (tabulated data by radial basis functions);
-    Rusinkiewicz 1998 (the angles); Wendland 2005, "Scattered data approximation", chapter 8 (the
-    kernel -r^1.5, conditionally positive definite of order 1: a constant beside it suffices).
+    Kautz, Sloan and Snyder 2002, "Fast, arbitrary BRDF shading for low-frequency lighting using
+    spherical harmonics", section 3 (tabulated data by radial basis functions); Rusinkiewicz 1998
+    (the angles); Wendland 2005, "Scattered Data Approximation", chapter 8 (the kernel -r^1.5 is
+    conditionally positive definite of order 1, so a constant beside it suffices).
     """
 
     name = "goniometer"
@@ -74,11 +77,12 @@ class Goniometer(MeasuredBrdf):
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "Goniometer":
-        """Read a file of spectral samples; takes about a second.
+        """Read a file of spectral samples; this takes about a second.
 
         Raises
         ------
         BrdfError
+            If the file cannot be read or is damaged, or colour-science is not installed.
         """
         wavelengths, rows = _read(Path(path))
         try:
@@ -117,9 +121,9 @@ def write_goniometer(
 ) -> None:
     """Write any isotropic BRDF as goniometer samples, at directions as Cornell's.
 
-    The light is at 10, 20 .. 80 degrees (`incidences` of them), the viewer on rings that are
-    equally far apart on the equal-area disk, over one half of it. Colours become spectra of
-    three blocks.
+    The light is at `incidences` angles of equal steps between the normal and the horizon, by
+    default 10, 20 .. 80 degrees. The viewer is on one half of `rings` rings of equal distances on
+    the equal-area disk. Colors become spectra of three blocks of equal height.
 
     Raises
     ------
@@ -155,9 +159,10 @@ def write_goniometer(
 
 
 def _unit_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
-    """Coordinates 0 .. 1 of a table: ``sqrt(theta_h)``, theta_d, and phi_d of either symmetry.
+    """Coordinates of the table, 0 .. 1: the root of theta_h, theta_d, and phi_d folded twice.
 
-    Directions that reciprocity or the mirror through the normal exchange have the same.
+    Pairs of directions that reciprocity or the mirror plane through the normal exchange have the
+    same coordinates.
     """
     theta_h, theta_d, phi_d = half_angles(light, view)
     phi_d = np.abs(phi_d)
@@ -167,7 +172,10 @@ def _unit_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
 
 
 def _positions(unit_angles: tuple[Array, ...]) -> Array:
-    """Where radial functions see the angles: half-angle vector and difference, shape (n, 3)."""
+    """The points between which radial functions measure distances, shape (n, 3).
+
+    The half vector, flattened to a disk, is x and y, and a multiple of the difference angle is z.
+    """
     rho, delta, phi = unit_angles
     radius, phi = np.sqrt(np.pi / 2) * rho, np.pi / 2 * phi
     depth = _DIFFERENCE_SCALE * np.pi / 2 * delta
@@ -175,7 +183,7 @@ def _positions(unit_angles: tuple[Array, ...]) -> Array:
 
 
 def _kernel(at: Array, samples: Array) -> Array:
-    """Mean of -r^1.5 to each sample's four places, shape (n, samples)."""
+    """The mean of -r^1.5 over the four places of each sample, shape (n, samples)."""
     total = np.zeros((len(at), len(samples)))
     squares = (at**2).sum(axis=1)[:, None] + (samples**2).sum(axis=1)
     for mirror in ((1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)):
@@ -185,7 +193,7 @@ def _kernel(at: Array, samples: Array) -> Array:
 
 
 def _sampled_table(light: Array, view: Array, colors: Array) -> tuple[Array, float]:
-    """The interpolant ``log(value + offset)`` at the table's nodes, shape (nodes, 4)."""
+    """The interpolant ``log(value + offset)`` at the table's nodes, (nodes, 4), and the offset."""
     samples = _positions(_unit_angles(light, view))
     offset = max(_LOG_OFFSET * float(np.median(colors.max(axis=1))), 1e-6 * float(colors.max()))
     count = len(samples)
@@ -199,7 +207,9 @@ def _sampled_table(light: Array, view: Array, colors: Array) -> tuple[Array, flo
     grid = np.meshgrid(*(np.linspace(0, 1, nodes) for nodes in _NODES), indexing="ij")
     most = float(np.arccos(np.clip(min(light[:, 2].min(), view[:, 2].min()), 0, 1)))
     at = _positions(_measured_part(grid[0].ravel(), grid[1].ravel(), grid[2].ravel(), most))
-    at, places = np.unique(at, axis=0, return_inverse=True)  # half are the lowest measured ones
+    at, places = np.unique(
+        at, axis=0, return_inverse=True
+    )  # half of them are moved to the same places
     found = np.empty((len(at), 3))
     for start in range(0, len(at), _NODES_AT_ONCE):
         part = slice(start, start + _NODES_AT_ONCE)
@@ -208,14 +218,16 @@ def _sampled_table(light: Array, view: Array, colors: Array) -> tuple[Array, flo
     table = np.zeros((*_NODES, _RECORD), dtype=np.float32)
     logs = np.clip(found, np.log(offset), np.log(largest + offset))
     table[..., :3] = logs[places].reshape(*_NODES, 3)
-    table[:, 0] = table[:, 0].mean(axis=1, keepdims=True)  # light = view: phi_d has no meaning
+    # Where theta_d = 0, light and view are the same, and phi_d has no meaning.
+    table[:, 0] = table[:, 0].mean(axis=1, keepdims=True)
     return table.reshape(-1, _RECORD), offset
 
 
 def _measured_part(rho: Array, delta: Array, phi: Array, most: float) -> tuple[Array, ...]:
-    """Coordinates with theta_d reduced until light and view are as high as any measured one.
+    """Coordinates with theta_d reduced so far that neither light nor view is lower than a sample.
 
-    So lobes, which are functions of theta_h above all, keep their place towards the horizon.
+    `most` is the largest angle of a sample from the normal. Lobes, which depend on theta_h above
+    all, so keep their place towards the horizon.
     """
     theta_h = np.minimum(np.pi / 2 * rho**2, most)
     # The lower of the two is at cos(theta) = along cos(theta_d) - across sin(theta_d).
@@ -226,6 +238,7 @@ def _measured_part(rho: Array, delta: Array, phi: Array, most: float) -> tuple[A
 
 
 def _are_wavelengths(line: str) -> bool:
+    """Whether a line holds nothing but numbers that may be wavelengths in nm."""
     try:
         numbers = [float(word) for word in line.split()]
     except ValueError:
@@ -234,7 +247,7 @@ def _are_wavelengths(line: str) -> bool:
 
 
 def _read(path: Path) -> tuple[Array, Array]:
-    """Wavelengths (n,) in nm, and rows of four angles and n values."""
+    """Wavelengths (n,) in nm, and rows (samples, 4 + n) of four angles in radians and n values."""
     lines = read_lines(path, "a file of goniometer samples")
     if not lines or not lines[0][1].isdecimal() or not lines[0][1].isascii():
         raise BrdfError(f"{path}: does not begin with a number of wavelengths; name another file")

@@ -1,4 +1,4 @@
-"""MERL's `.binary` tables: isotropic BRDFs over half and difference angles."""
+"""MERL's `.binary` files: isotropic BRDFs as tables over half and difference angles."""
 
 import os
 from collections.abc import Mapping
@@ -17,27 +17,28 @@ from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 
 CELLS = (90, 90, 180)
-"""Cells in theta_h (slowest), theta_d and phi_d (fastest)."""
+"""The numbers of cells in theta_h (which varies slowest), theta_d and phi_d (fastest)."""
 SCALE = np.array([1.0, 1.15, 1.66]) / 1500
-"""What a stored red, green and blue number is multiplied by, 1/sr."""
+"""The factors that make a stored red, green and blue number a BRDF, 1/sr."""
 
 _HEADER = np.array(CELLS, dtype="<i4").tobytes()
 _FILE_BYTES = len(_HEADER) + 3 * 8 * int(np.prod(CELLS))
 _INVALID = -1.0
-_LARGEST = 1e30
-_RECORD = 4  # channels of a cell in memory: powers of two are fetched faster
+_LARGEST = 1e30  # a larger number in a file is an error
+_RECORD = 4  # floats of a cell in memory, of which three are used: four are fetched faster
 
 
 class Merl(MeasuredBrdf):
     """A measured isotropic BRDF, tabulated over Rusinkiewicz's half and difference angles.
 
-    A cell's value belongs to the cell's centre, as MERL's own reader assigns a direction to a
-    cell by truncation: ``i + 1/2 = 90 sqrt(2 theta_h / pi)``, ``j + 1/2 = theta_d`` and
-    ``k + 1/2 = phi_d`` in degrees, phi_d modulo 180 by Helmholtz's reciprocity. Values between
-    centres are trilinear, beyond the outermost centres constant.
+    The value of a cell belongs to its center, since MERL's own reader finds the cell of a
+    direction by truncation. The center of the cell (i, j, k) is at ``i + 1/2 = 90 sqrt(2 theta_h /
+    pi)``, ``j + 1/2 = theta_d`` and ``k + 1/2 = phi_d``, both in degrees, phi_d modulo 180 by
+    Helmholtz's reciprocity. Values are trilinear between the centers, and constant beyond the
+    outermost ones.
 
-    Cells with a negative number are invalid: unmeasured, or below the horizon. They take the
-    mean of the valid cells near them, of the smallest neighbourhood that has any.
+    Cells with a negative number are invalid: they were not measured, or lie below the horizon.
+    They take the mean of the valid cells in the smallest block of cells around them that has any.
 
     References
     ----------
@@ -105,17 +106,17 @@ class Merl(MeasuredBrdf):
 
 
 def half_difference(light: Array, view: Array) -> tuple[Array, Array, Array]:
-    """Where directions lie in the table: indices whose whole numbers are the cells' centres.
+    """Compute where directions lie in the table, in indices that are whole at centers of cells.
 
     Parameters
     ----------
     light, view : ndarray, shape (..., 3)
-        Unit, in the frame of the normal.
+        Unit vectors in the frame of the normal, z = N.
 
     Returns
     -------
     i, j, k : ndarray, shape (...)
-        Of theta_h, theta_d and phi_d; k from -180.5 to 179.5, of period 180.
+        Indices in theta_h, theta_d and phi_d; k is in -180.5 .. 179.5, and has the period 180.
     """
     theta_h, theta_d, phi_d = half_angles(light, view)
     degrees = 180 / np.pi
@@ -124,7 +125,7 @@ def half_difference(light: Array, view: Array) -> tuple[Array, Array, Array]:
 
 
 def cell_directions(row: int) -> tuple[Array, Array]:
-    """Light and view at the centres of the cells of one theta_h, shape (90, 180, 3) each."""
+    """Compute light and view at the centers of the cells of one theta_h, (90, 180, 3) each."""
     theta_h = np.pi / 2 * ((row + 0.5) / CELLS[0]) ** 2
     theta_d = (np.arange(CELLS[1]) + 0.5) * (np.pi / 2 / CELLS[1])
     phi_d = (np.arange(CELLS[2]) + 0.5) * (np.pi / CELLS[2])
@@ -134,8 +135,8 @@ def cell_directions(row: int) -> tuple[Array, Array]:
 def write_merl(path: str | os.PathLike[str], brdf: Brdf) -> None:
     """Write any BRDF about a normal as a MERL file: 35 MB.
 
-    It is sampled at the cells' centres, with light and view exchanged too, and the mean is
-    written: the format holds reciprocal BRDFs only. Cells below the horizon are invalid.
+    The format holds reciprocal BRDFs only. So the BRDF is sampled at the centers of the cells, also
+    with light and view exchanged, and the mean is written. Cells below the horizon are invalid.
 
     Raises
     ------
@@ -161,22 +162,25 @@ def write_merl(path: str | os.PathLike[str], brdf: Brdf) -> None:
 
 
 def _reflectance(brdf: Brdf, light: Array, view: Array) -> Array:
-    """f_r, without the cosine that some models include; 0 where the light is not above."""
-    height = light[..., 2:]
+    """Values of f_r; those of a model that includes the cosine are divided by it.
+
+    Such a model's value is 0 where the light is not above the surface.
+    """
+    cosine = light[..., 2:]
     value = brdf.evaluate(light, view)
     if not brdf.includes_cosine:
         return value
-    return np.where(height > 0, value / np.where(height > 0, height, 1.0), 0.0)
+    return np.where(cosine > 0, value / np.where(cosine > 0, cosine, 1.0), 0.0)
 
 
 def _split(index: Array, most: int) -> tuple[NDArray[np.intp], Array]:
-    """Whole part of a non-negative index, at most `most`, and the rest."""
+    """The whole part of a non-negative index, at most `most`, and what remains of the index."""
     low = np.minimum(index.astype(np.intp), most)
     return low, index - low.astype(index.dtype)
 
 
 def _read_cells(stream: BinaryIO, path: Path) -> NDArray[np.float32]:
-    """BRDF (1/sr) and weight (0 or 1) of every cell, shape (90, 90, 180, 4)."""
+    """The BRDF (1/sr) of every cell, and a weight of 1, or 0 if it is invalid: (90, 90, 180, 4)."""
     size = os.fstat(stream.fileno()).st_size
     header = np.frombuffer(stream.read(len(_HEADER)).ljust(len(_HEADER), b"\0"), dtype="<i4")
     if tuple(header) != CELLS:
@@ -190,9 +194,9 @@ def _read_cells(stream: BinaryIO, path: Path) -> NDArray[np.float32]:
     valid = np.ones(CELLS, dtype=bool)
     for channel in range(3):
         plane = np.fromfile(stream, dtype="<f8", count=valid.size)
-        if plane.size != valid.size:  # it has shrunk meanwhile
+        if plane.size != valid.size:  # the file has shrunk meanwhile
             raise BrdfError(f"{path}: ends too early; copy the file again")
-        if not (plane.min() >= -_LARGEST and plane.max() <= _LARGEST):  # a NaN is not
+        if not (plane.min() >= -_LARGEST and plane.max() <= _LARGEST):  # or one is NaN
             raise BrdfError(
                 f"{path}: holds values that are not numbers, infinite or beyond {_LARGEST:g}; "
                 "copy the file again"
@@ -209,14 +213,20 @@ def _read_cells(stream: BinaryIO, path: Path) -> NDArray[np.float32]:
 
 
 def _pulled(cells: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Cells of weight 0 filled with the mean of the smallest block about them that has others.
+    """Fill cells of weight 0 with the mean of the smallest block around them that has others.
 
-    Blocks have twice the edge from step to step, so this takes little longer than one pass.
+    This is the "pull-push" of image processing. The edge of a block doubles from step to step, so
+    that all steps take little longer than the first.
 
     Parameters
     ----------
     cells : ndarray, shape (a, b, c, 4)
-        Three channels, already times the weight, and the weight.
+        Three channels, which are multiplied by the weight already, and the weight.
+
+    Returns
+    -------
+    ndarray, shape (a, b, c, 4)
+        The same array, filled in place.
     """
     missing = cells[..., 3] == 0
     if not missing.any():

@@ -16,6 +16,7 @@ from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.measured.reading.tensor_file import MAGIC, TensorFile, damaged
 from shrm_cli.errors import BrdfError
 
+# Limits of what is taken for sound: of numbers, of a density's integral, of sizes.
 _LARGEST = 1e30
 _SMALLEST = 1e-30
 _MOST_DENSITIES = 2**22
@@ -25,15 +26,15 @@ _HEAD = 4096
 
 
 class Rgl(MeasuredBrdf):
-    """A measured isotropic BRDF, parameterised by the visible normals of its microfacets.
+    """A measured isotropic BRDF, parameterized by the visible normals of its microfacets.
 
-    For a viewer at ``theta`` the half vector is mapped through the cumulative distribution of
-    visible normals to the unit square, where the measurement M is smooth, and
-    ``rho_hat = M(u) D(h) / (4 sigma(theta))``: the BRDF times the cosine of the light's angle.
-    As in the database's own evaluator the adaptive direction is the viewer's, and what lies
-    between the measured angles is linear. Spectra become linear sRGB.
+    For a viewer at the angle theta, the cumulative distribution of visible normals maps the half
+    vector h to a point u of the unit square, over which the measurement M is smooth. Then
+    ``rho_hat = M(u) D(h) / (4 sigma(theta))``, which includes the cosine of the light's angle. As
+    in the database's own evaluator the grid adapts to the direction of the viewer, and values
+    between measured angles are linear. Spectra become linear sRGB.
 
-    Measured numbers below zero are noise; where the interpolated value is, it is 0.
+    Measured numbers below zero are noise; where the interpolated value is negative, it becomes 0.
 
     References
     ----------
@@ -95,7 +96,7 @@ class Rgl(MeasuredBrdf):
         view_x, view_y, view_z = np.moveaxis(view, -1, 0)
         theta_m = np.arctan2(np.sqrt(x * x + y * y), z)
         theta = np.arctan2(np.sqrt(view_x * view_x + view_y * view_y), view_z)
-        # Of an isotropic material only the azimuth to the viewer counts.
+        # In an isotropic material only the azimuth between half vector and viewer counts.
         turn = (np.arctan2(y, x) - np.arctan2(view_y, view_x)) * (0.5 / np.pi) + 0.5
         u_theta, u_phi = _unit(theta_m), turn - np.floor(turn)
         slices = Slices(self._nodes, theta)
@@ -105,12 +106,12 @@ class Rgl(MeasuredBrdf):
 
 
 def _unit(theta: Array) -> Array:
-    """The coordinate of an angle from the normal, 0 .. 1 over the hemisphere."""
+    """The coordinate of an angle from the normal, which is 0 .. 1 over the hemisphere."""
     return np.sqrt(theta * (2 / np.pi))
 
 
 def _lookup(profile: Array, u: Array) -> Array:
-    """Linear interpolation between equidistant samples over 0 .. 1."""
+    """Interpolate linearly between samples at equal steps over 0 .. 1."""
     scaled = np.clip(u, 0, 1) * (len(profile) - 1)
     low = np.minimum(scaled.astype(np.intp), len(profile) - 2)
     part = scaled - low.astype(u.dtype)
@@ -119,7 +120,7 @@ def _lookup(profile: Array, u: Array) -> Array:
 
 
 def _refuse_others(path: Path) -> None:
-    """Refuse what is no tensor file; Zemax's text files share the suffix."""
+    """Refuse files that are no tensor files, such as Zemax's text files of the same suffix."""
     try:
         with open(path, "rb") as stream:
             head = stream.read(_HEAD)
@@ -146,7 +147,7 @@ def _refuse_anisotropic(file: TensorFile) -> None:
 
 
 def _angles(file: TensorFile) -> Array:
-    """Angles of the viewer at which was measured, shape (n,), radians."""
+    """The measured angles of the viewer from the normal, shape (n,), radians."""
     nodes = _read(file, "theta_i", (None,))
     if len(nodes) < 2 or nodes[0] < 0 or nodes[-1] > 1.6 or not (np.diff(nodes) > 0).all():
         raise damaged(file.path, "its angles 'theta_i' do not increase from 0 to 90 degrees")
@@ -154,11 +155,11 @@ def _angles(file: TensorFile) -> Array:
 
 
 def _density(file: TensorFile, count: int) -> Array:
-    """Density of visible normals at each angle, shape (n, rows, columns)."""
+    """The density of visible normals at each angle of the viewer, shape (n, rows, columns)."""
     shape = file.fields["vndf"].shape if "vndf" in file.fields else ()
     if prod(shape) > _MOST_DENSITIES:
         raise damaged(file.path, f"its field 'vndf' has {prod(shape):,} values")
-    # The second of two azimuths is the first, a turn later.
+    # If there are two azimuths, the second is the first after a whole turn.
     density = _read(file, "vndf", (None, count, None, None))[0]
     if min(density.shape[1:]) < 2 or density.min() < 0:
         raise damaged(file.path, "its field 'vndf' is no density")
@@ -168,7 +169,7 @@ def _density(file: TensorFile, count: int) -> Array:
 
 
 def _colors(file: TensorFile, count: int) -> Array:
-    """The measurement in linear sRGB at each angle, shape (n, rows, columns, 3)."""
+    """The measurement in linear sRGB at each angle of the viewer, shape (n, rows, columns, 3)."""
     if "rgb" in file.fields or "spectra" not in file.fields:
         colors = np.moveaxis(_read(file, "rgb", (None, count, 3, None, None))[0], 1, -1)
     else:
@@ -185,7 +186,7 @@ def _colors(file: TensorFile, count: int) -> Array:
 
 
 def _profile(file: TensorFile, name: str) -> Array:
-    """A function of the angle alone, shape (n,): the same at every azimuth."""
+    """A field that is the same at every azimuth, as a function of the angle alone, shape (n,)."""
     values = _read(file, name, (None, None)).mean(axis=0)
     if len(values) < 2 or values.min() < 0:
         raise damaged(file.path, f"its field {name!r} is negative or too short")
@@ -200,7 +201,7 @@ def _flag(file: TensorFile, name: str) -> bool:
 
 
 def _read(file: TensorFile, name: str, shape: tuple[int | None, ...]) -> Array:
-    """A field of finite real numbers; None stands for any length."""
+    """Read a field of finite real numbers; None in `shape` stands for any length."""
     if name in file.fields:
         found, dtype = file.fields[name].shape, file.fields[name].dtype
         fits = len(found) == len(shape) and all(
@@ -210,6 +211,6 @@ def _read(file: TensorFile, name: str, shape: tuple[int | None, ...]) -> Array:
             size = " x ".join(str(n) for n in found)
             raise damaged(file.path, f"its field {name!r} is {size} of {dtype.name}")
     values = file.read(name)
-    if not (values.min() >= -_LARGEST and values.max() <= _LARGEST):  # a NaN is not
+    if not (values.min() >= -_LARGEST and values.max() <= _LARGEST):  # or one is NaN
         raise damaged(file.path, f"its field {name!r} holds values that are not finite")
     return values.astype(np.float32, copy=False)

@@ -1,11 +1,11 @@
-"""BRDFs as tables over half and difference angles, our own format for measured data.
+"""BRDFs as tables over half and difference angles: the format of `shrm` itself.
 
 The coordinates are Rusinkiewicz's: the angle theta_h of the half vector h = (L + V) / |L + V| from
 the normal, the angle theta_d between the light and h, and the azimuth phi_d of the light about h,
 0 in the plane of h and the normal on the side away from the normal. A glossy lobe lies along
-theta_h = 0 for every view, so an axis that is dense there resolves it; over incoming and outgoing
-angles the same lobe is a diagonal ridge, which interpolation turns into a row of bumps.
-BRDFs here are isotropic and mirror-symmetric: phi_d runs from 0 to pi, without reciprocity.
+theta_h = 0 for every view, so an axis that is dense there resolves it. Over incoming and outgoing
+angles the same lobe is a diagonal ridge, which interpolation turns into a row of bumps. BRDFs here
+are isotropic and mirror-symmetric, so that phi_d runs from 0 to pi; reciprocity is not assumed.
 
 References
 ----------
@@ -29,11 +29,11 @@ from shrm_cli.vocabulary import Center
 
 AXES = ("theta_h", "theta_d", "phi_d")
 SHAPE = (128, 72, 64)
-"""Of the tables that `sample_table` makes: 7.1 MB as 32-bit RGB."""
+"""The shape of the tables that `sample_table` makes, 7.1 MB as 32-bit RGB."""
 
 _EXR = b"\x76\x2f\x31\x01"
 _ZIP = b"PK\x03\x04"
-_LOWEST = np.sin(np.radians(0.5))
+_LOWEST = np.sin(np.radians(0.5))  # the cosine of directions that are raised to the horizon
 _TINY = 1e-12
 
 
@@ -45,7 +45,7 @@ class TableSettings:
     ----------
     center : {"reflection", "normal", "tangent"}
     includes_cosine, has_horizon : bool
-        As of a `Brdf`.
+        The attributes of that name of a `Brdf`.
     made_from : str
         What the table was computed from; empty if it is not known.
     """
@@ -57,15 +57,15 @@ class TableSettings:
 
 
 class Table(MeasuredBrdf):
-    """Values between which the BRDF is interpolated linearly in each of the three angles.
+    """A BRDF that is interpolated linearly in each of the three angles.
 
     Attributes
     ----------
     table : ndarray of float32, shape (theta_h, theta_d, phi_d, 1 or 3)
-        f_r (1/sr), or rho_hat where the settings say so; not negative.
+        Values of f_r (1/sr), or of rho_hat where the settings say so; they are not negative.
     axes : tuple of three ndarray
-        The angles at which they are, radians, ascending. Beyond its ends an axis goes on with
-        its last value.
+        The angles of the values, radians, ascending. Beyond the ends of an axis the values at
+        its ends go on.
     settings : TableSettings
     """
 
@@ -79,13 +79,13 @@ class Table(MeasuredBrdf):
         self,
         table: Array,
         axes: tuple[Array, ...],
-        settings: TableSettings = TableSettings(),  # frozen
+        settings: TableSettings = TableSettings(),  # it is frozen, so all may share it
         values: dict[str, str] | None = None,
     ) -> None:
         lengths = tuple(len(axis) for axis in axes)
         if table.shape not in ((*lengths, 1), (*lengths, 3)):
             raise ValueError(f"a table of shape {table.shape} over its axes")
-        table = np.maximum(table, 0, dtype=np.float32)  # negative is noise of a measurement
+        table = np.maximum(table, 0, dtype=np.float32)  # negative values are noise
         is_grey = bool((table == table[..., :1]).all())
         self.table = np.ascontiguousarray(table[..., :1] if is_grey else table)
         self.axes = axes
@@ -101,7 +101,7 @@ class Table(MeasuredBrdf):
 
     @staticmethod
     def recognizes(head: bytes) -> bool:
-        # Any OpenEXR or zip file may be a table; reading it tells.
+        # Any OpenEXR or zip file may be a table, and opening it tells.
         return head.startswith((_EXR, _ZIP))
 
     @classmethod
@@ -131,12 +131,12 @@ class Table(MeasuredBrdf):
 
     @staticmethod
     def _angles(light: Array, view: Array) -> tuple[Array, Array, Array]:
-        """Half angles with phi_d folded to 0 .. pi: what is isotropic is its own mirror image."""
+        """Half angles with phi_d folded to 0 .. pi, as the mirror symmetry of the BRDF allows."""
         theta_h, theta_d, phi_d = half_angles(light, view)
         return theta_h, theta_d, np.abs(phi_d)
 
     def _interpolate(self, angles: tuple[Array, Array, Array]) -> Array:
-        """Values at angles (...), shape (..., 1 or 3)."""
+        """Interpolate values at angles of shape (...); the result has the shape (..., 1 or 3)."""
         corners, fractions, strides = [], [], self._strides()
         for angle, axis, stride in zip(angles, self.axes, strides, strict=True):
             count = len(axis)
@@ -167,19 +167,19 @@ class Table(MeasuredBrdf):
 
 
 def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
-    """A table of another BRDF.
+    """Sample another BRDF in a table.
 
-    Nodes of theta_h lie at squares, as MERL's: 0.01 degrees apart at the mirror direction, 0.7 at
-    10 degrees from it. Nodes of theta_d lie at sines, dense at grazing angles, where Fresnel
-    terms rise; those of phi_d are uniform. Nodes whose light or view lies below the horizon,
-    where nothing is known, take the value half a degree above it, so that no zero is
-    interpolated into the grazing angles.
+    Nodes of theta_h are the squares of equal steps, as MERL's: 0.01 degrees apart at the mirror
+    direction, and 0.7 degrees apart at 10 degrees from it. Nodes of theta_d are sines of equal
+    steps, dense at grazing angles, where Fresnel terms rise. Nodes of phi_d have equal steps.
+    Nodes whose light or view lies below the horizon, where nothing is known, take the value half a
+    degree above it, so that no zero is interpolated into the grazing angles.
 
     Parameters
     ----------
     brdf : Brdf
     shape : tuple of three int
-        Nodes of theta_h, theta_d and phi_d.
+        The numbers of nodes of theta_h, theta_d and phi_d.
 
     Raises
     ------
@@ -189,11 +189,12 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
     if not brdf.isotropic:
         raise BrdfError(f"{brdf!r}: anisotropic; a table holds isotropic BRDFs only")
     cut = cuts_horizon(brdf)
-    # What goes on below the horizon has half vectors there too; a fibre's peak is at its side.
+    # A BRDF that goes on below the horizon has half vectors there too. The peak of a fiber is not
+    # at theta_h = 0 but at the side, so its nodes have equal steps.
     end, power = (np.pi / 2 if cut else np.pi), (1 if brdf.center == "tangent" else 2)
     steps = [np.linspace(0, 1, count) for count in shape]
     spaced = end * steps[0] ** power, np.pi / 2 * np.sin(np.pi / 2 * steps[1]), np.pi * steps[2]
-    axes = tuple(np.round(axis, 9) for axis in spaced)  # files hold them as decimals
+    axes = tuple(np.round(axis, 9) for axis in spaced)  # because files hold decimals
     values = np.empty((*shape, 3), dtype=np.float32)
     for row, theta_h in enumerate(axes[0]):
         light, view = from_half_angles(theta_h, axes[1][:, None], axes[2])

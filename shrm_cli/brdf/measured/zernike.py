@@ -1,4 +1,4 @@
-"""Files of Zernike expansions, and of sparse measurements that one is fitted to."""
+"""Files of Zernike coefficients, and of sparse measurements, to which coefficients are fitted."""
 
 import os
 import re
@@ -25,7 +25,7 @@ from shrm_cli.errors import BrdfError
 MAX_ROWS = 2**16
 
 _SMOOTHING = 1e-3
-_LARGEST = 1e30
+_LARGEST = 1e30  # a larger number in a file is an error
 _ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 _WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 _COEFFICIENT_ROW = re.compile(r"\s*[1-4]\s*[,\s]\s*[1-4](\s*[,\s]\s*\d{1,3}){5}\s*[,\s]\s*[-+.\d]")
@@ -34,12 +34,14 @@ _COEFFICIENT_ROW = re.compile(r"\s*[1-4]\s*[,\s]\s*[1-4](\s*[,\s]\s*\d{1,3}){5}\
 class Zernike(MeasuredBrdf):
     """A measured isotropic BRDF as a Zernike expansion.
 
-    Opened are files of coefficients as NIST publishes them, a row ``i, j, n, m, k, l, p, C``
-    each, of which i = j = 1 is unpolarised light and p the power of the wavelength in um that C
-    is multiplied by; and measurements, CSV with the header ``theta_i,phi_i,theta_r,phi_r,r,g,b``
-    or one value instead of three, angles in degrees, values in 1/sr, which are fitted to order
-    8 with some smoothing. Negative values of the series are 0, and those of a fit end at the
-    largest value that was measured, as polynomials overshoot near the horizon.
+    Two kinds of files are opened. Files of coefficients, as NIST publishes them, have rows ``i, j,
+    n, m, k, l, p, C``, where i = j = 1 is unpolarized light, and p the power of the wavelength in
+    um by which the coefficient C is multiplied. Files of measurements are CSV with the header
+    ``theta_i,phi_i,theta_r,phi_r,r,g,b``, or one value instead of three, angles in degrees and
+    values in 1/sr; a series of order 8 is fitted to them with some smoothing.
+
+    Negative values of a series become 0. Values of a fit end at the largest value that was
+    measured, because polynomials overshoot near the horizon.
     """
 
     name = "zernike"
@@ -68,6 +70,7 @@ class Zernike(MeasuredBrdf):
         Raises
         ------
         BrdfError
+            If the file cannot be read or is damaged, or colour-science is needed and missing.
         """
         lines = read_lines(path, "a file of BRDF measurements or Zernike coefficients")
         if not lines:
@@ -87,11 +90,12 @@ class Zernike(MeasuredBrdf):
 
 
 def _is_table(line: str) -> bool:
+    """Whether a line is the header of a file of measurements."""
     return tuple(word.strip().lower() for word in line.split(",")[:4]) == _ANGLES
 
 
 def _measurements(path: Path, lines: list[tuple[int, str]]) -> tuple[ZernikeSeries, Array]:
-    """Fit of the rows of a CSV file of measurements, and the largest values, shape (3,)."""
+    """The series fitted to the rows of a file of measurements, and the largest values, (3,)."""
     columns = len(lines[0][1].split(","))
     if columns not in (5, 7):
         raise BrdfError(f"{path}: {columns - 4} values a row; give r,g,b or one")
@@ -109,7 +113,7 @@ def _measurements(path: Path, lines: list[tuple[int, str]]) -> tuple[ZernikeSeri
 
 
 def _coefficients(path: Path, lines: list[tuple[int, str]]) -> ZernikeSeries:
-    """The unpolarised part of a file of coefficients."""
+    """The series of unpolarized light in a file of coefficients."""
     known = set(terms_of(MAX_ORDER))
     found: dict[Term, Array] = {}
     for number, line in lines:
@@ -133,6 +137,7 @@ def _coefficients(path: Path, lines: list[tuple[int, str]]) -> ZernikeSeries:
 
 
 def _row(path: Path, number: int, line: str, columns: int) -> list[float]:
+    """The numbers of one line, which must be so many."""
     numbers = parse_numbers(path, number, line.replace(",", " "))
     if len(numbers) != columns:
         raise BrdfError(

@@ -1,1 +1,1 @@
-"""What the readers of measured BRDFs share."""
+"""What formats of measured BRDFs need: readers of files, and the mathematics of their contents."""

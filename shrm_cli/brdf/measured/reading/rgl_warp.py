@@ -1,4 +1,8 @@
-"""Bilinear grids over the unit square that depend on one parameter, and their warps."""
+"""Bilinear grids over the unit square that depend on one parameter, and warps by their density.
+
+A table holds a grid for each of some values of the parameter, a slice each, and is linear between
+them.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +13,14 @@ Index = NDArray[np.intp]
 
 
 class Slices:
-    """Where a parameter lies between the slices of a table, linearly; beyond them at the end.
+    """Where parameters lie between the slices of a table; those beyond the ends lie at the ends.
 
     Parameters
     ----------
     nodes : ndarray, shape (s,)
-        The slices' parameters, increasing; two at least.
+        The parameters of the slices, increasing; two at least.
     parameter : ndarray, shape (n,)
+        Those that are looked up.
     """
 
     def __init__(self, nodes: Array, parameter: Array) -> None:
@@ -27,7 +32,20 @@ class Slices:
         self.part = np.clip((parameter - low) / (high - low), 0, 1)
 
     def blend(self, records: Array, index: Index, per_slice: int) -> Array:
-        """Records (s * per_slice, ...) at an index into a slice, between two slices."""
+        """Interpolate records between the two slices that each parameter lies between.
+
+        Parameters
+        ----------
+        records : ndarray, shape (s * per_slice, ...)
+        index : ndarray of int, shape (n,)
+            Of a record within its slice.
+        per_slice : int
+            The number of records of a slice.
+
+        Returns
+        -------
+        ndarray, shape (n, ...)
+        """
         at = self.low * per_slice + index
         low, high = records.take(at, axis=0), records.take(at + per_slice, axis=0)
         part = self.part[(..., *(None,) * (records.ndim - 1))]
@@ -35,7 +53,7 @@ class Slices:
 
 
 class Grid:
-    """Values with channels on a grid of every slice, bilinear between its nodes.
+    """Values with several channels on a grid in each slice, bilinear between the nodes.
 
     Parameters
     ----------
@@ -50,7 +68,7 @@ class Grid:
         self._records = np.ascontiguousarray(pairs, dtype=np.float32).reshape(-1, *pairs.shape[3:])
 
     def __call__(self, x: Array, y: Array, slices: Slices) -> Array:
-        """Values (n, channels) at x (columns) and y (rows), both of 0 .. 1."""
+        """Interpolate values, shape (n, channels), at x (columns) and y (rows), both 0 .. 1."""
         columns = self.shape[1]
         column, right = _cell(x, columns)
         row, below = _cell(y, self.shape[0])
@@ -62,20 +80,20 @@ class Grid:
 
 
 class Warp:
-    """Maps the unit square to itself so that a bilinear density becomes uniform.
+    """A map of the unit square to itself that makes a bilinear density uniform.
 
-    First x within a row of the square, by the cumulative of the density along it, then y by the
-    cumulative of the rows' integrals; both exactly, for the density as interpolated.
+    The cumulative of the density along a row maps x, and the cumulative of the rows' integrals maps
+    y. Both are exact for the density as it is interpolated.
 
     Parameters
     ----------
     density : ndarray, shape (s, rows, columns)
-        Non-negative, with a positive integral in every slice; of any scale.
+        Not negative, and with a positive integral in every slice, of any scale.
 
     References
     ----------
     Dupuy and Jakob 2018, "An adaptive parameterization for efficient material acquisition and
-    rendering": the inverse of the sampling of visible normals.
+    rendering". This is the inverse of the sampling of visible normals there.
     """
 
     def __init__(self, density: Array) -> None:
@@ -88,17 +106,17 @@ class Warp:
         down[:, 1:] = np.cumsum((rows[:, :-1] + rows[:, 1:]) / 2, axis=1)
         total = down[:, -1]
         self._down = (down / total[:, None]).astype(np.float32).reshape(-1)
-        # A record: the density at a node and at the next of its row, the cumulative up to the
-        # node, and that of the whole row.
+        # A record holds the density at a node and at the next node of its row, the cumulative up to
+        # the node, and the integral of the whole row.
         following = np.concatenate([density[:, :, 1:], density[:, :, -1:]], axis=2)
         whole = np.broadcast_to(rows[:, :, None], density.shape)
         records = np.stack([density, following, along, whole], axis=-1) / total[:, None, None, None]
         self._records = records.astype(np.float32).reshape(-1, 4)
 
     def invert(self, x: Array, y: Array, slices: Slices) -> tuple[Array, Array]:
-        """Where the density's points x (columns) and y (rows) come from, in the unit square.
+        """Find the points of the uniform square that the map takes to x (columns) and y (rows).
 
-        Rows of the density without any light end at x = 0.
+        Where a row has no density at all, x becomes 0.
         """
         columns = self.shape[1]
         column, right = _cell(x, columns)
@@ -117,7 +135,7 @@ class Warp:
 
 
 def _cell(coordinate: Array, count: int) -> tuple[Index, Array]:
-    """The cell of a grid of `count` nodes that 0 .. 1 falls into, and where in it."""
+    """The cell that a coordinate 0 .. 1 falls into, of a grid of `count` nodes, and where in it."""
     scaled = np.clip(coordinate, 0, 1) * (count - 1)
     low = np.minimum(scaled.astype(np.intp), count - 2)
     return low, scaled - low.astype(scaled.dtype)

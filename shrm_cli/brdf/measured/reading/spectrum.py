@@ -1,4 +1,4 @@
-"""Reflectance spectra as linear sRGB."""
+"""Conversion of reflectance spectra to linear sRGB."""
 
 from functools import lru_cache
 
@@ -10,18 +10,18 @@ from shrm_cli.errors import BrdfError
 
 
 def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
-    """Linear sRGB of reflectance spectra, as the CIE 1931 2-degree observer sees them under D65.
+    """Convert reflectance spectra to linear sRGB, as the CIE 1931 2-degree observer under D65.
 
-    Between the given wavelengths a spectrum is linear, beyond them constant. A reflectance of 1
-    gives (1, 1, 1). Spectra outside sRGB's gamut give negative channels, which are kept: the
-    conversion is linear.
+    A spectrum is linear between the given wavelengths, and constant beyond them. A reflectance of
+    1 gives (1, 1, 1). Spectra outside of sRGB's gamut give negative channels, which are kept, so
+    that the conversion is linear.
 
     Parameters
     ----------
     wavelengths_nm : array_like, shape (n,)
-        In nanometres, in any order.
+        The wavelengths in nanometers, in any order.
     values : array_like, shape (..., n)
-        Reflectance or BRDF (1/sr) at these wavelengths; float32 stays so.
+        The reflectance or BRDF (1/sr) at these wavelengths; float32 stays float32.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
 
 @lru_cache(maxsize=16)
 def _weights(wavelengths: tuple[float, ...]) -> Array:
-    """Linear sRGB of the hat function about each of the increasing wavelengths, shape (n, 3)."""
+    """Linear sRGB of the hat function about each wavelength, shape (n, 3); they increase."""
     at, seen = _observed_light()
     left = np.searchsorted(wavelengths, at, side="right") - 1
     known = np.asarray(wavelengths)
@@ -71,9 +71,9 @@ def _weights(wavelengths: tuple[float, ...]) -> Array:
 
 @lru_cache(maxsize=1)
 def _observed_light() -> tuple[Array, Array]:
-    """Wavelengths (n,) in nm, and what a reflectance there adds to linear sRGB (n, 3)."""
+    """Wavelengths in nm, shape (n,), and what reflectance 1 there adds to linear sRGB, (n, 3)."""
     try:
-        with np.printoptions():  # it sets numpy's for good: what is written here obeys none
+        with np.printoptions():  # the import changes numpy's, and this restores them
             import colour
     except ImportError as error:
         raise BrdfError(

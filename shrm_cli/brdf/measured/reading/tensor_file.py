@@ -22,13 +22,12 @@ _MOST_FIELDS = 256
 _MOST_AXES = 8
 _MOST_NAME = 256
 _MOST_HEADER = 2**17
-_MOST_BYTES = 2**28
-"""Of one array in memory."""
+_MOST_BYTES = 2**28  # of one array in memory
 
 
 @dataclass(frozen=True)
 class Field:
-    """Where an array is in the file, and what it is."""
+    """The type and shape of an array, and where it begins in the file."""
 
     name: str
     dtype: np.dtype[Any]
@@ -37,13 +36,13 @@ class Field:
 
     @property
     def size(self) -> int:
-        """In bytes."""
+        """The size of the array in bytes."""
         return prod(self.shape) * self.dtype.itemsize
 
 
 @dataclass(frozen=True)
 class TensorFile:
-    """A tensor file whose fields lie inside it, one beside the other.
+    """A tensor file whose header is sound: its fields lie inside the file and do not overlap.
 
     Attributes
     ----------
@@ -56,12 +55,13 @@ class TensorFile:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "TensorFile":
-        """Read the header.
+        """Read the header of a file.
 
         Raises
         ------
         BrdfError
-            If the file cannot be read, is none, or its header contradicts itself or the file.
+            If the file cannot be read or is no tensor file, or its header contradicts itself or
+            the size of the file.
         """
         path = check_file(path)
         try:
@@ -75,7 +75,7 @@ class TensorFile:
         return cls(path, {field.name: field for field in fields})
 
     def read(self, name: str) -> NDArray[Any]:
-        """The array of a field, in its own type.
+        """Read the array of a field, in the type that it is stored in.
 
         Raises
         ------
@@ -104,12 +104,12 @@ class TensorFile:
 
 
 def damaged(path: Path, what: str) -> BrdfError:
-    """The error of a file that is not as it was written."""
+    """Make the error of a tensor file that is not as it was written."""
     return BrdfError(f"{path}: a damaged tensor file ({what}); copy it again")
 
 
 class _Header:
-    """A cursor in the first bytes of a file."""
+    """A reader of the fields of a header, which keeps its place in the first bytes of a file."""
 
     def __init__(self, head: bytes, path: Path) -> None:
         if not head.startswith(MAGIC):
@@ -151,7 +151,7 @@ class _Header:
 
 
 def _check_places(fields: list[Field], start: int, size: int, path: Path) -> None:
-    """Check that fields lie behind the header and within the file, none over another."""
+    """Check that fields lie behind the header and within the file, and do not overlap."""
     for field in sorted(fields, key=lambda field: field.offset):
         if 0 in field.shape:
             raise damaged(path, f"its field {field.name!r} is empty")

@@ -1,7 +1,7 @@
-"""Text files of measurements, which may be damaged or made to harm: bounded before they are read.
+"""Text files of measurements. They are not trusted: sizes are bounded before anything is parsed.
 
-Lines are cut and counted before any is turned into numbers, so what a file claims allocates
-nothing.
+Lines are separated and counted before any is turned into numbers, so that no number in a file makes
+the reader allocate memory.
 """
 
 import math
@@ -11,15 +11,15 @@ from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.errors import BrdfError
 
 MAX_BYTES = 2**25
-"""A hundred times what is known of such files."""
+"""The largest file that is read, a hundred times as large as any that is known."""
 MAX_LINE = 2**16
 MAX_LINES = 2**17
 
 
 def first_lines(head: bytes) -> list[str]:
-    """The lines of the first bytes of a file, stripped; none where they are no text.
+    """The stripped lines of the first bytes of a file; none if the bytes are no text.
 
-    Bytes that are not UTF-8, such as the last character's if it was cut, are replaced.
+    Bytes that are not UTF-8 are replaced, such as those of a last character that is cut off.
     """
     if b"\0" in head:
         return []
@@ -28,18 +28,18 @@ def first_lines(head: bytes) -> list[str]:
 
 
 def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]:
-    """The lines of a text file that are neither blank nor comments (``#``).
+    """Read the lines of a text file that are neither blank nor comments (``#``).
 
     Parameters
     ----------
     path : path-like
     what : str
-        What the file should be, for the messages: ``a goniometer file``.
+        What the file should be, for the messages, such as ``a goniometer file``.
 
     Returns
     -------
     list of (int, str)
-        The line's number, from 1, and its text.
+        The number of each line, from 1, and its text.
 
     Raises
     ------
@@ -76,12 +76,12 @@ def read_lines(path: str | os.PathLike[str], what: str) -> list[tuple[int, str]]
 
 
 def parse_numbers(path: str | os.PathLike[str], number: int, line: str) -> list[float]:
-    """The finite numbers of one line, separated by spaces.
+    """Parse the numbers of one line, which are separated by spaces.
 
     Raises
     ------
     BrdfError
-        If one is not a finite number.
+        If one of the words is not a finite number.
     """
     found = []
     for word in line.split():

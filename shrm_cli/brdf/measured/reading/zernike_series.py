@@ -29,11 +29,14 @@ from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 
 MAX_ORDER = 20
-"""Beyond it the radial polynomials lose their digits to cancellation."""
+"""The largest order; the radial polynomials of larger ones lose their digits to cancellation."""
 
 
 class Term(NamedTuple):
-    """Orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even."""
+    """The orders of one function of the basis: n >= m >= azimuth >= 0, all odd or all even.
+
+    The azimuth is the order l of the cosine.
+    """
 
     n: int
     m: int
@@ -41,7 +44,7 @@ class Term(NamedTuple):
 
 
 def terms_of(order: int) -> list[Term]:
-    """The functions up to an order: 5 for order 2, 55 for order 8."""
+    """List the functions up to an order, which are 5 for order 2 and 55 for order 8."""
     return [
         Term(n, m, azimuth)
         for n in range(order + 1)
@@ -52,13 +55,13 @@ def terms_of(order: int) -> list[Term]:
 
 @dataclass(frozen=True)
 class ZernikeSeries:
-    """An expansion of a BRDF.
+    """An expansion of a BRDF in the functions H.
 
     Attributes
     ----------
     terms : list of Term
     coefficients : ndarray, shape (t, 3)
-        Of linear RGB, 1/sr.
+        The coefficient of each term for linear RGB, 1/sr.
     """
 
     terms: list[Term]
@@ -71,7 +74,7 @@ class ZernikeSeries:
             raise ValueError("orders must be n >= m >= azimuth >= 0, all odd or all even")
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        """The series, which can be negative.
+        """Evaluate the series, which can be negative.
 
         Parameters
         ----------
@@ -81,7 +84,7 @@ class ZernikeSeries:
         Returns
         -------
         ndarray, shape (n, 3)
-            In double precision.
+            Linear RGB, 1/sr, in double precision.
         """
         radial_i, radial_o, waves = _factors(self._order, light, view)
         total = np.zeros((len(light), 3))
@@ -103,7 +106,7 @@ class ZernikeSeries:
 
     @cached_property
     def _matrices(self) -> list[Array]:
-        """For each azimuthal order l, the symmetric matrix between R_n^l and R_m^l, and RGB."""
+        """The coefficients for each l as a symmetric matrix between R_n^l and R_m^l, and RGB."""
         order = self._order
         sizes = [(order - azimuth) // 2 + 1 for azimuth in range(order + 1)]
         matrices: list[Array] = [np.zeros((size, size, 3)) for size in sizes]
@@ -115,7 +118,7 @@ class ZernikeSeries:
 
 
 def basis(terms: list[Term], light: Array, view: Array) -> Array:
-    """The functions H at unit directions (n, 3) of the upper hemisphere, shape (n, t)."""
+    """Evaluate the t functions H at unit directions (n, 3) above the horizon; shape (n, t)."""
     radial_i, radial_o, waves = _factors(max(term.n for term in terms), light, view)
     columns = []
     for term in terms:
@@ -135,24 +138,25 @@ def fit_zernike(
     order: int = 8,
     smoothing: float = 0.0,
 ) -> ZernikeSeries:
-    """Least-squares fit of measurements; every row counts the same.
+    """Fit a series to measurements by least squares; every measurement counts the same.
 
-    What is minimised is the mean square of the errors, plus the smoothing times the sum of
-    ``(k C)^2``, where ``k = n(n+2) + m(m+2)`` relative to its largest: the less a function is
-    determined and the faster it varies, the smaller it stays.
+    The fit minimizes the mean square of the errors, plus the smoothing times the sum of ``(k C)^2``
+    over the coefficients C, where k is ``n(n+2) + m(m+2)`` relative to its largest. So a
+    coefficient stays the smaller, the less the measurements determine it and the faster its
+    function varies.
 
     Parameters
     ----------
     theta_i, phi_i, theta_r, phi_r : array_like, shape (n,)
-        Angles of the directions to the light and to the viewer, radians; a negative theta is
-        on the other side.
+        Angles of the directions to the light and to the viewer, radians. A negative theta means
+        the other side of the normal.
     values : array_like, shape (n,) or (n, 3)
-        BRDF (1/sr), grey or linear RGB.
+        The BRDF (1/sr), grey or linear RGB.
     order : int
         0 to 20.
     smoothing : float
-        0 is needed to reproduce published coefficients; 1e-3 keeps sparse measurements from
-        running away where nothing was measured.
+        With 0 the fit reproduces published coefficients. With 1e-3 a fit to sparse measurements
+        does not run away where nothing was measured.
 
     Raises
     ------
@@ -178,23 +182,24 @@ def fit_zernike(
 
 
 def _norm(term: Term) -> float:
-    """N_nml, such that H_nml is orthonormal."""
+    """The factor N_nml that makes H_nml orthonormal."""
     n, m, azimuth = term
     doubled = (2 if n == m else 1) * (2 if azimuth == 0 else 1)
     return float(np.sqrt((n + 1) * (m + 1) / doubled) / (2 * np.pi))
 
 
 def _factors(order: int, light: Array, view: Array) -> tuple[list[Array], list[Array], list[Array]]:
-    """For each azimuthal order l: R_n^l / r^l of light and of view, and their common wave.
+    """The factors of the functions H, for each azimuthal order l.
 
     Returns
     -------
     radial_i, radial_o : list of ndarray, shape (n, (order - l) // 2 + 1)
+        ``R_n^l(r) / r^l`` of the light and of the view.
     waves : list of ndarray, shape (n,)
-        ``(r_i r_o)^l cos(l (phi_i - phi_o))``, by the recurrence of the cosine's multiples.
+        ``(r_i r_o)^l cos(l (phi_i - phi_o))``, by the recurrence for cosines of multiples.
     """
     light, view = light.astype(float), view.astype(float)
-    # On the disk: (x, y) / sqrt(1 + z), of squared radius 1 - z.
+    # A direction is (x, y) / sqrt(1 + z) on the disk, and its squared radius there is 1 - z.
     square_i, square_o = 1 - light[:, 2], 1 - view[:, 2]
     across = light[:, 0] * view[:, 0] + light[:, 1] * view[:, 1]
     product = across / np.sqrt((1 + light[:, 2]) * (1 + view[:, 2]))
@@ -212,7 +217,7 @@ def _factors(order: int, light: Array, view: Array) -> tuple[list[Array], list[A
 
 
 def _radial(order: int, azimuth: int) -> Array:
-    """``R_n^l(r) / r^l`` in powers of r^2 (rows), for n = l, l + 2 .. (columns)."""
+    """Coefficients of ``R_n^l(r) / r^l``: rows are powers of r^2, columns n = l, l + 2 .."""
     size = (order - azimuth) // 2 + 1
     table = np.zeros((size, size))
     for column in range(size):
