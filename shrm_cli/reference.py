@@ -19,11 +19,11 @@ from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import Source
+from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
-Progress = Callable[[int, int], object]
 Cap = tuple[Array, float]
 Evaluate = Callable[[Array, Indices], Array]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, grey, scaled
 from shrm_cli.sphere.directions import from_angles, tilted_frame
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 _ANGLES = 512
 _ZONAL_ANGLES = 2**15

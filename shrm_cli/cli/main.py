@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from shrm_cli import __version__, threads
+from shrm_cli.cli.flags import with_flags
 from shrm_cli.errors import ShrmError
 
 # Modules are imported when their command runs, so that --help is immediate.
@@ -99,7 +100,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _one_line(error: BaseException) -> str:
     if isinstance(error, ShrmError):
-        return str(error)
+        return with_flags(str(error))
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
     if isinstance(error, OSError) and error.strerror:

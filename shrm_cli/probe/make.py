@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.sphere.directions import from_azimuth_elevation
-from shrm_cli.sphere.grids import latlong_coordinates, latlong_directions
+from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions
 
 Array = NDArray[np.floating]
 Image = NDArray[np.float32]

@@ -23,7 +23,7 @@ class PixelReport:
     negative, minimum : int, float
         Pixels with a negative channel, and the least value.
     clamped : int
-        Pixels that `--clamp` dimmed.
+        Pixels that `clamp` dimmed.
     energy_removed, energy : float
         The integral of radiance over the sphere, channels added: what clamping took, and
         what there was before.
@@ -132,7 +132,7 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
         column, row = report.first_nonfinite
         raise ProbeError(
             f"{name}: {report.nonfinite} pixels are NaN or infinite, the first at column "
-            f"{column}, row {row}; give --fix-nonfinite to fill them"
+            f"{column}, row {row}; give `fix_nonfinite` to fill them"
         )
 
 

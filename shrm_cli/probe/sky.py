@@ -19,7 +19,7 @@ from shrm_cli.probe.make import (
     shade_in_bands,
 )
 from shrm_cli.sphere.directions import from_azimuth_elevation, local_frame, to_angles
-from shrm_cli.sphere.grids import latlong_directions
+from shrm_cli.sphere.latlong import latlong_directions
 
 Array = NDArray[np.floating]
 

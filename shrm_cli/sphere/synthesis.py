@@ -16,10 +16,10 @@ axis. Values are exact at each texel: no intermediate image is interpolated, and
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.cube import FACES
+from shrm_cli.layouts import FACES
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
-from shrm_cli.sphere.grids import nodes
 from shrm_cli.sphere.harmonics import order_of
+from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
