@@ -1,8 +1,8 @@
 """Reflected light by angular integration: one sum over the probe's pixels for each point.
 
-The truth that everything is measured against, and the traditional way to prefilter. A point is
-a pair of a normal and a view. Points are taken in small groups of neighbours, the pixels of the
-source in tiles of neighbours, and a group is multiplied with those tiles only that may light it.
+This is the truth that everything is measured against, and the traditional way to prefilter. A
+point is a pair of a normal and a view. Points are taken in small groups of neighbors, the pixels of
+the source in tiles of neighbors, and a group is multiplied with those tiles only that may light it.
 The result does not depend on how both are cut, but the time does.
 """
 
@@ -19,18 +19,26 @@ from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import Source
+from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
-Progress = Callable[[int, int], object]
 Cap = tuple[Array, float]
+"""Axes of spherical caps, one for each point, and the half angle of all of them, radians."""
 Evaluate = Callable[[Array, Indices], Array]
 
-_SAMPLES_AT_ONCE = 2**15  # a handful of arrays of them fit into the L2 cache
+_SAMPLES_AT_ONCE = 2**15
+"""Pairs of a point and a pixel that are evaluated at a time.
+
+A handful of arrays of so many numbers fit into the L2 cache.
+"""
 _POINTS_AT_ONCE = 64
+"""Points of the groups that a thread takes at a time."""
 _GROUP_SIZES = 4, 32
+"""Fewest and most points of a group."""
 _ROUNDING = 1e-5
+"""How much the cosine to a tile may be less than that of a cap, for float32."""
 
 
 class Reference:
@@ -43,7 +51,8 @@ class Reference:
     source_height : int, optional
         Average the probe down to a lat-long of this height first.
     tolerance : float, optional
-        Truncate the lobe where it holds all but this fraction (eq. 5.30). None: all of it.
+        Truncate the lobe where it holds all but this fraction of its energy. By default it is not
+        truncated.
     dtype : float32 or float64
         Precision of the integrand. Sums over tiles are float64.
     progress : callable, optional
@@ -53,7 +62,11 @@ class Reference:
     ----------
     source : Source
     angle : float
-        Where the lobe is truncated, radians from C; pi where it is not.
+        Where the lobe is truncated, radians from the central direction; pi where it is not.
+
+    References
+    ----------
+    Ramamoorthi 2002, eq. 5.30, for the truncation.
     """
 
     def __init__(
@@ -90,14 +103,28 @@ class Reference:
         return self._radiance(centers if self.brdf.center == "tangent" else normals, centers, views)
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance by central directions instead of normals; the rest as `radiance`."""
+        """Reflected radiance, from central directions instead of normals.
+
+        Parameters
+        ----------
+        centers, views : array_like, shape (..., 3), broadcastable
+            Unit, world axes.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., 3)
+        """
         centers, views = np.broadcast_arrays(centers, views)
         centers, views = centers.astype(float), views.astype(float)
         is_mirror = self.brdf.center == "reflection"
         return self._radiance(bisector(centers, views) if is_mirror else centers, centers, views)
 
     def _radiance(self, axes: Array, centers: Array, views: Array) -> Array:
-        """As `radiance`, by the z axes of the frames that the BRDF is evaluated in."""
+        """Reflected radiance of points, all arrays of one shape (..., 3).
+
+        `axes` are the z axes of the frames that the BRDF is evaluated in: the normals, or the
+        tangents of a BRDF that is central about them.
+        """
         brdf, truncated = self.brdf, self.angle < np.pi
         shape = axes.shape
         normals, views, centers = (each.reshape(-1, 3) for each in (axes, views, centers))
@@ -136,7 +163,7 @@ class Reference:
         Returns
         -------
         ndarray of float64, shape (..., 3)
-            The mean of the reflected radiance over all views at that angle from the centre.
+            The mean of the reflected radiance over all views at that angle from the center.
         """
         centers = np.asarray(centers, dtype=float)
         points = centers.reshape(-1, 3)
@@ -182,7 +209,7 @@ class Reference:
         # Groups are to be small beside the lobe, if the points fill the sphere.
         size = len(rows) * (min(self._reach, np.pi / 2) / 10) ** 2
         first_axes = axes[0] if caps else rows[:, 0]
-        groups = _neighbours(first_axes, int(np.clip(size, *_GROUP_SIZES)))
+        groups = _neighbors(first_axes, int(np.clip(size, *_GROUP_SIZES)))
         at_once = max(_POINTS_AT_ONCE // groups.shape[1], 1)
         step = max(_SAMPLES_AT_ONCE // (groups.shape[1] * source.light.shape[1]), 1)
 
@@ -218,13 +245,16 @@ class Reference:
         return result
 
 
-def _neighbours(directions: Array, size: int) -> Indices:
-    """Directions in groups of neighbours: halves, and halves of these, along the longest side.
+def _neighbors(directions: Array, size: int) -> Indices:
+    """Directions, shape (n, 3), in groups of neighbors.
+
+    All of them are cut into halves along the longest side of their bounding box, these into halves
+    along theirs, and so on.
 
     Returns
     -------
     ndarray of int, shape (groups, at most size)
-        Indices; the last direction fills up.
+        Indices. The last direction stands several times where groups would not be full.
     """
     count = len(directions)
     levels = max(int(np.ceil(np.log2(max(count, 1) / size))), 0)

@@ -8,9 +8,11 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe import source
-from shrm_cli.probe.probe import ReadOptions, open_probe
-from shrm_cli.probe.resample import resample_latlong
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.resample import to_grid
 from shrm_cli.reference import Reference
+from shrm_cli.sphere.grid.latlong import LatLong
 from tests import brute_force
 from tests.cli.helpers import polynomial_light, write_exr
 from tests.oracles import cube_texels, latlong_pixels, turn
@@ -280,7 +282,7 @@ def test_all_grids_hold_the_same_light(tmp_path, pairs, grid):
 @pytest.mark.parametrize("mirror", [False, True])
 def test_turned_and_mirrored_probes(probe, pairs, lights, mirror):
     reflections, views, normals = pairs
-    turned = open_probe(probe.files[0].path, ReadOptions(yaw=70, mirror=mirror))
+    turned = open_probe(probe.paths[0], ReadOptions(yaw=70, mirror=mirror))
     matrix = turn("y", np.radians(70)) @ np.diag([-1 if mirror else 1, 1, 1])
     directions, light = lights
     expected = truth(
@@ -293,10 +295,10 @@ def test_turned_and_mirrored_probes(probe, pairs, lights, mirror):
 def test_reduced_source_is_the_averaged_probe(probe, image, pairs, tmp_path):
     _, views, normals = pairs
     brdf = parse_spec("microfacet:sigma=0.3")
-    turned = open_probe(probe.files[0].path, ReadOptions(yaw=25))
+    turned = open_probe(probe.paths[0], ReadOptions(yaw=25))
     reduced = Reference(turned, brdf, source_height=12)
     assert reduced.source.pixels == 12 * 24
-    small = open_probe(write_exr(tmp_path / "small.exr", resample_latlong(turned, 12)))
+    small = open_probe(write_exr(tmp_path / "small.exr", to_grid(turned, LatLong(12))))
     expected = Reference(small, brdf).radiance(normals, views)
     np.testing.assert_allclose(reduced.radiance(normals, views), expected, rtol=1e-6)
     whole = Reference(turned, brdf)

@@ -173,9 +173,8 @@ def source_height(probe: Probe, roughness: float) -> int | None:
     A lobe of GGX is about ``ggx_alpha`` radians wide. On real probes the pictures differ from
     those of 256 rows by 0.6 % at most, for roughnesses of 0.5 and more.
     """
-    own = {"latlong": probe.height, "cube": 2 * probe.width, "angular": probe.width // 2}
     enough = int(np.clip(np.ceil(_ROWS_OF_LOBE / roughness**2), *_ROWS))
-    return enough if own[probe.grid] > enough else None
+    return enough if probe.grid.latlong_rows > enough else None
 
 
 def compare_forms(

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles, tilted_frame
-from shrm_cli.sphere.grids import colatitude_weights, nodes
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
+from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
 Array = NDArray[np.floating]
 

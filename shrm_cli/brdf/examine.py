@@ -9,7 +9,7 @@ from shrm_cli.brdf.base import Array, Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 ANGLES = (0, 15, 30, 45, 60, 75)
 """The angles of the view, in degrees, at which albedos are reported."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, grey, scaled
 from shrm_cli.sphere.directions import from_angles, tilted_frame
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 # Samples that find the width of a lobe: angles of the light (for any BRDF, and for a zonal one),
 # angles of the view, and azimuths.

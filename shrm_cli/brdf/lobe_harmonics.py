@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import transfer_samples
-from shrm_cli.sphere.grids import colatitude_weights, nodes
 from shrm_cli.sphere.harmonics import legendre_table
+from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
 Array = NDArray[np.floating]
 

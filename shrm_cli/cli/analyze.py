@@ -143,7 +143,7 @@ def analyze(
     prefix = _prefix(output, probe, file_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
     for target in targets.values():
-        check_target(target, [file.path for file in (source.files if source else ())])
+        check_target(target, source.paths if source else [])
 
     grid = energy_grid(brdf, tolerances, order_f, order_p)
     curve = pictures = None
@@ -231,9 +231,8 @@ def _prefix(output: str | None, probe: str | None, label: str) -> str:
 
 def _source_height(source: Probe, order_f: int) -> int | None:
     """Rows to average the probe down to; None if it is not finer."""
-    rows = {"latlong": source.height, "cube": 2 * source.width, "angular": source.width // 2}
     enough = max(4 * order_f, _LEAST_ROWS)
-    return enough if rows[source.grid] > enough else None
+    return enough if source.grid.latlong_rows > enough else None
 
 
 def _orders(grid: EnergyGrid) -> list[dict[str, Any]]:

@@ -151,9 +151,7 @@ def compare(
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_target(
-            target, [*maps, *(str(file.path) for file in (source.files if source else ()))]
-        )
+        check_target(target, [*maps, *(map(str, source.paths) if source else ())])
         sheet_layout(len(names), len(views), size)  # refuses what is too large
     loaded, surface, warnings = shaded_maps(
         [read_map(path) for path in maps], maps, roughness and roughness[0], f0

@@ -11,7 +11,6 @@ from shrm_cli.cli.engines import converted_for_engines
 from shrm_cli.cli.options import (
     ALL_REPRESENTATIONS,
     ENGINE_REPRESENTATIONS,
-    LAYOUTS,
     REPRESENTATIONS,
     compression,
     make_read_options,
@@ -26,11 +25,12 @@ from shrm_cli.cli.options import (
     view_options,
     warn,
 )
+from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 
 if TYPE_CHECKING:
     from shrm_cli.maps.representations import BrdfMap, Map
 
-_TARGETS = [*ALL_REPRESENTATIONS, *LAYOUTS, "faces"]
+_TARGETS = [*ALL_REPRESENTATIONS, *LAYOUTS]
 _SAMPLINGS = click.Choice(["center", "border"])
 
 
@@ -152,7 +152,7 @@ def _convert_map(
         made = converted_for_engines(source, found, target, size, sampling)
     else:
         made = _converted(found, target, frame, order_p, views, size, sampling)
-    chosen = orientation or ("openexr" if layout in ("openexr", "latlong") else "gl")
+    chosen = orientation or default_orientation(layout)
     if precision == "auto" and not is_exact_in_half(made):
         precision = "float"  # a conversion is not to lose anything
     pixels = write_map(path, made, precision, layout, chosen)  # type: ignore[arg-type]
@@ -216,9 +216,8 @@ def _convert_probe(
 
     from shrm_cli.files.image import probe_attributes, write_images
     from shrm_cli.files.whole import check_target
-    from shrm_cli.probe.layout import default_orientation
     from shrm_cli.probe.probe import face_paths, open_probe
-    from shrm_cli.probe.resample import relay
+    from shrm_cli.probe.resample import to_layout
 
     probe = open_probe(source, options)
     sampled = sampling or "center"
@@ -228,9 +227,9 @@ def _convert_probe(
         )
     files = face_paths(path) if target == "faces" else [path]
     for file in files:
-        check_target(file, [each.path for each in probe.files], (".exr",))
-    chosen = orientation or ("openexr" if target in ("openexr", "latlong", "angular") else "gl")
-    image = relay(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
+        check_target(file, probe.paths, (".exr",))
+    chosen = orientation or default_orientation(target)
+    image = to_layout(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
     marked = (target, chosen) in (("openexr", "openexr"), ("latlong", "openexr"))
     envmap = target if sampled == "border" and marked else None
     pictures = np.split(image, 6) if target == "faces" else [image]
@@ -250,7 +249,7 @@ def _convert_probe(
     warnings = [f"{source}: {line}" for line in probe.report.warnings()]
     if sampled == "border" and not marked:
         warnings.append(f"{path}: no attribute tells of this; read it with --sampling border")
-    if target not in ("latlong", "angular") and chosen != default_orientation(target, "openexr"):  # type: ignore[arg-type]
+    if target in CUBES and chosen != default_orientation(target):
         warnings.append(f"{path}: no attribute tells of this; read it with --orientation {chosen}")
     return result, warnings
 
@@ -258,7 +257,7 @@ def _convert_probe(
 def _default_name(source: str, target: str) -> str:
     stem = Path(source).stem
     base, dot, last = stem.rpartition(".")
-    family = ALL_REPRESENTATIONS if target in ALL_REPRESENTATIONS else LAYOUTS
+    family = ALL_REPRESENTATIONS if target in ALL_REPRESENTATIONS else IMAGE_LAYOUTS
     if dot and last in family:
         stem = base
     stem = stem.replace("%", "").rstrip("_-.") or "probe"

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from shrm_cli.cli.options import Command
     from shrm_cli.maps.irradiance.irradiance import Irradiance
     from shrm_cli.maps.representations import Map
-    from shrm_cli.probe.probe import Probe, ReadOptions
+    from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.probe.probe import Probe
 
 ENGINE_OPTIONS = {
     **dict.fromkeys(("window", "shader"), ("irradiance",)),
@@ -101,7 +102,7 @@ def prefilter_for_engines(
 
     source = open_probe(probe, reading)
     target = f"{probe_stem(probe)}.{representation}.exr" if output is None else output
-    check_target(target, [file.path for file in source.files], (".exr",))
+    check_target(target, source.paths, (".exr",))
     given = {name: value for name, value in values.items() if value is not None}
     language = given.pop("shader", None)
     with progress_bar("reading", quiet) as progress:

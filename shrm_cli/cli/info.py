@@ -192,14 +192,14 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
         full = np.broadcast_to(weights, pixels.shape[:2])
         total += np.einsum("ijc,ij->c", pixels, full, dtype=float)
         area += float(full.sum())
-    first = probe.files[0]
+    first = probe.images[0]
     values = {
         "kind": "probe",
         "layout": probe.layout,
         "width": first.width,
         "height": first.height,
         "sampling": probe.sampling,
-        "orientation": probe.orientation if probe.grid == "cube" else None,
+        "orientation": probe.orientation,
         "format": first.file_format,
         "minimum": low.tolist(),
         "maximum": high.tolist(),

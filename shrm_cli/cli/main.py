@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from shrm_cli import __version__, settings
+from shrm_cli.cli.flags import with_flags
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.errors import ShrmError
 
@@ -101,7 +102,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _one_line(error: BaseException) -> str:
     if isinstance(error, ShrmError):
-        return str(error)
+        return with_flags(str(error))
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
     if isinstance(error, OSError) and error.strerror:

@@ -13,21 +13,22 @@ import click
 from click.core import ParameterSource
 
 from shrm_cli import settings
+from shrm_cli.cli.flags import with_flags
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, Components
+from shrm_cli.layouts import IMAGE_LAYOUTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from shrm_cli.maps.representations import Compression
-    from shrm_cli.probe.probe import ReadOptions
+    from shrm_cli.probe.options import ReadOptions
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 REPRESENTATIONS = ("shrm", "cabral", "kautz-mccool", "lightfield")
 ENGINE_REPRESENTATIONS = ("irradiance", "splitsum", "she")
 ALL_REPRESENTATIONS = (*REPRESENTATIONS, *ENGINE_REPRESENTATIONS)
-LAYOUTS = ["latlong", "openexr", "strip", "hcross", "vcross", "angular"]
 
 
 _SPEC = (
@@ -98,7 +99,7 @@ def read_options(command: Command) -> Command:
     return _apply(
         command,
         [
-            click.option("--layout", type=click.Choice(LAYOUTS), help="Layout of the probe."),
+            click.option("--layout", type=click.Choice(IMAGE_LAYOUTS), help="Layout of the probe."),
             click.option(
                 "--orientation",
                 type=click.Choice(["openexr", "gl"]),
@@ -128,8 +129,8 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
     """`ReadOptions` from the values of `read_options`."""
     import math
 
+    from shrm_cli.probe.options import ReadOptions
     from shrm_cli.probe.pixels import PixelPolicy
-    from shrm_cli.probe.probe import ReadOptions
 
     clamp = values.pop("clamp")
     if clamp is not None and not (math.isfinite(clamp) and clamp > 0):
@@ -241,7 +242,7 @@ def probe_stem(probe: str) -> str:
 def warn(lines: list[str], quiet: bool) -> None:
     """Print warnings to stderr."""
     for line in [] if quiet else lines:
-        click.echo(f"Warning: {line}", err=True)
+        click.echo(f"Warning: {with_flags(line)}", err=True)
 
 
 def print_json(value: Any) -> None:

@@ -165,7 +165,7 @@ def prefilter(
     source = open_probe(probe, read_as)
     default = f"{probe_stem(probe)}.{file_label(spec)}.{representation}.exr"
     target = default if output is None else output
-    inputs = [*(file.path for file in source.files), *named_files(spec)]
+    inputs = [*source.paths, *named_files(spec)]
     check_target(target, inputs, (".exr",))
     common: dict[str, Any] = {
         "representation": representation,

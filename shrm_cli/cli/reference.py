@@ -82,7 +82,7 @@ def reference(
     source = open_probe(probe, make_read_options(sampling, reading))
     target = output or f"{_stem(probe)}.{file_label(spec)}.reference.exr"
     file_type(target)
-    check_target(target, [file.path for file in source.files])
+    check_target(target, source.paths)
     with progress_bar("integrating", quiet) as progress:
         truth = Reference(source, brdf, source_height, progress=progress)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)

@@ -105,7 +105,7 @@ def render(
         refuse_read_options("give --background too")
     options = make_read_options(sampling, reading)
     probe = None if background is None else open_probe(background, options)
-    inputs = [*maps, *(str(file.path) for file in (probe.files if probe else ()))]
+    inputs = [*maps, *(map(str, probe.paths) if probe else ())]
     for target in targets:
         check_target(target, inputs)
     loaded, surface, warnings = shaded_maps([read_map(path) for path in maps], maps, roughness, f0)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
+from shrm_cli.cli.flags import with_flags
 from shrm_cli.cli.options import print_json, progress_bar, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from shrm_cli.analysis.representations import FormResult, FormTable
-    from shrm_cli.probe.probe import ReadOptions
+    from shrm_cli.probe.options import ReadOptions
 
 ROUGHNESS = (0.5, 1.0)
 STEPS = 4
@@ -60,7 +61,7 @@ def compare_representations(
     sheet_layout(steps * len(views), size)  # refuses what is too large
     if output is not None:
         file_type(output)
-        check_target(output, [str(file.path) for file in source.files])
+        check_target(output, source.paths)
     surfaces = [ggx_surface(float(each), f0) for each in np.linspace(low, high, steps)]
     # With the cache a second run would take less than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
@@ -104,7 +105,7 @@ def _values(result: FormResult) -> dict[str, Any]:
         "seconds": result.seconds,
         "relative_rmse": [_finite(each) for each in result.errors],
         "relative_rmse_of_all": _finite(result.error),
-        "failures": list(result.failures),
+        "failures": [with_flags(each) for each in result.failures],
     }
 
 

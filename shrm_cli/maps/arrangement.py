@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.probe.layout import Layout, arrange_faces, stack_faces
+from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, Layout
+from shrm_cli.probe.layout import arrange_faces, stack_faces
 from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.grids import latlong_directions
+from shrm_cli.sphere.latlong import latlong_directions
 from shrm_cli.sphere.sampling import CubeSampler, sample_latlong_cubic
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Sampling
 
@@ -36,7 +37,7 @@ class Arrangement:
     sampling: Sampling = "center"
 
     def __post_init__(self) -> None:
-        if self.layout in ("faces", "angular"):
+        if not _holds_maps(self.layout):
             raise MapError(f"maps are not written as {self.layout}; use latlong or a cube layout")
 
     @property
@@ -65,11 +66,12 @@ class Arrangement:
         """Texels along a face's edge of an image of this size; None if it cannot be one."""
         if self.layout == "latlong":
             return height // 2 if width == 2 * height and height % 2 == 0 and height else None
-        columns, rows = {"openexr": (1, 6), "strip": (6, 1), "hcross": (4, 3), "vcross": (3, 4)}[
-            self.layout
-        ]
-        size = width // columns
-        return size if size and (width, height) == (columns * size, rows * size) else None
+        return CUBES[self.layout].face_size(width, height)
+
+
+def _holds_maps(layout: Layout) -> bool:
+    """Whether the planes of a map may be laid out so: as a lat-long, or a cube in one image."""
+    return layout == "latlong" or (layout in CUBES and layout in IMAGE_LAYOUTS)
 
 
 def stored_arrangement(
@@ -92,7 +94,7 @@ def stored_arrangement(
         If it is no such layout, or larger than maps are.
     """
     layout = attributes["layout"]
-    if layout in ("faces", "angular"):
+    if not _holds_maps(layout):
         raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
     sampling: Sampling = "border" if spec.get_int_attribute("oiio:sampleborder") else "center"
     sampling = attributes["sampling"] or sampling

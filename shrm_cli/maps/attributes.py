@@ -9,10 +9,10 @@ from typing import Any, get_args
 import numpy as np
 
 from shrm_cli.errors import MapError
+from shrm_cli.layouts import LAYOUTS
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import ENGINES, EngineMap
 from shrm_cli.maps.representations import REPRESENTATIONS, Map
-from shrm_cli.probe.layout import LAYOUTS
 from shrm_cli.vocabulary import (
     MAX_ORDER_F,
     MAX_ORDER_P,

@@ -15,7 +15,7 @@ from shrm_cli.maps.light_map import EngineMap
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.sphere.grids import spiral_directions
+from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import Frame
 
 EXPLICIT: dict[str, type[ExplicitMap]] = {

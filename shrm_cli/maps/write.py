@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.exr import Part, write_parts
 from shrm_cli.files.image import envmap_attribute
+from shrm_cli.layouts import Layout
 from shrm_cli.maps.arrangement import Arrangement
 from shrm_cli.maps.attributes import common_header, shortest
 from shrm_cli.maps.codecs import codec
@@ -27,7 +28,6 @@ from shrm_cli.maps.representations import Map
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.probe.layout import Layout
 from shrm_cli.vocabulary import Orientation
 
 Array = NDArray[np.floating]

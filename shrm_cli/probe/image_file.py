@@ -1,11 +1,11 @@
 """Image files of every type that OpenImageIO reads, opened lazily and read by rows."""
 
-import hashlib
 import mmap
 import os
 import re
 import stat
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,27 +19,32 @@ from shrm_cli.errors import ProbeError
 Array = NDArray[np.floating]
 
 MAX_PIXELS = 2**29
+"""The most pixels that an image may have."""
 _FLOAT_FORMATS = ("half", "float", "double")
-_UPRIGHT = (0, 1)  # of Exif's Orientation; 0 is "not known"
+_UPRIGHT = (0, 1)
+"""Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
 
 
 @dataclass(frozen=True)
 class ImageFile:
-    """An opened image: its header, and its pixels on demand.
+    """A `ProbeImage` in a file that was opened: its header, and its pixels on demand.
 
     Attributes
     ----------
     path : Path
     width, height : int
-        Of the canvas that `read` fills: the data window where the file is an environment map,
-        the display window of other files (what a data window leaves out is black).
+        The size of the canvas that `read` fills: the data window where the file is an environment
+        map, the display window of other files (what a data window leaves out is black).
     envmap : {"latlong", "cube", ""}
-        As the file's own attribute says.
+        What the file's own attribute says that it is.
     border_sampled : bool
         Whether edge pixels lie on the poles, the seam and the cube's edges.
     file_format : str
         OpenImageIO's name of the format, such as ``"openexr"``.
     chromaticities : tuple of 8 float, optional
+        x and y of red, green, blue and white.
+    linearize : bool
+        Whether the pixels are decoded as sRGB.
     """
 
     path: Path
@@ -62,7 +67,7 @@ class ImageFile:
         ----------
         path : path-like
         linearize : bool
-            Decode integer pixels as sRGB; they are refused otherwise.
+            Whether to decode integer pixels as sRGB; they are refused otherwise.
 
         Raises
         ------
@@ -101,11 +106,11 @@ class ImageFile:
             raise ProbeError(
                 f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
             )
-        channels = _colour_channels(path, spec.channelnames)
+        channels = _color_channels(path, spec.channelnames)
         integers = {str(spec.channelformat(k)) for k in channels}.difference(_FLOAT_FORMATS)
         if integers and not linearize:
             raise ProbeError(
-                f"{path}: {min(integers)} pixels are not scene-linear radiance; give --linearize "
+                f"{path}: {min(integers)} pixels are not scene-linear radiance; give `linearize` "
                 "to decode them as sRGB, or use an HDR file"
             )
         primaries = spec.getattribute("chromaticities")
@@ -122,6 +127,11 @@ class ImageFile:
             offset,
             channels,
         )
+
+    @property
+    def name(self) -> str:
+        """The path, as text."""
+        return str(self.path)
 
     @property
     def row_multiple(self) -> int:
@@ -144,7 +154,14 @@ class ImageFile:
             canvas[rows, here : here + count] = data[:, there : there + count]
         return canvas
 
+    def contents(self) -> Iterator[bytes]:
+        """Yield the bytes of the file."""
+        with open(self.path, "rb") as stream:
+            while block := stream.read(2**20):
+                yield block
+
     def _read_data(self, start: int, stop: int) -> Array:
+        """Rows of the data window, shape (rows, its width, 3)."""
         spec = self._input.spec()
         begin, end = min(self._channels), max(self._channels) + 1
         if spec.tile_width:
@@ -167,16 +184,6 @@ class ImageFile:
         if chosen != list(range(pixels.shape[-1])):
             pixels = pixels[..., chosen]
         return _srgb_to_linear(pixels) if self.linearize else pixels
-
-
-def sha256(paths: list[Path]) -> str:
-    """Digest of the bytes of files, one after the other."""
-    digest = hashlib.sha256()
-    for path in paths:
-        with open(path, "rb") as stream:
-            while block := stream.read(2**20):
-                digest.update(block)
-    return digest.hexdigest()
 
 
 def _check_file(path: Path) -> None:
@@ -207,7 +214,8 @@ def _check_file(path: Path) -> None:
 def _is_whole(data: mmap.mmap) -> bool:
     """Whether a PNG or JPEG file is complete; True for other files.
 
-    Their libraries are no judges: one writes to stderr, the other makes up missing pixels.
+    The libraries that read them are no judges of that: one writes to stderr, the other makes up
+    missing pixels.
     """
     if data[:2] == b"\xff\xd8":  # JPEG: the end of the image follows the last start of a scan
         return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")
@@ -225,37 +233,39 @@ def _is_whole(data: mmap.mmap) -> bool:
 
 
 def _reading_hints() -> Any:
+    """What OpenImageIO is asked to leave as it is, or to turn upright."""
     hints = oiio.ImageSpec()
-    hints.attribute("oiio:UnassociatedAlpha", 1)  # or colour comes multiplied by alpha
+    hints.attribute("oiio:UnassociatedAlpha", 1)  # or color comes multiplied by alpha
     hints.attribute("pnm:pfmflip", 1)  # PFM stores its bottom row first
     return hints
 
 
 def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:
-    """Size of the image proper, and where its stored pixels begin in it."""
+    """Width and height of the image proper, and where its stored pixels begin in it (x, y)."""
     if is_envmap or (spec.full_width, spec.full_height) == (0, 0):
         return spec.width, spec.height, (0, 0)
     return spec.full_width, spec.full_height, (spec.x - spec.full_x, spec.y - spec.full_y)
 
 
-def _colour_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of red, green and blue; one channel serves as three; alpha is ignored.
+def _color_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Indices of the channels that are red, green and blue.
 
-    Of several layers (``diffuse.R``), the one without a name comes first, then the file's order.
+    One channel serves as three, and alpha is ignored. Of several layers (``diffuse.R``) the one
+    without a name is taken, else the first in the file's order.
     """
     layers: dict[str, dict[str, int]] = {"": {}}
-    colours = []
+    colors = []
     for index, name in enumerate(names):
         layer, _, channel = name.upper().rpartition(".")
         layers.setdefault(layer, {}).setdefault(channel, index)
         if channel not in ("A", "ALPHA"):
-            colours.append(index)
+            colors.append(index)
     for channels in layers.values():
         for wanted in (("R", "G", "B"), ("RED", "GREEN", "BLUE")):
             if channels.keys() >= set(wanted):
                 return tuple(channels[channel] for channel in wanted)
-    if len(colours) == 1:
-        return (colours[0],) * 3
+    if len(colors) == 1:
+        return (colors[0],) * 3
     for channels in layers.values():
         if channels.keys() >= {"RY", "BY"}:
             raise ProbeError(f"{path}: luminance-chroma pixels (Y, RY, BY); convert it to RGB")
@@ -268,6 +278,7 @@ def _colour_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
 
 
 def _last_error() -> str:
+    """What OpenImageIO last said about a file."""
     try:
         return str(oiio.geterror())
     except UnicodeDecodeError:  # the library quotes the file's bytes
@@ -284,7 +295,7 @@ def _reason(message: str, path: Path) -> str:
 
 
 def _srgb_to_linear(values: Array) -> Array:
-    """IEC 61966-2-1."""
+    """Linear values from those encoded as sRGB has it (IEC 61966-2-1), as float32."""
     return np.where(
         values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
     ).astype(np.float32)

@@ -1,136 +1,165 @@
-"""How the directions of a probe are laid out in its image."""
-
-from typing import Literal, get_args
+"""Which layout an image has, and the faces of a cube in their places."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.sphere.cube import FACES, reorient
-from shrm_cli.vocabulary import Orientation
+from shrm_cli.layouts import CUBES, FACES, IMAGE_LAYOUTS, Layout, grid_name
+from shrm_cli.sphere.cube import reorient
+from shrm_cli.sphere.grid.base import Grid
+from shrm_cli.sphere.grid.registry import grid_class
+from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
-Layout = Literal["latlong", "openexr", "strip", "hcross", "vcross", "faces", "angular"]
-
-LAYOUTS: tuple[str, ...] = get_args(Layout)
-
-# Where each face of `FACES` lies in a layout: (column, row), in faces, and whether it is turned
-# by half a turn there.
-_PLACES: dict[str, tuple[tuple[int, int, bool], ...]] = {
-    "openexr": tuple((0, k, False) for k in range(6)),
-    "strip": tuple((k, 0, False) for k in range(6)),
-    #       +Y                          +Y
-    #    -X +Z +X -Z                 -X +Z +X
-    #       -Y                          -Y
-    #                                   -Z   (upside down)
-    "hcross": ((2, 1, False), (0, 1, False), (1, 0, False), (1, 2, False), (1, 1, False),
-               (3, 1, False)),
-    "vcross": ((2, 1, False), (0, 1, False), (1, 0, False), (1, 2, False), (1, 1, False),
-               (1, 3, True)),
-}  # fmt: skip
-_SHAPES = {"openexr": (1, 6), "strip": (6, 1), "hcross": (4, 3), "vcross": (3, 4)}
 
 
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
-    """Layout of an image, from its `envmap` attribute, else from its aspect ratio.
+    """Layout of an image, from its attribute `envmap`, else from its aspect ratio.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the image.
+    width, height : int
+    envmap : {"latlong", "cube", ""}
 
     Raises
     ------
     ProbeError
         If they do not tell.
     """
-    if envmap == "cube":
-        return "openexr"
-    if envmap == "latlong" or width == 2 * height:
-        return "latlong"
-    for layout, (columns, rows) in _SHAPES.items():
-        if width * rows == height * columns:
-            return layout  # type: ignore[return-value]
+    if envmap:
+        return "openexr" if envmap == "cube" else envmap
     if width == height:
         raise ProbeError(
-            f"{name}: a square image may be many things; give --layout angular for a light-probe "
+            f"{name}: a square image may be many things; give `layout` angular for a light-probe "
             "ball"
         )
+    for layout in IMAGE_LAYOUTS:
+        columns, rows = proportions(layout)
+        if width * rows == height * columns:
+            return layout
+    cubes = [cube for cube in CUBES.values() if not cube.in_six_files]
+    shapes = [
+        " or ".join(f"{cube.columns}:{cube.rows}" for cube in cubes if cube.is_cross == is_cross)
+        for is_cross in (False, True)
+    ]
     raise ProbeError(
-        f"{name}: {width} x {height} is no known layout (2:1 lat-long, 1:6 or 6:1 cube, 4:3 or "
-        "3:4 cross); give --layout"
+        f"{name}: {width} x {height} is no known layout (2:1 lat-long, {shapes[0]} cube, "
+        f"{shapes[1]} cross); give `layout`"
     )
 
 
-def check_shape(name: str, layout: Layout, width: int, height: int) -> None:
+def proportions(layout: Layout, images: int = 1) -> tuple[int, int]:
+    """Width and height of a layout's image, in faces or in another unit.
+
+    Parameters
+    ----------
+    layout : Layout
+    images : int
+        1, or 6 where each face is an image of its own.
+    """
+    if images > 1:
+        return 1, 1
+    if layout in CUBES:
+        return CUBES[layout].columns, CUBES[layout].rows
+    return grid_class(layout).proportions
+
+
+def check_shape(name: str, layout: Layout, width: int, height: int, images: int = 1) -> None:
     """Check that an image's size suits its layout.
+
+    Parameters
+    ----------
+    name : str
+        What messages call the image.
+    layout : Layout
+    width, height : int
+        Of each image.
+    images : int
+        1, or 6 where each face is an image of its own.
 
     Raises
     ------
     ProbeError
     """
-    if layout == "latlong":
-        good, wanted = width == 2 * height, "width = 2 x height"
-    elif layout in ("angular", "faces"):
-        good, wanted = width == height, "a square image"
-    else:
-        columns, rows = _SHAPES[layout]
-        good = width % columns == 0 and height % rows == 0 and width * rows == height * columns
-        wanted = f"{columns} x {rows} square faces"
-    if not good:
+    columns, rows = proportions(layout, images)
+    size = width // columns
+    if (width, height) != (columns * size, rows * size):
+        if columns == rows:
+            wanted = "a square image"
+        elif layout in CUBES:
+            wanted = f"{columns} x {rows} square faces"
+        else:
+            wanted = f"width = {columns / rows:g} x height"
         raise ProbeError(
-            f"{name}: {width} x {height} cannot be {layout}, which is {wanted}; give the --layout "
+            f"{name}: {width} x {height} cannot be {layout}, which is {wanted}; give the `layout` "
             "that it has, or crop it"
         )
-    if height < {"angular": 3, "latlong": 2}.get(layout, 1):  # faces may be single texels
+    if size < grid_class(grid_name(layout)).smallest:
         raise ProbeError(
             f"{name}: {width} x {height} is too small to hold a {layout} probe; use a larger one"
         )
 
 
-def default_orientation(layout: Layout, file_format: str) -> Orientation:
-    """OpenEXR's own for the stacked layout, that of graphics APIs for the others and for DDS."""
-    return "openexr" if layout == "openexr" and file_format != "dds" else "gl"
+def grid_of(layout: Layout, width: int, sampling: Sampling, images: int = 1) -> Grid:
+    """The grid that the pixels of a layout are brought to.
+
+    Parameters
+    ----------
+    layout : Layout
+    width : int
+        Of each image, which suits the layout.
+    sampling : {"center", "border"}
+    images : int
+        1, or 6 where each face is an image of its own.
+    """
+    columns, _ = proportions(layout, images)
+    return grid_class(grid_name(layout))(width // columns, sampling)
 
 
 def clear_unused(image: Array, layout: Layout) -> None:
     """Set to 0, in place, the corners of a cross: whatever they hold, it is no radiance."""
-    if layout not in ("hcross", "vcross"):
+    if layout not in CUBES:
         return
-    columns, rows = _SHAPES[layout]
-    size = image.shape[1] // columns
-    used = {place[:2] for place in _PLACES[layout]}
-    for row in range(rows):
-        for column in range(columns):
-            if (column, row) not in used:
-                image[row * size : (row + 1) * size, column * size : (column + 1) * size] = 0
+    size = image.shape[1] // CUBES[layout].columns
+    for column, row in CUBES[layout].unused():
+        image[row * size : (row + 1) * size, column * size : (column + 1) * size] = 0
 
 
 def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array:
-    """Any cube layout as a stacked cube of OpenEXR's orientation.
+    """An image of any arrangement of a cube as a stacked cube of OpenEXR's orientation.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W, channels)
-        Of a cube layout; for ``"faces"``, the six files stacked.
+    image : ndarray, shape (rows * N, columns * N, channels)
+        For ``"faces"`` it is the six files stacked.
+    layout : Layout
+        One of a cube.
+    orientation : {"openexr", "gl"}
+        Of the faces in the image.
 
     Returns
     -------
     ndarray, shape (6N, N, channels)
     """
-    place = "openexr" if layout == "faces" else layout
-    columns, _ = _SHAPES[place]
-    size = image.shape[1] // columns
+    cube = CUBES[layout]
+    size = image.shape[1] // cube.columns
     faces = np.empty((len(FACES), size, size, image.shape[2]), dtype=image.dtype)
-    for face, (column, row, turned) in enumerate(_PLACES[place]):
+    for face, (column, row, turned) in enumerate(cube.places):
         part = image[row * size : (row + 1) * size, column * size : (column + 1) * size]
         faces[face] = part[::-1, ::-1] if turned else part
     return reorient(faces, orientation).reshape(6 * size, size, -1)
 
 
 def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Array:
-    """A stacked cube of OpenEXR's orientation in any cube layout: the inverse of `stack_faces`.
+    """A stacked cube of OpenEXR's orientation in any arrangement: the inverse of `stack_faces`.
 
     Parameters
     ----------
     stack : ndarray, shape (6N, N, channels)
     layout : Layout
-        Of a cube; ``"faces"`` gives the six files stacked.
+        One of a cube; ``"faces"`` gives the six files stacked.
     orientation : {"openexr", "gl"}
         Of the faces in the result.
 
@@ -139,13 +168,12 @@ def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Arr
     ndarray, shape (rows * N, columns * N, channels)
         The corners of a cross are 0.
     """
-    place = "openexr" if layout == "faces" else layout
-    columns, rows = _SHAPES[place]
+    cube = CUBES[layout]
     size = stack.shape[1]
     # Between the two orientations faces are only flipped: the way back is the way there.
     faces = reorient(stack.reshape(len(FACES), size, size, -1), orientation)
-    image = np.zeros((rows * size, columns * size, faces.shape[-1]), dtype=stack.dtype)
-    for face, (column, row, turned) in enumerate(_PLACES[place]):
+    image = np.zeros((cube.rows * size, cube.columns * size, faces.shape[-1]), dtype=stack.dtype)
+    for face, (column, row, turned) in enumerate(cube.places):
         part = faces[face, ::-1, ::-1] if turned else faces[face]
         image[row * size : (row + 1) * size, column * size : (column + 1) * size] = part
     return image

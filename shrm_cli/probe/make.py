@@ -1,6 +1,7 @@
 """Probes that are computed instead of photographed: a furnace, an impulse, a studio.
 
-All are lat-longs sampled at pixel centres: +Y up, +Z in the centre column, +X a quarter left.
+All are lat-longs sampled at pixel centers, with +Y up, +Z in the center column and +X a quarter
+of the width left of it.
 """
 
 from collections.abc import Callable
@@ -11,15 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.sphere.directions import from_azimuth_elevation
-from shrm_cli.sphere.grids import latlong_coordinates, latlong_directions
+from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions
 
 Array = NDArray[np.floating]
 Image = NDArray[np.float32]
 
 BAND_ROWS = 64
-"""Rows shaded at a time: keeps the temporaries small beside the image itself."""
+"""Rows shaded at a time, few enough to keep the temporaries small beside the image itself."""
 
 LARGEST_HALF = 65504.0
+"""The largest number that half floats hold."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class SoftBox:
     Attributes
     ----------
     azimuth, elevation : float
-        Direction of its centre, degrees; see `from_azimuth_elevation`.
+        Direction of its center, degrees; see `from_azimuth_elevation`.
     width, height : float
         Angles that it spans at half its radiance, degrees, below 180.
     color : tuple of float
@@ -84,7 +86,8 @@ def impulse(size: int, direction: ArrayLike, radiance: ArrayLike | None = None) 
     size : int
         Height of the image in pixels, at least 2.
     direction : array_like, shape (3,)
-        World direction, of any length but 0. On the edge of texels, the right or lower one.
+        World direction, of any length but 0. On the edge between texels it is in the right or
+        lower one.
     radiance : array_like, scalar or shape (3,), optional
         Linear RGB of the texel. The default is 1 / its exact solid angle: then the integral of
         radiance over the sphere is 1 in each channel, and so is the irradiance of a surface
@@ -218,6 +221,7 @@ def latlong_solid_angles(size: int) -> Array:
 
 
 def _rgb(radiance: ArrayLike) -> Array:
+    """A radiance as three numbers, each within the range of float32."""
     values = np.asarray(radiance, dtype=float)
     largest = np.finfo(np.float32).max
     if values.shape not in ((), (1,), (3,)) or not ((values >= 0) & (values <= largest)).all():

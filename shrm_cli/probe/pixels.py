@@ -23,7 +23,7 @@ class PixelReport:
     negative, minimum : int, float
         Pixels with a negative channel, and the least value.
     clamped : int
-        Pixels that `--clamp` dimmed.
+        Pixels that `clamp` dimmed.
     energy_removed, energy : float
         The integral of radiance over the sphere, channels added: what clamping took, and
         what there was before.
@@ -69,7 +69,7 @@ class PixelPolicy:
     Attributes
     ----------
     fix_nonfinite : bool
-        Replace NaN and infinite pixels by the mean of their finite neighbours.
+        Replace NaN and infinite pixels by the mean of their finite neighbors.
     clamp : float, optional
         Largest radiance of a channel. Brighter pixels are scaled down as a whole, which keeps
         their hue.
@@ -79,13 +79,20 @@ class PixelPolicy:
     clamp: float | None = None
 
     def apply(self, pixels: Array, weights: Array, report: PixelReport) -> Array:
-        """Finite pixels without negative radiance, clamped if asked; the report is added to.
+        """Finite pixels without negative radiance, clamped if asked.
 
         Parameters
         ----------
         pixels : ndarray, shape (rows, columns, 3)
+            They are left as they are.
         weights : ndarray, shape (rows, columns) or (rows, 1)
             Solid angles.
+        report : PixelReport
+            What is added to.
+
+        Returns
+        -------
+        ndarray, shape (rows, columns, 3)
         """
         if pixels.size and pixels.min() < 0:
             below = pixels < 0
@@ -106,7 +113,21 @@ class PixelPolicy:
 
 
 def find_nonfinite(pixels: Array, first_row: int, report: PixelReport) -> NDArray[np.bool_] | None:
-    """Mask of the pixels of a block that are NaN or infinite, or None; counted in the report."""
+    """Find the pixels of a block that are NaN or infinite, and count them in the report.
+
+    Parameters
+    ----------
+    pixels : ndarray, shape (rows, columns, 3)
+    first_row : int
+        Where the block begins in its image.
+    report : PixelReport
+        What is added to.
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, columns), or None
+        None where all pixels are finite.
+    """
     # One pass in the common case: a sum is finite if every term is, short of overflow.
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(pixels.sum()):
@@ -132,7 +153,7 @@ def refuse_nonfinite(name: str, report: PixelReport) -> None:
         column, row = report.first_nonfinite
         raise ProbeError(
             f"{name}: {report.nonfinite} pixels are NaN or infinite, the first at column "
-            f"{column}, row {row}; give --fix-nonfinite to fill them"
+            f"{column}, row {row}; give `fix_nonfinite` to fill them"
         )
 
 
@@ -142,7 +163,7 @@ def fill_nonfinite(
     used: NDArray[np.bool_] | None = None,
     rounds: int | None = None,
 ) -> Array:
-    """Replace each NaN or infinite pixel by the mean of its finite neighbours.
+    """Replace each NaN or infinite pixel by the mean of its finite neighbors.
 
     Larger holes are filled from their rim inwards, one pixel in each round.
 
@@ -150,11 +171,11 @@ def fill_nonfinite(
     ----------
     pixels : ndarray, shape (H, W, 3)
     wraps : bool
-        Whether the left and right edges are neighbours (a lat-long).
+        Whether the left and right edges are beside each other, as in a lat-long.
     used : ndarray of bool, shape (H, W), optional
         The pixels that hold radiance; no others are filled or filled from.
     rounds : int, optional
-        How deep to fill; what lies deeper stays as it is. All the way by default.
+        How deep to fill; what lies deeper stays as it is. By default no depth is too great.
 
     Returns
     -------

@@ -1,125 +1,143 @@
-"""A light probe: radiance on a lat-long, a cube or an angular map."""
+"""A light probe: radiance on a grid, from image files or from arrays."""
 
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from pathlib import Path
+from typing import Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.image_file import ImageFile, sha256
-from shrm_cli.probe.layout import (
-    Layout,
-    check_shape,
-    clear_unused,
-    default_orientation,
-    detect_layout,
-    stack_faces,
-)
-from shrm_cli.probe.pixels import (
-    PixelPolicy,
-    PixelReport,
-    fill_nonfinite,
-    find_nonfinite,
-    refuse_nonfinite,
-)
-from shrm_cli.sphere.cube import FACES, cube_solid_angles
-from shrm_cli.sphere.grids import angular_solid_angles, colatitude_weights, longitude_weights
-from shrm_cli.sphere.sampling import CubeSampler, sample_angular, sample_latlong
+from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
+from shrm_cli.probe.blocks import Block, BlockReader
+from shrm_cli.probe.image import ArrayImage, ProbeImage, digest
+from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
+from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
+from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
-Grid = Literal["latlong", "cube", "angular"]
-
-_MAX_PIXELS_IN_MEMORY = {"cube": 2**27, "angular": 2**25}  # about 7 GB
-_BLOCK_PIXELS = 2**20
-_NOTHING_FINITE = "{}: nothing is finite to fill NaN or infinite pixels from; export it again"
-_HOLE_ROWS = 32  # read around a block with holes, at first
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """How a file is to be understood; None leaves it to the file.
-
-    Attributes
-    ----------
-    layout, orientation, sampling
-        As `Layout`, `Orientation`, `Sampling`.
-    yaw : float
-        Turn about +Y, degrees, from +Z towards +X.
-    mirror : bool
-        Mirror x -> -x (before the yaw).
-    up : {"y", "z"}
-        ``z``: the file's +Z is up; it is turned to +Y first of all.
-    linearize : bool
-        Decode integer pixels as sRGB.
-    pixels : PixelPolicy
-    """
-
-    layout: Layout | None = None
-    orientation: Orientation | None = None
-    sampling: Sampling | None = None
-    yaw: float = 0.0
-    mirror: bool = False
-    up: Literal["y", "z"] = "y"
-    linearize: bool = False
-    pixels: PixelPolicy = field(default_factory=PixelPolicy)
-
-    def matrix(self) -> Array:
-        """Orthogonal matrix from the file's axes to world axes, shape (3, 3)."""
-        a = np.radians(self.yaw)
-        turn = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
-        mirror = np.diag([-1.0 if self.mirror else 1.0, 1.0, 1.0])
-        up = np.eye(3)
-        if self.up == "z":
-            up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        return turn @ mirror @ up
 
 
 @dataclass(frozen=True)
 class Probe:
     """A probe whose pixels are read on demand, and checked as they are.
 
+    `open_probe` makes one from files, `Probe.from_array` from pixels in memory.
+
     Attributes
     ----------
     name : str
-        The file's name, as the user gave it.
-    grid : {"latlong", "cube", "angular"}
-    width, height : int
-        Of the grid; a cube is N x 6N in OpenEXR's order and orientation, whatever it was in
-        the file.
-    sampling : {"center", "border"}
+        What messages and maps call it: the file's name, as the user gave it.
+    grid : Grid
+        Where its pixels lie. A cube is N x 6N in OpenEXR's order and orientation, whatever it was
+        in the images.
     layout : Layout
-        Of the file.
+        Of the images.
+    orientation : {"openexr", "gl"}, optional
+        Of the faces of a cube in the images; None where there are no faces.
     matrix : ndarray, shape (3, 3)
         From the grid's axes to world axes.
+    policy : PixelPolicy
+        What is done about pixels that cannot be radiance.
     chromaticities : tuple of 8 float, optional
+        x and y of red, green, blue and white.
+    images : tuple of ProbeImage
+        What the pixels are read from: one image, or six faces.
     report : PixelReport
-        Filled by reading.
+        What the pixels needed. Reading fills it.
     """
 
     name: str
     grid: Grid
-    width: int
-    height: int
-    sampling: Sampling
     layout: Layout
-    orientation: Orientation
+    orientation: Orientation | None
     matrix: Array
     policy: PixelPolicy
     chromaticities: tuple[float, ...] | None
-    files: tuple[ImageFile, ...]
+    images: tuple[ProbeImage, ...]
     report: PixelReport = field(default_factory=PixelReport)
 
-    def digest(self) -> str:
-        """SHA-256 of the file's bytes; of six files, one after the other."""
-        return sha256([file.path for file in self.files])
+    @classmethod
+    def from_array(
+        cls,
+        array: ArrayLike,
+        layout: Layout | None = None,
+        *,
+        name: str = "array",
+        orientation: Orientation | None = None,
+        sampling: Sampling | None = None,
+        yaw: float = 0.0,
+        mirror: bool = False,
+        up: Literal["y", "z"] = "y",
+        clamp: float | None = None,
+        fix_nonfinite: bool = False,
+        chromaticities: tuple[float, ...] | None = None,
+    ) -> "Probe":
+        """Make a probe from pixels in memory, which are copied.
 
-    def blocks(self) -> Iterator[tuple[int, Array, Array]]:
-        """Yield the image in blocks of rows: first row, pixels, solid angles.
+        Parameters
+        ----------
+        array : array_like of a floating type, shape (H, W, 3) or (H, W)
+            Linear radiance; one channel serves as three.
+        layout : Layout, optional
+            By default it follows from the shape, where that tells. ``"faces"`` is the six faces
+            stacked.
+        name : str
+            What messages and maps call the probe.
+        orientation, sampling, yaw, mirror, up
+            As `ReadOptions` has them.
+        clamp, fix_nonfinite
+            As `PixelPolicy` has them.
+        chromaticities : tuple of 8 float, optional
+            x and y of red, green, blue and white, for the maps that are made of the probe.
+
+        Raises
+        ------
+        ProbeError
+            If the array is no image, its shape does not suit the layout, or another argument has
+            a value that it cannot have.
+        """
+        policy = PixelPolicy(fix_nonfinite, clamp)
+        options = ReadOptions(layout, orientation, sampling, yaw, mirror, up, pixels=policy)
+        if chromaticities is not None and np.shape(chromaticities) != (8,):
+            raise ProbeError(f"{name}: `chromaticities` must be 8 numbers, not {chromaticities!r}")
+        image = ArrayImage.copy_of(array, name)
+        found = layout or detect_layout(name, image.width, image.height, "")
+        primaries = None if chromaticities is None else tuple(map(float, chromaticities))
+        return _make_probe(name, (image,), found, "center", options, primaries)
+
+    @property
+    def width(self) -> int:
+        """Columns of the grid."""
+        return self.grid.shape[1]
+
+    @property
+    def height(self) -> int:
+        """Rows of the grid."""
+        return self.grid.shape[0]
+
+    @property
+    def sampling(self) -> Sampling:
+        """Where the edge pixels of the grid lie."""
+        return self.grid.sampling
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that the pixels are read from; none for an array."""
+        return [image.path for image in self.images if image.path is not None]
+
+    def digest(self) -> str:
+        """SHA-256 of the bytes of the files, one after the other, or of the array and its shape."""
+        return digest(self.images)
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the image in blocks of rows: first row, pixels, weights.
 
         Yields
         ------
@@ -127,7 +145,7 @@ class Probe:
         pixels : ndarray of float32, shape (rows, width, 3)
             Finite and not negative.
         weights : ndarray, shape (rows, width) or (rows, 1)
-            Solid angle of each pixel; Fejer's or Clenshaw-Curtis's rule on a lat-long.
+            Solid angle of each pixel, or the weight of a more exact rule; see `Grid.weights`.
 
         Raises
         ------
@@ -135,99 +153,32 @@ class Probe:
             If the file is damaged, or has NaN or infinite pixels that are not to be filled.
         """
         self.report.clear()
-        reader = self._latlong_rows if self.grid == "latlong" else self._whole
-        for start, pixels, weights in reader():
+        reader = BlockReader(
+            self.name, self.images, self.layout, self.orientation, self.grid,
+            self.policy.fix_nonfinite, self.report,
+        )  # fmt: skip
+        for start, pixels, weights in reader.blocks():
             yield start, self.policy.apply(pixels, weights, self.report), weights
-        if not self.policy.fix_nonfinite:
-            refuse_nonfinite(self.name, self.report)
 
     def image(self) -> Array:
-        """The whole grid, shape (height, width, 3)."""
+        """The whole grid, a new array of shape (height, width, 3)."""
         return np.concatenate([pixels for _, pixels, _ in self.blocks()])
-
-    def _latlong_rows(self) -> Iterator[tuple[int, Array, Array]]:
-        file = self.files[0]
-        rows = max(_BLOCK_PIXELS // self.width, 1)
-        rows = -(-rows // file.row_multiple) * file.row_multiple
-        column = longitude_weights(self.width, self.sampling)
-        if self.sampling == "center":  # every column weighs the same
-            column = column[:1]
-        weights = colatitude_weights(self.height, self.sampling)[:, None]
-        for start in range(0, self.height, rows):
-            stop = min(start + rows, self.height)
-            pixels = file.read(start, stop)
-            bad = find_nonfinite(pixels, start, self.report)
-            if bad is not None and self.policy.fix_nonfinite:
-                pixels = self._filled_rows(start, stop)
-            elif bad is not None:  # only counted: an error follows
-                pixels = np.where(bad[..., None], np.float32(0), pixels)
-            yield start, pixels, weights[start:stop] * column
-
-    def _filled_rows(self, start: int, stop: int) -> Array:
-        """Rows of a lat-long without holes, the same however the image is cut into blocks.
-
-        A pixel at depth k of a hole depends on the k rows above and below it, so as many are
-        read as the deepest one needs.
-        """
-        margin = _HOLE_ROWS
-        while True:
-            first, last = max(start - margin, 0), min(stop + margin, self.height)
-            whole = last - first == self.height
-            around = fill_nonfinite(
-                self.files[0].read(first, last), wraps=True, rounds=None if whole else margin
-            )
-            pixels = around[start - first : stop - first]
-            if np.isfinite(pixels).all():
-                return pixels
-            if whole:
-                raise ProbeError(_NOTHING_FINITE.format(self.name))
-            margin *= 4
-
-    def _whole(self) -> Iterator[tuple[int, Array, Array]]:
-        angular = self.grid == "angular"
-        if angular:
-            weights = angular_solid_angles(self.width, self.sampling)
-        else:
-            weights = np.tile(cube_solid_angles(self.width, self.sampling), (6, 1))
-        parts = []
-        for file in self.files:
-            part = file.read(0, file.height)
-            if angular:
-                part[weights == 0] = 0  # outside the rim
-            clear_unused(part, self.layout)
-            find_nonfinite(part, 0, self.report)
-            if not self.policy.fix_nonfinite:
-                refuse_nonfinite(str(file.path), self.report)
-            parts.append(part)
-        image = np.concatenate(parts) if len(parts) > 1 else parts[0]
-        if not angular:
-            image = stack_faces(image, self.layout, self.orientation)
-        if self.report.nonfinite:
-            square = (-1, self.width, self.width)
-            pictures = zip(image.reshape(*square, 3), (weights > 0).reshape(square), strict=True)
-            image = np.concatenate([fill_nonfinite(part, used=used) for part, used in pictures])
-            if not np.isfinite(image).all():
-                raise ProbeError(_NOTHING_FINITE.format(self.name))
-        yield 0, image, weights
 
     def radiance(self, directions: ArrayLike) -> Array:
         """Filtered radiance in world directions, shape (..., 3); the image is read once."""
         inside = np.asarray(directions) @ self.matrix  # M^-1 d, as rows
-        if self.grid == "cube":
-            return np.maximum(self._sampler(inside), 0)
-        sample = sample_latlong if self.grid == "latlong" else sample_angular
-        return sample(self._image, inside, self.sampling)
+        return np.maximum(self._sampler(inside), 0)  # a cubic filter overshoots
 
     @cached_property
-    def _image(self) -> Array:
-        return self.image()
-
-    @cached_property
-    def _sampler(self) -> CubeSampler:
-        return CubeSampler(self._image, self.sampling)
+    def _sampler(self) -> Sampler:
+        return self.grid.sampler(self.image())
 
 
-def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Probe:
+def open_probe(
+    path: str | os.PathLike[str],
+    options: ReadOptions | None = None,
+    **keywords: Unpack[ReadKeywords],
+) -> Probe:
     """Open a probe of any layout; its pixels are read when they are needed.
 
     Parameters
@@ -235,17 +186,21 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
     path : path-like
         An image file, or six of them with ``%`` in place of ``+X``, ``-X``, ...
     options : ReadOptions, optional
+        How the file is to be understood.
+    **keywords
+        Attributes of `ReadOptions`, or `clamp` and `fix_nonfinite` of its `PixelPolicy`; they
+        replace those of `options`.
 
     Raises
     ------
     ProbeError
-        If it is no usable image, or its layout is unknown.
+        If it is no usable image, its layout is unknown, or a keyword or its value is.
     """
-    options = options or ReadOptions()
+    options = with_keywords(options or ReadOptions(), keywords)
     name = str(path)
     if "%" in os.path.basename(name) and not os.path.exists(name):
         if options.layout not in (None, "faces"):
-            raise ProbeError(f"{name}: six files are not {options.layout}; leave --layout out")
+            raise ProbeError(f"{name}: six files are not {options.layout}; leave `layout` out")
         files = _open_faces(name, options)
         layout: Layout = "faces"
     elif options.layout == "faces":
@@ -256,28 +211,37 @@ def open_probe(path: str | os.PathLike[str], options: ReadOptions | None = None)
             name, files[0].width, files[0].height, files[0].envmap
         )
     first = files[0]
-    check_shape(name, layout, first.width, first.height)
-    grid: Grid = layout if layout == "latlong" or layout == "angular" else "cube"
-    count = first.width * first.height * len(files)
-    if count > (limit := _MAX_PIXELS_IN_MEMORY.get(grid, count)):
-        raise ProbeError(f"{name}: {count:,} {layout} pixels exceed {limit:,}; scale it down")
-    width, height = first.width, first.height
-    if grid == "cube":
-        width //= {"strip": 6, "hcross": 4, "vcross": 3}.get(layout, 1)
-        height = 6 * width
     sampling: Sampling = "border" if first.border_sampled else "center"
+    return _make_probe(name, files, layout, sampling, options, first.chromaticities)
+
+
+def _make_probe(
+    name: str,
+    images: tuple[ProbeImage, ...],
+    layout: Layout,
+    sampling: Sampling,
+    options: ReadOptions,
+    chromaticities: tuple[float, ...] | None,
+) -> Probe:
+    """Make a probe from images, after checks of their size.
+
+    `sampling` is what the images say of themselves; the options overrule it.
+    """
+    first = images[0]
+    check_shape(name, layout, first.width, first.height, len(images))
+    grid = grid_of(layout, first.width, options.sampling or sampling, len(images))
+    count = first.width * first.height * len(images)
+    if grid.most_pixels is not None and count > grid.most_pixels:
+        raise ProbeError(
+            f"{name}: {count:,} {layout} pixels exceed {grid.most_pixels:,}; scale it down"
+        )
+    orientation: Orientation | None = None
+    if layout in CUBES:
+        # A cube in a DDS file is stacked, but comes from a graphics API.
+        own: Orientation = "gl" if first.file_format == "dds" else default_orientation(layout)
+        orientation = options.orientation or own
     return Probe(
-        name,
-        grid,
-        width,
-        height,
-        options.sampling or sampling,
-        layout,
-        options.orientation or default_orientation(layout, first.file_format),
-        options.matrix(),
-        options.pixels,
-        first.chromaticities,
-        files,
+        name, grid, layout, orientation, options.matrix(), options.pixels, chromaticities, images
     )
 
 
@@ -288,6 +252,7 @@ def face_paths(name: str) -> list[str]:
 
 
 def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
+    """Open the six files that a name with ``%`` stands for, which must be of one size."""
     files = tuple(ImageFile.open(path, options.linearize) for path in face_paths(name))
     for file in files:
         if (file.width, file.height) != (files[0].width, files[0].height):

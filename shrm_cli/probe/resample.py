@@ -7,87 +7,36 @@ so what exceeds many times the mean radiance goes the other way: each such pixel
 parts, and their light is added to the cells that they fall upon. That keeps the energy.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.aligned import copy, reduce_latlong
-from shrm_cli.probe.layout import Layout, arrange_faces, default_orientation
-from shrm_cli.probe.probe import Grid, Probe
-from shrm_cli.probe.raster import Raster
-from shrm_cli.sphere.cube import FACES, face_axes
-from shrm_cli.sphere.sampling import CubeSampler, sample_angular, sample_latlong
+from shrm_cli.layouts import CUBES, Layout, default_orientation, grid_name
+from shrm_cli.probe.layout import arrange_faces
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.grid.base import Grid
+from shrm_cli.sphere.grid.registry import grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.intp]
-Progress = Callable[[int, int], object]
 
-MAX_SIZE: dict[Grid, int] = {"latlong": 8192, "cube": 4096, "angular": 4096}
-"""Height of a lat-long, edge of a cube, width of an angular map: up to 1.6 GB as float32."""
 MAX_PIXELS = 2**27
-"""Of the source: 1.6 GB as float32, twice while it is read."""
+"""Pixels that a source may have: 1.6 GB as float32, which it takes twice while it is read."""
 
-_MIN_SIZE: dict[Grid, int] = {"latlong": 2, "cube": 1, "angular": 3}
 _FINER = 0.75
-"""Pixels of about the source's size could still miss its small lights; smaller ones cannot."""
+"""The least ratio of the resolutions at which the target is averaged.
+
+Pixels of about the source's size could still miss its small lights; smaller ones cannot.
+"""
 _SAMPLES_AT_ONCE = 2**18
 _BRIGHT = 16.0
-"""Times the mean radiance; at most 1 / 16 of the sphere is brighter."""
+"""Times the mean radiance that is bright; at most 1 / 16 of the sphere is brighter."""
 _BRIGHT_PARTS = 4
 
 
-def resample_latlong(
-    probe: Probe, height: int, sampling: Sampling = "center", progress: Progress | None = None
-) -> Array:
-    """A probe as a lat-long in world axes.
-
-    Parameters
-    ----------
-    probe : Probe
-    height : int
-        Rows; it is twice as wide.
-    sampling : {"center", "border"}
-        Of the result.
-    progress : callable, optional
-        Called with the rows done and their number.
-
-    Returns
-    -------
-    ndarray of float32, shape (height, 2 * height, 3)
-        Not negative.
-
-    Raises
-    ------
-    ProbeError
-        If the size is out of its range, or the probe cannot be read.
-    """
-    return _resample(probe, Raster("latlong", height, sampling), progress)
-
-
-def resample_cube(
-    probe: Probe, size: int, sampling: Sampling = "center", progress: Progress | None = None
-) -> Array:
-    """A probe as a stacked cube of OpenEXR's orientation, (6 size, size, 3) of float32.
-
-    Parameters and errors as for `resample_latlong`; `size` is the texels along an edge.
-    """
-    return _resample(probe, Raster("cube", size, sampling), progress)
-
-
-def resample_angular(
-    probe: Probe, size: int, sampling: Sampling = "center", progress: Progress | None = None
-) -> Array:
-    """A probe as an angular map, (size, size, 3) of float32; 0 outside the rim.
-
-    Parameters and errors as for `resample_latlong`; `size` is the width and the height.
-    """
-    return _resample(probe, Raster("angular", size, sampling), progress)
-
-
-def relay(
+def to_layout(
     probe: Probe,
     layout: Layout,
     orientation: Orientation | None = None,
@@ -109,7 +58,7 @@ def relay(
         `default_size`.
     sampling : {"center", "border"}
     progress : callable, optional
-        As for `resample_latlong`.
+        As for `to_grid`.
 
     Returns
     -------
@@ -120,66 +69,80 @@ def relay(
     ProbeError
         If the size is out of its range, or the probe cannot be read.
     """
-    grid: Grid = layout if layout == "latlong" or layout == "angular" else "cube"
-    size = default_size(probe, grid) if size is None else size
-    image = _resample(probe, Raster(grid, size, sampling), progress)
-    if grid != "cube":
+    kind = grid_class(grid_name(layout))
+    size = default_size(probe, kind) if size is None else size
+    image = to_grid(probe, kind(size, sampling), progress)
+    if layout not in CUBES:
         return image
-    return arrange_faces(image, layout, orientation or default_orientation(layout, "openexr"))
+    return arrange_faces(image, layout, orientation or default_orientation(layout))
 
 
-def default_size(probe: Probe, grid: Grid) -> int:
-    """The size that keeps a probe's resolution on another grid, within the limits.
+def default_size(probe: Probe, kind: type[Grid]) -> int:
+    """The size that keeps a probe's resolution on a grid of another kind, within the limits.
 
     As many pixels go around the equator: a lat-long of height H, a cube of edge H / 2 and an
     angular map of width 2 H belong together.
     """
-    size = round(Raster.of(probe).resolution / Raster(grid, 1, "center").resolution)
-    return min(max(size, _MIN_SIZE[grid]), MAX_SIZE[grid])
+    size = round(probe.grid.resolution / kind.half_turn)
+    return min(max(size, kind.smallest), kind.largest)
 
 
-def _resample(probe: Probe, target: Raster, progress: Progress | None) -> Array:
-    smallest, largest = _MIN_SIZE[target.grid], MAX_SIZE[target.grid]
-    if not smallest <= target.size <= largest:
+def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Array:
+    """A probe on a grid in world axes.
+
+    Parameters
+    ----------
+    probe : Probe
+    target : Grid
+        A cube is stacked, in OpenEXR's order and orientation.
+    progress : callable, optional
+        Called with the rows done and their number.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns, 3)
+        It is not negative, and 0 where the grid holds nothing.
+
+    Raises
+    ------
+    ProbeError
+        If the size is out of its range, or the probe cannot be read.
+    """
+    if not target.smallest <= target.size <= target.largest:
         raise ProbeError(
-            f"{probe.name}: a {target.grid} image of size {target.size} is out of range; give a "
-            f"size of {smallest} to {largest}"
+            f"{probe.name}: a {target.name} image of size {target.size} is out of range; give a "
+            f"size of {target.smallest} to {target.largest}"
         )
     if (count := probe.width * probe.height) > MAX_PIXELS:
         raise ProbeError(
             f"{probe.name}: {count:,} pixels exceed {MAX_PIXELS:,}, what is kept in memory; scale "
             "it down"
         )
-    image = copy(probe, target)
+    source = probe.grid
+    whole = probe.image()
+    image = source.turned(whole, probe.matrix) if target == source else None
     if image is not None:
         return image
-    source = Raster.of(probe)
     ratio = source.resolution / target.resolution
     parts = max(int(np.ceil(ratio)), 1)
     if ratio < _FINER:
-        return _sampled(probe.image(), probe, target, parts, progress)
-    image = reduce_latlong(probe, target)
+        return _sampled(whole, probe, target, parts, progress)
+    image = source.reduced(whole, target, probe.matrix)
     if image is None:
-        whole = probe.image()
         bright = _take_bright(whole, probe)
         image = _sampled(whole, probe, target, parts, progress)
         if len(bright[0]):
             _add_bright(image, target, source, probe.matrix, *bright)
     if target.sampling == "border":
-        _share_borders(image, target)
+        target.share_borders(image)
     return image
 
 
 def _sampled(
-    pixels: Array, probe: Probe, target: Raster, parts: int, progress: Progress | None
+    pixels: Array, probe: Probe, target: Grid, parts: int, progress: Progress | None
 ) -> Array:
     """Filtered values of an image of the probe at the target's samples, or means of its parts."""
-    look_up: Callable[[Array], Array]
-    if probe.grid == "cube":
-        look_up = CubeSampler(pixels, probe.sampling)
-    else:
-        sample = sample_latlong if probe.grid == "latlong" else sample_angular
-        look_up = lambda directions: sample(pixels, directions, probe.sampling)  # noqa: E731
+    look_up = probe.grid.sampler(pixels)
     height, width = target.shape
     down, across = target.parts(parts)
     image = np.empty((height, width, 3), dtype=np.float32)
@@ -200,18 +163,25 @@ def _sampled(
         image[rows] = np.maximum(mean, 0)  # a cubic filter overshoots
         if progress is not None:
             progress(start + len(rows), height)
-    if target.grid == "angular":
-        s = target.parts(1)[1].ravel()
-        image[np.hypot(s, s[:, None]) > 1] = 0
+    used = target.used()
+    if used is not None:
+        image[~used] = 0
     return image
 
 
 def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
     """Dim, in place, what exceeds `_BRIGHT` times the mean radiance.
 
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, 3)
+        The probe's pixels, which have just been read: its report tells their mean.
+    probe : Probe
+
     Returns
     -------
     rows, columns : ndarray of int, shape (n,)
+        The pixels that were dimmed.
     excess : ndarray, shape (n, 3)
         The radiance that was taken from each pixel.
     """
@@ -227,14 +197,25 @@ def _take_bright(image: Array, probe: Probe) -> tuple[Indices, Indices, Array]:
 
 def _add_bright(
     image: Array,
-    target: Raster,
-    source: Raster,
+    target: Grid,
+    source: Grid,
     matrix: Array,
     rows: Indices,
     columns: Indices,
     excess: Array,
 ) -> None:
-    """Add, in place, the light of some pixels of the source to the cells that they fall upon."""
+    """Add, in place, the light of some pixels of the source to the cells that they fall upon.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, 3)
+        On the target.
+    target, source : Grid
+    matrix : ndarray, shape (3, 3)
+        From the axes of the source to those of the target.
+    rows, columns, excess
+        As `_take_bright` gives them.
+    """
     down, across = source.parts(_BRIGHT_PARTS)
     heights, widths = source.extents()
     step = max(_SAMPLES_AT_ONCE // _BRIGHT_PARTS**2, 1)
@@ -250,25 +231,3 @@ def _add_bright(
     lit_rows, lit_columns = np.nonzero(light.any(axis=-1))
     solid_angles = target.solid_angles(lit_rows, lit_columns)
     image[lit_rows, lit_columns] += light[lit_rows, lit_columns] / solid_angles[:, None]
-
-
-def _share_borders(image: Array, target: Raster) -> None:
-    """Give the border pixels that are the same direction the mean of their cells, in place."""
-    if target.grid == "latlong":
-        image[:, [0, -1]] = (image[:, :1] + image[:, -1:]) / 2
-        image[[0, -1]] = image[[0, -1], :-1].mean(axis=1, keepdims=True)
-    if target.grid == "cube" and target.size > 1:
-        last = target.size - 1
-        k = np.arange(0, 2 * last + 1, 2) - last  # whole numbers: equal points are equal
-        right, down, forward = np.moveaxis(face_axes().astype(int), 1, 0)[:, :, None, None]
-        points = forward * last + right * k[:, None] + down * k[:, None, None]
-        on_edge = np.broadcast_to(
-            (np.abs(k) == last) | (np.abs(k[:, None]) == last), (len(FACES), len(k), len(k))
-        )
-        pixels = image.reshape(*on_edge.shape, 3)
-        _, place, count = np.unique(
-            points[on_edge], axis=0, return_inverse=True, return_counts=True
-        )
-        total = np.zeros((len(count), 3))
-        np.add.at(total, place.ravel(), pixels[on_edge])
-        pixels[on_edge] = (total / count[:, None])[place.ravel()]

@@ -19,17 +19,18 @@ from shrm_cli.probe.make import (
     shade_in_bands,
 )
 from shrm_cli.sphere.directions import from_azimuth_elevation, local_frame, to_angles
-from shrm_cli.sphere.grids import latlong_directions
+from shrm_cli.sphere.latlong import latlong_directions
 
 Array = NDArray[np.floating]
 
 TURBIDITY_RANGE = (1.7, 10.0)
-"""Below, the fitted zenith is dark (F(0, theta) is 0 at 1.65); above, the air is not clear."""
+"""Below it the fitted zenith is dark (F(0, theta) is 0 at 1.65); above it the air is not clear."""
 
 SUN_RADIUS = np.arcsin(0.695 / 150)
 """Angular radius of the sun's disc, radians (0.2655 degrees).
 
-Its radius over its distance in millions of km, as Table 2 divided measured irradiance by it.
+Its sine is the sun's radius over its distance, both in millions of km. Table 2 divided measured
+irradiance by the solid angle of this disc.
 """
 
 SUN_SOLID_ANGLE = 2 * np.pi * (1 - np.cos(SUN_RADIUS))
@@ -56,7 +57,7 @@ def sky(
     size : int
         Height of the image in pixels, at least 2.
     sun_azimuth, sun_elevation : float
-        Direction of the sun's centre, degrees: azimuth 0 is +Z and turns towards +X about +Y;
+        Direction of the sun's center, degrees: azimuth 0 is +Z and turns towards +X about +Y;
         elevation 0 (half of the disc has set) to 90.
     turbidity : float
         Haziness, 1.7 (pure air) to 10 (haze); 3 is a clear day.
@@ -167,7 +168,7 @@ def sun_radiance(elevation: float, turbidity: float) -> Array:
     Parameters
     ----------
     elevation : float
-        Of the disc's centre, degrees, 0 to 90.
+        Elevation of the disc's center, degrees, 0 to 90.
     turbidity : float
 
     Returns
@@ -196,7 +197,7 @@ def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> 
     wavelengths : ndarray, shape (n,)
         In nm.
     elevation : float
-        Of the sun, degrees, 0 to 90.
+        Elevation of the sun, degrees, 0 to 90.
     turbidity : float
 
     Returns
@@ -227,7 +228,7 @@ def atmosphere_depth(wavelengths: Array, elevation: float, turbidity: float) -> 
 
 
 def sun_disc_samples(sun: Array) -> Array:
-    """Sample the disc: unit directions, shape (SUN_SAMPLES, 3), one for each equal part of it."""
+    """Unit directions, shape (SUN_SAMPLES, 3), one for each of as many equal parts of the disc."""
     i = np.arange(SUN_SAMPLES)
     cosine = 1 - (i + 0.5) / SUN_SAMPLES * (1 - np.cos(SUN_RADIUS))
     sine = np.sqrt(1 - cosine**2)
@@ -257,6 +258,7 @@ def _perez(name: str, turbidity: float, cosine: Array, gamma: Array | float) -> 
 
 
 def _zenith_chromaticity(name: str, turbidity: float, sun_theta: float) -> float:
+    """Chromaticity x or y of the zenith (A.2), for a sun at `sun_theta` radians from it."""
     polynomials = np.array(data.ZENITH_CHROMATICITY[name])
     powers = sun_theta ** np.arange(3, -1, -1)
     return float(np.array([turbidity**2, turbidity, 1.0]) @ polynomials @ powers)

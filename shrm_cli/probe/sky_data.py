@@ -1,4 +1,4 @@
-"""Tables of the analytic daylight model, and the colour spaces that it needs.
+"""Tables of the analytic daylight model, and the color spaces that it needs.
 
 References
 ----------
@@ -55,16 +55,16 @@ OZONE_ABSORPTION = np.array([
     0.105, 0.09, 0.079, 0.067, 0.057, 0.048, 0.036, 0.028, 0.023, 0.018, 0.014, 0.011, 0.010,
     0.009, 0.007, 0.004, 0.0, 0.0,
 ])  # fmt: skip
-"""Attenuation k_o of ozone, 1/cm (Table 2)."""
+"""Attenuation k_o of ozone at `OZONE_WAVELENGTHS`, 1/cm (Table 2)."""
 
 GAS_WAVELENGTHS = np.array([759.0, 760.0, 770.0, 771.0])
-"""Wavelengths of `GAS_ABSORPTION`, nm; 0 outside."""
+"""Wavelengths of `GAS_ABSORPTION`, nm; outside them it is 0."""
 
 GAS_ABSORPTION = np.array([0.0, 3.0, 0.210, 0.0])
 """Attenuation k_g of the mixed gases (oxygen's A band), 1/km (Table 2)."""
 
 WATER_WAVELENGTHS = np.array([689.0, *range(690, 801, 10)])
-"""Wavelengths of `WATER_ABSORPTION`, nm; 0 below."""
+"""Wavelengths of `WATER_ABSORPTION`, nm; below them it is 0."""
 
 WATER_ABSORPTION = np.array([
     0.0, 0.016, 0.024, 0.0125, 1.0, 0.87, 0.061, 0.001, 1e-5, 1e-5, 0.0006, 0.0175, 0.036,
@@ -77,14 +77,14 @@ COLOR_MATCHING = (
     ((0.821, 568.8, 0.0213, 0.0247), (0.286, 530.9, 0.0613, 0.0322)),
     ((1.217, 437.0, 0.0845, 0.0278), (0.681, 459.0, 0.0385, 0.0725)),
 )  # fmt: skip
-"""Lobes of x, y and z: height, centre (nm), 1/width below and above it (1/nm)."""
+"""Lobes of x, y and z: height, center (nm), 1/width below and above it (1/nm)."""
 
 LUMINOUS_EFFICACY = 683.0
 """Lumens a watt at the peak of the eye's sensitivity."""
 
 
 def color_matching(wavelengths: Array) -> Array:
-    """CIE 1931 colour matching functions, multi-lobe fit.
+    """CIE 1931 color matching functions, multi-lobe fit.
 
     Parameters
     ----------
@@ -103,8 +103,8 @@ def color_matching(wavelengths: Array) -> Array:
     functions = []
     for lobes in COLOR_MATCHING:
         total = np.zeros_like(wavelengths)
-        for height, centre, below, above in lobes:
-            t = (wavelengths - centre) * np.where(wavelengths < centre, below, above)
+        for height, center, below, above in lobes:
+            t = (wavelengths - center) * np.where(wavelengths < center, below, above)
             total += height * np.exp(-0.5 * t * t)
         functions.append(total)
     return np.stack(functions, axis=-1)

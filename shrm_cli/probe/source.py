@@ -7,35 +7,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.grids import (
-    angular_directions,
-    colatitude_weights,
-    latlong_directions,
-    longitude_weights,
-)
+from shrm_cli.probe.resample import to_grid
+from shrm_cli.sphere.grid.latlong import LatLong
 
 Array = NDArray[np.floating]
 
-_TILE_ROWS = 8  # and twice as many columns
+_TILE_ROWS = 8
+"""Rows of a tile, which has twice as many columns."""
 _TINY = 1e-300
 
 
 @dataclass(frozen=True)
 class Source:
-    """A probe as many small lights, in tiles of neighbours.
+    """A probe as many small lights, in tiles of neighboring pixels.
 
     Attributes
     ----------
     directions : ndarray, shape (tiles, 3, m)
-        Unit, world axes.
+        Unit directions of the lights, world axes.
     light : ndarray, shape (tiles, m, 3)
-        Radiance times solid angle.
+        Radiance times solid angle of each.
     axes : ndarray, shape (tiles, 3)
+        Unit axes of cones around the tiles, world axes.
     angles : ndarray, shape (tiles,)
-        Cones around the tiles: axis, half angle in radians.
+        Half angles of these cones, radians.
     pixels : int
-        In all; tiles that cross the image's edge hold black ones besides.
+        Pixels of the image. Tiles that cross its edge hold black lights as well, and black tiles
+        are left out.
     """
 
     directions: Array
@@ -46,15 +44,18 @@ class Source:
 
     @classmethod
     def of(cls, probe: Probe, height: int | None = None, dtype: type = np.float32) -> "Source":
-        """The pixels of a probe, or of the lat-long of some height that it is averaged down to."""
-        if height is None:
-            directions, light = _pixels(probe)
-        else:
-            from shrm_cli.probe.resample import resample_latlong
+        """Make the lights of a probe.
 
-            directions = latlong_directions(2 * height, height)
-            weights = colatitude_weights(height)[:, None] * longitude_weights(2 * height)
-            light = resample_latlong(probe, height) * weights[..., None]
+        Parameters
+        ----------
+        probe : Probe
+        height : int, optional
+            Average the probe down to a lat-long of this many rows first. By default its own
+            pixels are taken.
+        dtype : float32 or float64
+            Of the attributes, but for the angles.
+        """
+        directions, light = _pixels(probe) if height is None else _reduced(probe, height)
         pixels = light.shape[0] * light.shape[1]
         directions, light = _tiles(directions, "edge"), _tiles(light, "constant")
         lit = light.any(axis=(1, 2))
@@ -69,14 +70,14 @@ class Source:
 
 def _pixels(probe: Probe) -> tuple[Array, Array]:
     """World directions and radiance times solid angle of a probe's pixels, (H, W, 3) each."""
-    if probe.grid == "latlong":
-        directions = latlong_directions(probe.width, probe.height, probe.sampling)
-    elif probe.grid == "cube":
-        directions = cube_directions(probe.width, probe.sampling)
-    else:
-        directions = angular_directions(probe.width, probe.sampling)[0]
     blocks = [pixels * weights[..., None] for _, pixels, weights in probe.blocks()]
-    return directions @ probe.matrix.T, np.concatenate(blocks)
+    return probe.grid.directions() @ probe.matrix.T, np.concatenate(blocks)
+
+
+def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
+    """The same of the lat-long that a probe is averaged down to."""
+    grid = LatLong(height)
+    return grid.directions(), to_grid(probe, grid) * grid.weights()[..., None]
 
 
 def _tiles(image: Array, mode: Literal["constant", "edge"]) -> Array:

@@ -1,4 +1,4 @@
-"""Cube maps: faces, orientations, directions and solid angles.
+"""Geometry of cube maps: faces, orientations, directions and solid angles.
 
 A cube image stacks six N x N faces, shape (6N, N), in the order of `FACES`. Seen from inside,
 in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
@@ -9,12 +9,13 @@ in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.sphere.grids import nodes
+from shrm_cli.layouts import FACES
+from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import Orientation, Sampling
 
 Array = NDArray[np.floating]
 
-FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+_ROUNDING = 1e-9
 
 _RIGHT_DOWN: dict[str, str] = {
     "openexr": "+Z-Y -Z-Y +X-Z +X+Z -X-Y +X-Y",
@@ -49,19 +50,19 @@ def cube_directions(size: int, sampling: Sampling = "center") -> Array:
 
 
 def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
-    """Face and position on it of directions.
+    """The face that each direction meets, and where on it.
 
     Parameters
     ----------
     directions : array_like, shape (..., 3)
-        Of any non-zero length.
+        They may have any length but 0.
 
     Returns
     -------
     face : ndarray of int, shape (...)
         Index into `FACES`.
     s, t : ndarray, shape (...)
-        Position to the right and down, in [-1, 1].
+        Position on the face to the right and down, in [-1, 1].
     """
     directions = np.asarray(directions)
     axis = np.argmax(np.abs(directions), axis=-1)
@@ -77,11 +78,10 @@ def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.intp], Array, Ar
 def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
     """Solid angle of the cell around each texel of one face, shape (size, size).
 
-    Border-sampled texels own the cell that reaches half way to their neighbours, cut at the
+    Border-sampled texels own the cell that reaches half way to the texels beside them, cut at the
     face's edge. The six faces sum to 4 pi.
     """
-    s = nodes(size, sampling)
-    edges = np.concatenate([[-1.0], (s[1:] + s[:-1]) / 2, [1.0]])
+    edges = cell_edges(size, sampling)
     x, y = edges[None, :], edges[:, None]
     corner = np.arctan2(x * y, np.sqrt(x**2 + y**2 + 1))
     return corner[1:, 1:] - corner[:-1, 1:] - corner[1:, :-1] + corner[:-1, :-1]
@@ -93,9 +93,13 @@ def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
     Parameters
     ----------
     faces : array_like, shape (6, N, N, ...)
-        In the order of `FACES`.
+        Faces in the order of `FACES`.
     orientation : {"openexr", "gl"}
         The orientation that they are in.
+
+    Returns
+    -------
+    ndarray, of the same shape
     """
     faces = np.asarray(faces)
     result = np.empty_like(faces)
@@ -104,3 +108,30 @@ def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
         horizontal, vertical = (int(source[k] @ target[k]) for k in (0, 1))
         result[face] = faces[face, ::vertical, ::horizontal]
     return result
+
+
+def right_angles(matrix: Array) -> Array | None:
+    """A matrix, shape (3, 3), that only exchanges or mirrors axes, freed of rounding; else None."""
+    turned = np.rint(matrix)
+    return turned if np.allclose(matrix, turned, rtol=0, atol=_ROUNDING) else None
+
+
+def turned_face(image: Array, axes: Array, face: int) -> Array:
+    """The square image of a face as it is seen along other axes, by exact index permutation.
+
+    Parameters
+    ----------
+    image : ndarray, shape (N, N, ...)
+    axes : ndarray, shape (>= 2, 3)
+        The new right and down, first of all, which are axes of the face or minus those.
+    face : int
+        Index into `FACES` of the face that the image is in OpenEXR's orientation.
+
+    Returns
+    -------
+    ndarray, of the same shape
+    """
+    (along, turned_along), (turned_down, down) = np.rint(axes[:2] @ face_axes()[face, :2].T)
+    if along:
+        return image[:: int(down), :: int(along)]
+    return image.swapaxes(0, 1)[:: int(turned_down), :: int(turned_along)]

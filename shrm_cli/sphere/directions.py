@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.floating]
 
 _GRAZING = 1e-6
+"""Length of R + V below which both are taken to be opposite."""
 
 
 def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:
@@ -68,7 +69,16 @@ def bisector(reflections: ArrayLike, views: ArrayLike) -> Array:
 def horizontal_tangents(normals: ArrayLike) -> Array:
     """Unit tangents that run around +Y, as brushing on a lathe or a parallel of a globe does.
 
-    For N = +Z it is +X. At +-Y, where all directions are horizontal, it is +X.
+    The tangent of N = +Z is +X. So is that of N = +-Y, where all tangents are horizontal.
+
+    Parameters
+    ----------
+    normals : array_like, shape (..., 3)
+        Unit, world axes.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
     """
     normals = np.asarray(normals)
     x, z = normals[..., 0], normals[..., 2]
@@ -81,7 +91,8 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
 def tilted_frame(directions: Array, tilt: Array) -> Array:
     """Directions (..., 3) in a frame whose z axis is tilted by angles (...) from +Z towards +X.
 
-    With half the angle of the view about C they are those of a normal.
+    A normal is tilted by half the angle of the view about C, so this brings directions into its
+    frame.
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     x, y, z = np.moveaxis(directions, -1, 0)

@@ -28,7 +28,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     Parameters
     ----------
     coefficients : ndarray, shape ((order+1)^2, maps)
-        Index l(l+1)+m.
+        One series a column, index l(l+1)+m.
 
     Returns
     -------
@@ -90,22 +90,29 @@ def harmonics_from_moments(moments: Array) -> Array:
 
 
 def _by_m(count: int) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
-    """For each m the linear indices of (l, m) and (l, -m), l = m .. order."""
+    """For each m: m itself, and the linear indices of (l, m) and of (l, -m), l = m .. order."""
     degree = np.arange(count)
-    centre = degree * (degree + 1)
-    return [(m, centre[m:] + m, centre[m:] - m) for m in range(count)]
+    center = degree * (degree + 1)
+    return [(m, center[m:] + m, center[m:] - m) for m in range(count)]
 
 
 def _tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
+    """What `_make_tables` makes, kept from one call to the next unless it is large."""
     return _cached_tables(order) if order <= _CACHED_ORDER else _make_tables(order)
 
 
 def _make_tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
-    """For even and odd m: the transform from samples on half a circle, and f_lm there.
+    """The transform from samples on half a circle to Fourier coefficients, and f_lm there.
 
-    The samples lie at theta = j pi / n, n > order, enough for degree `order`. Functions of even
-    and odd l - m are symmetric and antisymmetric about the equator, so they are tabulated on
-    one hemisphere, ``[m, l - m, ring]``.
+    The samples lie at theta = j pi / n, n > order, which is enough for degree `order`. Functions
+    of even and odd l - m are symmetric and antisymmetric about the equator, so they are tabulated
+    on one hemisphere only.
+
+    Returns
+    -------
+    list of (parity, matrix, (symmetric, antisymmetric))
+        For even and for odd m: the parity of m, the transform, shape (order+1, samples), and the
+        functions of even and odd l - m, each of shape (m, l - m, rings), of this parity of m.
     """
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)

@@ -9,19 +9,37 @@ from shrm_cli.sphere.synthesis import synthesize_cube
 
 Array = NDArray[np.floating]
 
-_SAMPLES_AN_ORDER = 8  # at 4, narrow valleys lie between the texels
+_SAMPLES_AN_ORDER = 8
+"""Texels along a face's edge for each degree; with 4, narrow valleys lie between the texels."""
 _LEAST_SIZE = 16
 _MOST_SIZE = 1024
+"""The range of the texels along a face's edge."""
 _MOST_STARTS = 512
 _START_VALUES = 2**20
+"""The most texels that are followed by one step, and values of harmonics at all of them."""
 _MOST_FOLLOWED = 16
+"""The lowest of them, which are followed to the end."""
 _STEPS = 6
-_FINER = 4  # each step than the one before
+_FINER = 4
+"""Steps of Newton's method, and by how much each is finer than the one before."""
 _BLOCK_VALUES = 2**22
+"""Values of harmonics that are in memory at a time."""
 
 
 def series_values(series: Array, directions: Array) -> Array:
-    """Values of real series, shape ((order+1)^2, maps), in unit directions (n, 3): (n, maps)."""
+    """Values of real series in some directions.
+
+    Parameters
+    ----------
+    series : ndarray, shape ((order+1)^2, maps)
+        One series a column, index l(l+1)+m.
+    directions : ndarray, shape (n, 3)
+        Unit directions, in the axes of the series.
+
+    Returns
+    -------
+    ndarray, shape (n, maps)
+    """
     order = order_of(len(series))
     step = max(1, _BLOCK_VALUES // len(series))
     result = np.empty((len(directions), series.shape[1]))
@@ -32,7 +50,17 @@ def series_values(series: Array, directions: Array) -> Array:
 
 
 def degree_values(series: Array, directions: Array) -> Array:
-    """What each degree adds to `series_values`, shape (n, order+1, maps)."""
+    """What each degree adds to the values of real series.
+
+    Parameters
+    ----------
+    series, directions
+        As `series_values` takes them.
+
+    Returns
+    -------
+    ndarray, shape (n, order+1, maps)
+    """
     order = order_of(len(series))
     starts = np.arange(order + 1) ** 2
     step = max(1, _BLOCK_VALUES // series.size)
@@ -50,21 +78,25 @@ def lowest(series: Array) -> tuple[Array, Array]:
     On a cube of texels that are dense for the order, the texel nearest to the minimum is above
     it by no more than Bernstein's inequality says: on every great circle a series of order F is
     a trigonometric polynomial, so its second derivative is at most F^2 times the half of its
-    range. Each texel that low and lower than most around it is followed downhill: all by one
-    step, and those that are lowest then to the end, since many minima may be nearly as low.
+    range. Each texel that is so low, and lower than most around it, is followed downhill: all of
+    them by one step, and those that are lowest then to the end, since many minima may be nearly as
+    low.
 
     Parameters
     ----------
     series : ndarray, shape ((order+1)^2, maps)
+        One series a column, index l(l+1)+m.
 
     Returns
     -------
     directions : ndarray, shape (maps, 3)
+        Unit directions of the minima.
     values : ndarray, shape (maps,)
+        The minima.
     """
     order, size = order_of(len(series)), _dense_size(series)
     texels = cube_directions(size).reshape(-1, 3)
-    farthest = np.sqrt(2.0) / size  # from a direction to the next texel's, at a face's centre
+    farthest = np.sqrt(2.0) / size  # from a direction to the nearest texel, at a face's center
     most = max(min(_MOST_STARTS, _START_VALUES // len(series)), _MOST_FOLLOWED)
     directions, values = np.empty((series.shape[1], 3)), np.empty(series.shape[1])
     for k, plane in enumerate(synthesize_cube(series, size)):
@@ -82,20 +114,20 @@ def lowest(series: Array) -> tuple[Array, Array]:
 
 
 def low_places(series: Array, limits: Array, most: int) -> Array:
-    """Some of the texels that are too low, and lower than most around them.
+    """Directions of some of the texels that are too low, and lower than most around them.
 
     Parameters
     ----------
     series : ndarray, shape ((order+1)^2, maps)
+        One series a column, index l(l+1)+m.
     limits : ndarray, shape (maps,)
-        Below which a series is too low.
+        The values below which each series is too low.
     most : int
-        Of each series; some of the lowest, some of the highest, and of those between.
+        How many texels of each series are taken, from the lowest to the highest of them.
 
     Returns
     -------
     ndarray, shape (n, 3)
-        Their directions.
     """
     size = _dense_size(series)
     places: list[NDArray[np.intp]] = []
@@ -114,9 +146,9 @@ def _dense_size(series: Array) -> int:
 
 
 def _are_dips(plane: Array) -> NDArray[np.bool_]:
-    """Which texels of a cube, (6N, N), have no more than two lower neighbours on their face.
+    """Which texels of a cube, (6N, N), have no more than two lower neighbors on their face.
 
-    Two, since along a narrow valley that runs askew every texel has one or two.
+    Two are allowed, since along a narrow valley that runs askew every texel has one or two.
     """
     size = plane.shape[1]
     faces = plane.reshape(6, size, size)
@@ -131,8 +163,9 @@ def _are_dips(plane: Array) -> NDArray[np.bool_]:
 def _descend(series: Array, starts: Array, step: float, steps: int) -> tuple[Array, Array]:
     """Follow a series, shape ((order+1)^2, 1), downhill from each of (n, 3) directions.
 
-    Newton's method on the square of nine directions around each: to the lowest point of the
-    quadratic through them, or to the lowest of the nine if that is lower. It cannot climb.
+    Each step of Newton's method takes a square of nine directions around each one. It goes to the
+    lowest point of the quadratic through their values, or to the lowest of the nine if that is
+    lower, and stays where it is if nothing is lower.
     """
     u, v = (grid.ravel() for grid in np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]))
     fit = np.linalg.pinv(np.stack([np.ones(9), u, v, u * u / 2, u * v, v * v / 2], axis=1))
@@ -157,8 +190,9 @@ def _descend(series: Array, starts: Array, step: float, steps: int) -> tuple[Arr
 def _downhill(gu: Array, gv: Array, uu: Array, uv: Array, vv: Array) -> Array:
     """Newton's step from the slopes and second derivatives of quadratics, shape (n, 2).
 
-    Along each axis of curvature, whose sign is left out, so that it leads down from saddles as
-    well; where a valley is flat along one, the slope along it is rounding, and moves nothing far.
+    The step is taken along each axis of curvature, whose sign is left out, so that it leads down
+    from saddles as well. Where a valley is flat along an axis, the slope along it is rounding, and
+    moves nothing far.
     """
     curvature = np.stack([np.stack([uu, uv], axis=-1), np.stack([uv, vv], axis=-1)], axis=-2)
     strengths, axes = np.linalg.eigh(curvature)
@@ -170,7 +204,7 @@ def _downhill(gu: Array, gv: Array, uu: Array, uv: Array, vv: Array) -> Array:
 
 
 def _tangents(directions: Array) -> tuple[Array, Array]:
-    """Two unit vectors across each of (n, 3) directions."""
+    """Two unit vectors that are at right angles to each of (n, 3) directions and to each other."""
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=-1)]
     right = np.cross(helper, directions)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)

@@ -33,7 +33,7 @@ def legendre_degrees(
 ) -> Iterator[tuple[int, Array]]:
     """Yield ``(l, P_l)`` for l = 0 .. order: ``P_l[m] = f_lm(acos z)``.
 
-    ``f_lm`` is the normalised associated Legendre function without Condon-Shortley phase,
+    ``f_lm`` is the normalized associated Legendre function without Condon-Shortley phase,
     ``Y_lm = f_lm(theta) exp(i m phi)``, so that ``2 pi`` times the integral of ``f_lm^2`` over
     z is 1. The three-term recurrence in l is stable upwards for every m.
 
@@ -45,7 +45,7 @@ def legendre_degrees(
     max_m : int, optional
         Largest m; every m by default.
     sine : array_like, optional
-        Sines of the polar angle, where they are known better than z tells: beside the poles.
+        Sines of the polar angle, for callers who know them better than z tells, as beside poles.
 
     Yields
     ------
@@ -74,12 +74,18 @@ def legendre_degrees(
 
 
 def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
-    """`legendre_degrees` as one array ``[m, l - m, ...]``, zero where l > order.
+    """The values of `legendre_degrees` as one array.
+
+    Parameters
+    ----------
+    order, z, max_m
+        As `legendre_degrees` takes them.
 
     Returns
     -------
     ndarray, shape (max_m+1, order+1, *z.shape)
-        Grouped by ``l - m``, whose parity is the parity of the function in z.
+        ``[m, l - m, ...]``, zero where l > order. The parity of ``l - m`` is the parity of the
+        function in z.
     """
     z = np.asarray(z, dtype=float)
     table = np.zeros(((order if max_m is None else max_m) + 1, order + 1, *z.shape))
@@ -112,16 +118,16 @@ def real_harmonics(order: int, directions: ArrayLike) -> Array:
     powers = phase[None] ** np.arange(order + 1).reshape(-1, *[1] * z.ndim)
     values = np.empty((*z.shape, (order + 1) ** 2))
     for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0), sine=sine):
-        centre = index(degree, 0)
-        values[..., centre] = legendre[0]
+        center = index(degree, 0)
+        values[..., center] = legendre[0]
         positive = np.sqrt(2) * legendre[1:] * powers[1 : degree + 1]
-        values[..., centre + 1 : centre + degree + 1] = np.moveaxis(positive.real, 0, -1)
-        values[..., centre - degree : centre] = np.moveaxis(positive.imag[::-1], 0, -1)
+        values[..., center + 1 : center + degree + 1] = np.moveaxis(positive.real, 0, -1)
+        values[..., center - degree : center] = np.moveaxis(positive.imag[::-1], 0, -1)
     return values
 
 
 def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloating]:
-    """Complex coefficients with Condon-Shortley phase, of a real function.
+    """Complex coefficients, with Condon-Shortley phase, of a real function.
 
     Parameters
     ----------
@@ -136,13 +142,13 @@ def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloa
     tail = coefficients.shape[1:]
     result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)
     for degree in range(order + 1):
-        centre = index(degree, 0)
-        cosine = coefficients[centre + 1 : centre + degree + 1]
-        sine = coefficients[centre - degree : centre][::-1]
+        center = index(degree, 0)
+        cosine = coefficients[center + 1 : center + degree + 1]
+        sine = coefficients[center - degree : center][::-1]
         signs = ((-1.0) ** np.arange(1, degree + 1)).reshape(-1, *[1] * len(tail))
         # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
         positive = (cosine - 1j * sine) / np.sqrt(2)
-        result[degree, order] = coefficients[centre]
+        result[degree, order] = coefficients[center]
         result[degree, order + 1 : order + degree + 1] = signs * positive
         result[degree, order - degree : order] = np.conj(positive)[::-1]
     return result

@@ -74,7 +74,7 @@ def turn_about_z(coefficients: ArrayLike, angle: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape ((order+1)^2, ...)
-        Of the axes that both broadcast to.
+        The last axes are those that both broadcast to.
     """
     values = np.asarray(coefficients)
     return _turn_about_z(values, *_azimuthal_orders(order_of(len(values))), np.asarray(angle))
@@ -88,8 +88,8 @@ def _azimuthal_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _tilts(order: int, beta: float) -> Iterable[Array]:
-    """Matrices of Ry(b) between real harmonics, degree by degree."""
-    if beta == np.pi / 2:  # exchanging axes: every lat-long, every cube
+    """Yield the matrices of Ry(b) between real harmonics, degree by degree."""
+    if beta == np.pi / 2:  # axes are exchanged, as for every lat-long and every cube
         return _cached_tilts(order) if order <= _CACHED_ORDER else _right_angle_tilts(order)
     return (_real_tilt(d, degree) for degree, d in small_d_degrees(order, beta))
 
@@ -100,7 +100,7 @@ def _cached_tilts(order: int) -> list[Array]:
 
 
 def _right_angle_tilts(order: int) -> Iterator[Array]:
-    """Matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
+    """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
 
     Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
     """
@@ -123,7 +123,7 @@ def _right_angle_tilts(order: int) -> Iterator[Array]:
 def rotate_to_frames(
     coefficients: ArrayLike, theta: ArrayLike, phi: ArrayLike, inverse: bool = False
 ) -> Array:
-    """World coefficients to each point's own local frame (eq. 5.13, 5.14 backwards).
+    """Turn functions of direction, in world axes, into each point's own local frame.
 
     Parameters
     ----------
@@ -132,11 +132,15 @@ def rotate_to_frames(
     theta, phi : array_like, shape (points,)
         Angles of the frames' z axes, radians; the frames are those of `local_frame`.
     inverse : bool
-        From the local frames to world axes instead.
+        Turn functions in the local frames into world axes instead.
 
     Returns
     -------
     ndarray, of the same shape
+
+    References
+    ----------
+    Ramamoorthi 2002, eq. 5.13 and 5.14; the inverse is what they do.
     """
     source = np.asarray(coefficients)
     result = np.empty_like(source)
@@ -162,6 +166,13 @@ def _real_tilt(d: Array, degree: int) -> Array:
     Parameters
     ----------
     d : ndarray, shape (2l+1, 2l+1, ...)
+        ``d[m + l, n + l] = d^l_mn(b)``.
+    degree : int
+        l.
+
+    Returns
+    -------
+    ndarray, of the same shape
     """
     result = np.zeros_like(d)
     c = degree

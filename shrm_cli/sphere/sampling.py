@@ -3,26 +3,27 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.sphere.angular import angular_coordinates
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
-from shrm_cli.sphere.grids import angular_coordinates, latlong_coordinates
+from shrm_cli.sphere.latlong import latlong_coordinates
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 _RIM = 2
-"""Texels of the neighbouring faces around each face: what a cubic filter reaches."""
+"""Texels of the faces beside it that are put around each face: as far as a cubic filter reaches."""
 
 
 class CubeSampler:
-    """Cubic filtering of a cube map that takes in the neighbouring faces.
+    """Cubic filtering of a cube map that takes in the neighboring faces.
 
-    Each face is surrounded by a rim of texels at the places where its own grid would go on;
-    their values are interpolated on the faces that lie there. So the filter never meets an edge.
+    Each face is surrounded by a rim of texels at the places where its own grid would go on.
+    Their values are interpolated on the faces that lie there, so the filter never meets an edge.
 
     Parameters
     ----------
     image : array_like, shape (6 N, N, channels)
-        OpenEXR face order and orientation.
+        Faces in OpenEXR's order and orientation.
     sampling : {"center", "border"}
     """
 
@@ -60,7 +61,7 @@ class CubeSampler:
         return result
 
     def _position(self, index: NDArray[np.intp]) -> Array:
-        """Position in [-1, 1] of texel indices, which may lie outside."""
+        """Positions of texels on the face, [-1, 1]; indices outside the face give others."""
         scale, shift = _scale(self.size, self.sampling)
         return np.asarray((index + shift) / scale - 1)
 
@@ -68,7 +69,7 @@ class CubeSampler:
         return _index(position, self.size, self.sampling)
 
     def _on_faces(self, faces: Array, directions: Array) -> Array:
-        """Values from the texels of one face alone, by its own cubic polynomial."""
+        """Values at directions, shape (n, 3), each interpolated within the face that it meets."""
         face, s, t = cube_coordinates(directions)
         count = min(4, self.size)
         columns, across = _lagrange(self._index(s), count, self.size)
@@ -82,18 +83,18 @@ class CubeSampler:
 
 
 def _scale(size: int, sampling: Sampling) -> tuple[float, float]:
-    """Texels for each unit of position, and where position -1 lies before texel 0."""
+    """Texels for each unit of position, and how many texels position -1 lies before texel 0."""
     return ((size - 1) / 2, 0.0) if sampling == "border" else (size / 2, 0.5)
 
 
 def _index(position: Array, size: int, sampling: Sampling) -> Array:
-    """Texel index, not rounded, of positions in [-1, 1]."""
+    """Texel indices, not rounded, of positions in [-1, 1]."""
     scale, shift = _scale(size, sampling)
     return np.asarray((position + 1) * scale - shift)
 
 
 def _cubic(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
-    """First texel and the four Catmull-Rom weights at positions x, in texels."""
+    """The first of four texels and the Catmull-Rom weights of all four, at x, in texels."""
     first = np.floor(x).astype(np.intp) - 1
     f = x - (first + 1)
     return first, [
@@ -105,7 +106,7 @@ def _cubic(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
 
 
 def _lagrange(x: Array, count: int, size: int) -> tuple[NDArray[np.intp], list[Array]]:
-    """First of `count` texels inside the face, and the weights of the polynomial through them."""
+    """The first of `count` texels of a face, and their weights in the polynomial through them."""
     first = np.clip(np.floor(x).astype(np.intp) - (count - 1) // 2, 0, size - count)
     f = x - first
     weights = []
@@ -118,30 +119,53 @@ def _lagrange(x: Array, count: int, size: int) -> tuple[NDArray[np.intp], list[A
     return first, weights
 
 
-def sample_latlong(image: ArrayLike, directions: ArrayLike, sampling: Sampling) -> Array:
-    """Bilinear values of a lat-long, shape (H, W, channels), at directions (..., 3).
+class LatLongSampler:
+    """Bilinear filtering of a lat-long.
 
     It wraps around in longitude, and goes on beyond a pole half a turn away.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W, channels)
+    sampling : {"center", "border"}
     """
-    image = np.asarray(image)
-    height, width = image.shape[:2]
-    across, down = latlong_coordinates(directions)
-    x, y = _index(across, width, sampling), _index(down, height, sampling)
-    column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    fx, fy = (x - column)[..., None], (y - row)[..., None]
-    result: Array = np.zeros((), dtype=image.dtype)
-    for i, wy in ((row, 1 - fy), (row + 1, fy)):
-        turned = np.where((i < 0) | (i >= height), width // 2, 0)
-        i = np.minimum(np.maximum(i, -1 - i), height - 1)  # -1 is row 0, height the last
-        for j, wx in ((column, 1 - fx), (column + 1, fx)):
-            result = result + wy * wx * image[i, (j + turned) % width]
-    return result
+
+    def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
+        self._image = np.asarray(image)
+        self._sampling = sampling
+
+    def __call__(self, directions: ArrayLike) -> Array:
+        """Values at directions of any length, shape (..., 3): (..., channels)."""
+        image = self._image
+        height, width = image.shape[:2]
+        across, down = latlong_coordinates(directions)
+        x, y = _index(across, width, self._sampling), _index(down, height, self._sampling)
+        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+        fx, fy = (x - column)[..., None], (y - row)[..., None]
+        result: Array = np.zeros((), dtype=image.dtype)
+        for i, wy in ((row, 1 - fy), (row + 1, fy)):
+            turned = np.where((i < 0) | (i >= height), width // 2, 0)
+            i = np.minimum(np.maximum(i, -1 - i), height - 1)  # -1 is row 0, height the last
+            for j, wx in ((column, 1 - fx), (column + 1, fx)):
+                result = result + wy * wx * image[i, (j + turned) % width]
+        return result
 
 
 def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
-    """Values of a centre-sampled lat-long by a cubic filter; the rest as `sample_latlong`.
+    """Cubically filtered values of a center-sampled lat-long.
 
-    For smooth images: it overshoots beside bright pixels.
+    The filter is more exact than that of `LatLongSampler` for smooth images, but overshoots beside
+    bright pixels.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W, channels)
+    directions : array_like, shape (..., 3)
+        They may have any length but 0.
+
+    Returns
+    -------
+    ndarray, shape (..., channels)
     """
     image = np.asarray(image)
     height, width = image.shape[:2]
@@ -160,16 +184,28 @@ def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
     return result
 
 
-def sample_angular(image: ArrayLike, directions: ArrayLike, sampling: Sampling) -> Array:
-    """Bilinear values of an angular map, shape (N, N, channels), at directions (..., 3).
+class AngularSampler:
+    """Bilinear filtering of an angular map, which goes on beyond its rim on the other side.
 
     What the image holds outside its rim does not count.
+
+    Parameters
+    ----------
+    image : array_like, shape (N, N, channels)
+    sampling : {"center", "border"}
     """
-    image = np.asarray(image)
-    across, down = angular_coordinates(directions)
-    if len(image) == 1:
-        return np.broadcast_to(image[0, 0], (*across.shape, image.shape[2]))
-    return _bilinear(_beyond_rim(image, sampling), across, down, sampling)
+
+    def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
+        self._image = np.asarray(image)
+        self._sampling = sampling
+        self._padded = _beyond_rim(self._image, sampling) if len(self._image) > 1 else self._image
+
+    def __call__(self, directions: ArrayLike) -> Array:
+        """Values at directions of any length, shape (..., 3): (..., channels)."""
+        across, down = angular_coordinates(directions)
+        if len(self._image) == 1:
+            return np.broadcast_to(self._image[0, 0], (*across.shape, self._image.shape[2]))
+        return _bilinear(self._padded, across, down, self._sampling)
 
 
 def _bilinear(padded: Array, across: Array, down: Array, sampling: Sampling) -> Array:
@@ -187,9 +223,9 @@ def _bilinear(padded: Array, across: Array, down: Array, sampling: Sampling) -> 
 def _beyond_rim(image: Array, sampling: Sampling) -> Array:
     """An angular map that goes on beyond its rim, with one more texel on every side.
 
-    The way through -Z leads to the other side: from radius r > 1 to radius 2 - r, half a turn
-    away. Values between the last texels that a filter can trust on this side and on the other
-    are interpolated.
+    The way through -Z leads to the other side of the image: from radius r > 1 to radius 2 - r,
+    half a turn away. A bilinear filter can trust texels up to a distance from the rim; beyond it
+    values are interpolated between the last ones of this side and those of the other side.
     """
     size = len(image)
     padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")

@@ -16,10 +16,10 @@ axis. Values are exact at each texel: no intermediate image is interpolated, and
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.cube import FACES
+from shrm_cli.layouts import FACES
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
-from shrm_cli.sphere.grids import nodes
 from shrm_cli.sphere.harmonics import order_of
+from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
@@ -29,7 +29,8 @@ _X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""
 
 # Quadrant q holds the points (1, s, t), s and t in [-1, 1], turned by q * 90 degrees about the
-# polar axis: a face, whether its rows go down with falling s, and right with falling t.
+# polar axis. Each row is a quadrant, the face that it is, whether the face's rows go down as s
+# falls, and whether its columns go right as t falls.
 _ALONG_Z = ((0, "+X", True, False), (2, "-X", False, True))
 _ALONG_X = (
     (0, "+Y", True, False),
@@ -39,7 +40,9 @@ _ALONG_X = (
 )
 
 _BLOCK_BYTES = 2**27
+"""Memory that the intermediate arrays of some maps may take."""
 _CACHED_BYTES = 2**21
+"""Memory of what is evaluated in one go, so that it stays in the processor's cache."""
 
 
 def synthesize_cube(
@@ -131,8 +134,8 @@ def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array
     Returns
     -------
     symmetric, antisymmetric : ndarray, shape (len(half), quadrants * 2 * maps, about order+1)
-        Of the waves that keep and change their sign under theta -> pi - theta, as `_waves`
-        orders them.
+        Coefficients of the waves that keep and that change their sign under theta -> pi - theta,
+        in the order that `_waves` has.
     """
     count, maps = fourier.shape[1], fourier.shape[-1]
     phi = _meridian_angles(quadrants, half)
@@ -157,13 +160,15 @@ def _meridian_angles(quadrants: list[int], half: Array) -> Array:
 
 
 def _waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
-    """Waves cos(k theta), sin(k theta) at the points (1, s, t) / |.|, by symmetry.
+    """Waves cos(k theta) and sin(k theta), k < count, at the points (1, s, t) / |(1, s, t)|.
 
+    They are sorted by their symmetry about the equator:
     ``cos(k (pi - theta)) = (-1)^k cos(k theta)``, ``sin(k (pi - theta)) = -(-1)^k sin(k theta)``.
 
     Returns
     -------
     same, opposite : ndarray, shape (len(s), count or so, len(t))
+        Even cosines and odd sines, which keep their sign there; odd cosines and even sines.
     """
     theta = np.arctan2(np.hypot(1.0, s)[:, None], t)
     step = np.exp(1j * theta)
@@ -186,6 +191,7 @@ def integrate_cube(planes: Array, order: int, sampling: Sampling = "center") -> 
     planes : ndarray, shape (maps, 6 N, N)
         Values at the texels, each already multiplied by its solid angle.
     order : int
+        Largest degree.
     sampling : {"center", "border"}
 
     Returns
@@ -205,7 +211,7 @@ def integrate_cube(planes: Array, order: int, sampling: Sampling = "center") -> 
 def _gather_faces(
     values: Array, faces: tuple[tuple[int, str, bool, bool], ...], s: Array, order: int
 ) -> Array:
-    """The transpose of `_fill_faces`: moments, shape (2, order+1, order+1, maps)."""
+    """Moments, shape (2, order+1, order+1, maps), of values: the transpose of `_fill_faces`."""
     maps, size, count = len(values), len(s), order + 1
     half = s[size // 2 :]
     # Where s = 0 is a sample, it stands on both sides of its mirror image.
@@ -237,7 +243,7 @@ def _gather_faces(
 
 
 def _moments(symmetric: Array, antisymmetric: Array, quadrants: list[int], half: Array) -> Array:
-    """The transpose of `_meridians`."""
+    """Moments from sums along meridians: the transpose of `_meridians`."""
     maps, count = symmetric.shape[3], symmetric.shape[4]
     result = np.zeros((2, count, count, maps))
     phi = _meridian_angles(quadrants, half)

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
-from shrm_cli.sphere.grids import LATLONG_AXES, colatitude_weights, longitude_weights
 from shrm_cli.sphere.harmonics import index, legendre_degrees
+from shrm_cli.sphere.latlong import LATLONG_AXES
+from shrm_cli.sphere.quadrature import colatitude_weights, longitude_weights
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
@@ -13,11 +14,11 @@ Array = NDArray[np.floating]
 
 
 class LatLongAnalysis:
-    """Analysis of a lat-long whose rows arrive in blocks (eq. 5.20, 5.21).
+    """Analysis of a lat-long whose rows arrive in blocks.
 
     The integrals with cos(m phi), sin(m phi) over longitude are a matrix product for each block,
-    those with the waves in theta another; only (order+1)^2 moments stay in memory. The rules are
-    exact for images band-limited below half the height.
+    and those with the waves in theta another. Only (order+1)^2 moments stay in memory. The rules
+    are exact for images band-limited below half the height.
 
     Parameters
     ----------
@@ -28,6 +29,10 @@ class LatLongAnalysis:
     sampling : {"center", "border"}
     dtype : float32 or float64
         Precision of the longitude integral; everything after it is float64.
+
+    References
+    ----------
+    Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
 
     def __init__(
@@ -53,10 +58,20 @@ class LatLongAnalysis:
         self._column_waves: list[Array] = [(wave * measure).astype(dtype) for wave in column_waves]
         self._moments: Array | None = None
 
-    def add(self, start: int, rows: Array) -> None:
-        """Take in rows `start` .. of the image, shape (rows, width, channels)."""
-        count, width, channels = rows.shape
-        planes = np.moveaxis(rows, -1, 0)
+    def add(self, start: int, pixels: Array, weights: Array | None = None) -> None:
+        """Take in a block of rows of the image.
+
+        Parameters
+        ----------
+        start : int
+            Index of the first row.
+        pixels : ndarray, shape (rows, width, channels)
+        weights : ndarray, optional
+            Not used. Other analyses need the solid angles of the pixels; this one has separate
+            weights for rows and columns, which it knows.
+        """
+        count, width, channels = pixels.shape
+        planes = np.moveaxis(pixels, -1, 0)
         left, right = planes[..., : width // 2], planes[..., : width // 2 - 1 : -1]
         folded = np.empty(left.shape, self._column_waves[0].dtype)
         rings = np.empty((channels, count, 2, self.order + 1))
@@ -80,14 +95,17 @@ class LatLongAnalysis:
         return transform_coefficients(self.polar_coefficients(), LATLONG_AXES.T)
 
     def polar_coefficients(self) -> Array:
-        """The same in the image's own axes, polar axis +Y: for what does not depend on axes."""
+        """Coefficients in the image's own axes, whose polar axis is the world's +Y.
+
+        They have the same shape as `coefficients`, and are cheaper where the axes do not matter.
+        """
         if self._moments is None:
             raise ValueError("no rows were added")
         return harmonics_from_moments(self._moments)
 
 
 def _waves(multiples: NDArray[np.integer], divisor: int, order: int) -> tuple[Array, Array]:
-    """Cosine and sine of ``m * multiples * pi / divisor``, m = 0 .. order, by table look-up."""
+    """Cosine and sine of ``m * multiples * pi / divisor``, m = 0 .. order, looked up in a table."""
     turns = np.arange(2 * divisor) * (np.pi / divisor)
     at = np.outer(multiples, np.arange(order + 1)) % (2 * divisor)
     return np.cos(turns)[at], np.sin(turns)[at]
@@ -96,7 +114,7 @@ def _waves(multiples: NDArray[np.integer], divisor: int, order: int) -> tuple[Ar
 def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") -> Array:
     """Coefficients of an angular map (light-probe ball).
 
-    Pixels at the same distance from the centre share their Legendre functions, and pixels that
+    Pixels at the same distance from the center share their Legendre functions, and pixels that
     are mirror images in x or y share their waves in longitude, up to the sign.
 
     Parameters
@@ -104,15 +122,17 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
     weighted : ndarray, shape (size, size, channels)
         Pixels, each already multiplied by its solid angle.
     order : int
+        Largest degree.
     sampling : {"center", "border"}
 
     Returns
     -------
     ndarray, shape ((order+1)^2, channels)
+        Real coefficients in world axes, index l(l+1)+m.
     """
     size, channels = weighted.shape[1:]
     half = size // 2
-    at = 2 * np.arange(half, size) - (size - 1)  # in half pixels from the centre, >= 0
+    at = 2 * np.arange(half, size) - (size - 1)  # in half pixels from the center, >= 0
     y, x = np.meshgrid(at, at, indexing="ij")
     scale = size if sampling == "center" else size - 1
     inside = x * x + y * y <= scale**2
@@ -138,9 +158,9 @@ def analyze_angular(weighted: Array, order: int, sampling: Sampling = "center") 
     for degree, values in legendre_degrees(order, np.cos(np.sqrt(squares) * (np.pi / scale))):
         sums = rings[: degree + 1] @ values[:, None, :, None]
         sums[1:] *= np.sqrt(2)
-        centre = index(degree, 0)
-        result[centre : centre + degree + 1] = sums[:, 0, :, 0]
-        result[centre - degree : centre] = sums[:0:-1, 1, :, 0]
+        center = index(degree, 0)
+        result[center : center + degree + 1] = sums[:, 0, :, 0]
+        result[center - degree : center] = sums[:0:-1, 1, :, 0]
     return result
 
 

@@ -97,7 +97,8 @@ def test_chromaticities_pass_through_where_all_maps_agree(folder):
 
 
 def test_background_is_shown_and_exposed(folder):
-    from shrm_cli.probe.probe import ReadOptions, open_probe
+    from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.probe.probe import open_probe
 
     done("spot.exr", "-o", "x.exr", "--size", 32, "--background", "room.exr", "--exposure", 1,
          "--view", "70,-20", "--yaw", "40", "--precision", "float")  # fmt: skip

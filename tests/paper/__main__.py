@@ -33,7 +33,8 @@ def _write_page(folder: Path) -> None:
 
     from shrm_cli.files.image import write_image
     from shrm_cli.probe.probe import open_probe
-    from shrm_cli.probe.resample import resample_latlong
+    from shrm_cli.probe.resample import to_grid
+    from shrm_cli.sphere.grid.latlong import LatLong
     from tests.paper import page, timings
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -41,7 +42,7 @@ def _write_page(folder: Path) -> None:
     parts = [page.introduction(platform.processor() or platform.machine(), np.__version__)]
     with tempfile.TemporaryDirectory() as temporary:
         small = Path(temporary) / "small.exr"
-        write_image(small, resample_latlong(interior, SOURCE_HEIGHT), "float")
+        write_image(small, to_grid(interior, LatLong(SOURCE_HEIGHT)), "float")
         light = timings.in_memory(open_probe(small))
     for size in timings.SIZES:
         _say(f"table 5.4, faces of {size} x {size}")

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import resample_latlong
+from shrm_cli.probe.resample import to_grid
+from shrm_cli.sphere.grid.latlong import LatLong
 from tests.paper.irradiance import latlong_pixels
 
 Array = NDArray[np.floating]
@@ -65,7 +66,7 @@ class Sphere:
 def light_of(probes: Sequence[Probe], rows: int = SOURCE_ROWS) -> Light:
     """Probes averaged to as many rows."""
     directions, solid = latlong_pixels(rows)
-    power = [resample_latlong(probe, rows) * solid[..., None] for probe in probes]
+    power = [to_grid(probe, LatLong(rows)) * solid[..., None] for probe in probes]
     return Light(
         directions.reshape(-1, 3).astype(np.float32),
         np.concatenate([each.reshape(-1, 3) for each in power], axis=1).astype(np.float32),

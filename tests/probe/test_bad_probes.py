@@ -14,9 +14,11 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import image_file, probe
+from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import ReadOptions, open_probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.sphere.grid.cube import Cube
 from tests.probe import scenes
 
 RNG_SEED = 5
@@ -186,18 +188,18 @@ CASES = {
     "device": (device, "not a regular file; name an image"),
     "link to itself": (loop, "cannot be opened .*; check its name"),
     "name too long": (long_name, "cannot be opened .*; check its name"),
-    "square": (lambda d: exr(d, 32, 32), "a square image .* give --layout angular"),
-    "3 : 2": (lambda d: exr(d, 32, 48), "48 x 32 is no known layout .* give --layout"),
+    "square": (lambda d: exr(d, 32, 32), "a square image .* give `layout` angular"),
+    "3 : 2": (lambda d: exr(d, 32, 48), "48 x 32 is no known layout .* give `layout`"),
     "odd cube": (lambda d: exr(d, 47, 8), "8 x 47 is no known layout"),
     "envmap cube of wrong shape": (envmap_cube_of_wrong_shape, "64 x 32 cannot be openexr, .*; "),
     "two channels": (two_channels, "no R, G and B .* among R, G; export it as RGB"),
     "CIE XYZ": (cie_xyz, "among X, Y, Z; export it as RGB"),
     "luminance-chroma": (luminance_chroma, "luminance-chroma .*; convert it to RGB"),
     "luminance-chroma, subsampled": (luminance_chroma_subsampled, "[Ss]ubsampled.*; "),
-    "integers": (integers, "uint pixels .* give --linearize .*, or use an HDR file"),
+    "integers": (integers, "uint pixels .* give `linearize` .*, or use an HDR file"),
     "PNG of 8 bits": (
         lambda d: scenes.write_png(d / "bad.png", np.zeros((32, 64, 3), np.uint8)),
-        "uint8 pixels .* give --linearize",
+        "uint8 pixels .* give `linearize`",
     ),
     "PNG cut short": (
         lambda d: cut(scenes.write(d / "bad.png", noise(), "uint8"), 0.5),
@@ -271,7 +273,8 @@ def test_nothing_is_printed_when_the_process_ends(tmp_path):
     program = """
 import json, sys
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.probe import open_probe, ReadOptions
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.lighting import project
 refused = 0
 for path in json.load(sys.stdin):
@@ -335,7 +338,7 @@ def test_more_pixels_than_are_read(tmp_path, monkeypatch):
 
 def test_more_pixels_than_are_kept_in_memory(tmp_path, monkeypatch):
     path = exr(tmp_path, 48, 8)
-    monkeypatch.setitem(probe._MAX_PIXELS_IN_MEMORY, "cube", 383)
+    monkeypatch.setattr(Cube, "most_pixels", 383)
     with pytest.raises(ProbeError) as caught:
         open_probe(path)
     check_message(caught.value, path, "384 openexr pixels exceed 383; scale it down")
@@ -384,7 +387,7 @@ def test_six_files_of_another_layout(tmp_path):
     path = six_files(tmp_path)
     with pytest.raises(ProbeError) as caught:
         open_probe(path, ReadOptions(layout="latlong"))
-    check_message(caught.value, path, "six files are not latlong; leave --layout out")
+    check_message(caught.value, path, "six files are not latlong; leave `layout` out")
     assert open_probe(path, ReadOptions(layout="faces")).layout == "faces"
 
 

@@ -8,7 +8,8 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe.image_file import ImageFile, sha256
+from shrm_cli.probe.image import digest
+from shrm_cli.probe.image_file import ImageFile
 from tests.probe import scenes
 
 WIDTH, HEIGHT = 48, 24
@@ -148,7 +149,7 @@ def test_integer_channels_beside_the_colours_do_not_matter(tmp_path, image):
 def test_integer_colours_beside_float_depth_are_refused(tmp_path, image):
     planes = scenes.rgb((image * 1e6).astype(np.uint32)) | {"Z": image[..., 0]}
     path = scenes.write_exr(tmp_path / "a.exr", planes)
-    with pytest.raises(ProbeError, match=r"uint.*--linearize"):
+    with pytest.raises(ProbeError, match=r"uint.*`linearize`"):
         ImageFile.open(path)
 
 
@@ -274,7 +275,7 @@ def test_dds_cube(tmp_path, rng):
     """OpenImageIO shows the six faces stacked, and their display window as one face."""
     faces = rng.integers(0, 256, (6, 8, 8, 3), dtype=np.uint8)
     path = scenes.write_dds_cube(tmp_path / "a.dds", faces)
-    with pytest.raises(ProbeError, match="--linearize"):
+    with pytest.raises(ProbeError, match="`linearize`"):
         ImageFile.open(path)
     file = ImageFile.open(path, linearize=True)
     assert (file.width, file.height, file.envmap, file.border_sampled) == (8, 48, "cube", False)
@@ -294,7 +295,7 @@ def test_dds_cube(tmp_path, rng):
 )
 def test_integers_are_srgb_or_refused(tmp_path, in_unit_range, name, kind):
     path = scenes.write(tmp_path / name, in_unit_range, kind)
-    with pytest.raises(ProbeError, match=f"{name}: {kind} pixels .* --linearize"):
+    with pytest.raises(ProbeError, match=f"{name}: {kind} pixels .* `linearize`"):
         ImageFile.open(path)
     steps = 255 if kind == "uint8" else 65535
     expected = linear(np.rint(in_unit_range * steps) / steps)
@@ -345,9 +346,12 @@ def test_suffix_does_not_matter_but_for_exr(tmp_path, image):
 
 
 def test_digest(tmp_path, rng):
-    data = rng.bytes(3 * 2**20 + 17)
-    first, second = tmp_path / "a", tmp_path / "b"
-    first.write_bytes(data[:1000])
-    second.write_bytes(data[1000:])
-    assert sha256([first, second]) == hashlib.sha256(data).hexdigest()
-    assert sha256([second, first]) != hashlib.sha256(data).hexdigest()
+    """Of the bytes of the files, which are longer than the blocks that are read."""
+    paths = [
+        scenes.write(tmp_path / name, rng.random((256, 512, 3))) for name in ("a.exr", "b.exr")
+    ]
+    data = b"".join(path.read_bytes() for path in paths)
+    assert len(data) > 2 * 2**20
+    first, second = (ImageFile.open(path) for path in paths)
+    assert digest((first, second)) == hashlib.sha256(data).hexdigest()
+    assert digest((second, first)) != hashlib.sha256(data).hexdigest()

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.layouts import LAYOUTS
 from shrm_cli.probe import layout
+from shrm_cli.sphere.grid.angular import Angular
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.sphere.grid.latlong import LatLong
 from tests.probe import scenes
 
 SIZES = {
@@ -14,6 +18,7 @@ SIZES = {
     "hcross": (128, 96),
     "vcross": (96, 128),
 }
+IMAGES = {"faces": 6}
 
 
 @pytest.mark.parametrize("name", SIZES)
@@ -41,8 +46,8 @@ def test_layout_from_the_attribute(width, height, envmap, expected):
 @pytest.mark.parametrize(
     ("width", "height", "message"),
     [
-        (64, 64, r"a\.exr: a square image .* --layout angular"),
-        (96, 64, r"a\.exr: 96 x 64 is no known layout .* --layout"),
+        (64, 64, r"a\.exr: a square image .* `layout` angular"),
+        (96, 64, r"a\.exr: 96 x 64 is no known layout .* `layout`"),
         (65, 32, "65 x 32 is no known layout"),
         (32, 191, "32 x 191 is no known layout"),
         (1, 1, "square"),
@@ -54,16 +59,16 @@ def test_shapes_that_do_not_tell_are_refused(width, height, message):
 
 
 def test_every_layout_has_a_shape_that_fits():
-    for name in layout.LAYOUTS:
+    for name in LAYOUTS:
         width, height = SIZES.get(name, (32, 32))
-        layout.check_shape("a.exr", name, width, height)
+        layout.check_shape("a.exr", name, width, height, IMAGES.get(name, 1))
 
 
-@pytest.mark.parametrize("name", layout.LAYOUTS)
+@pytest.mark.parametrize("name", LAYOUTS)
 @pytest.mark.parametrize(("width", "height"), [(96, 64), (64, 33), (31, 192), (193, 32), (0, 0)])
 def test_layouts_that_do_not_fit_are_refused(name, width, height):
     with pytest.raises(ProbeError, match=f"a.exr: {width} x {height} .*{name}.*; "):
-        layout.check_shape("a.exr", name, width, height)
+        layout.check_shape("a.exr", name, width, height, IMAGES.get(name, 1))
 
 
 @pytest.mark.parametrize(
@@ -79,7 +84,7 @@ def test_images_that_are_too_small_are_refused(name, width, height):
     ("name", "width", "height"), [("openexr", 1, 6), ("faces", 1, 1), ("strip", 6, 1)]
 )
 def test_faces_may_be_single_texels(name, width, height):
-    layout.check_shape("a.exr", name, width, height)
+    layout.check_shape("a.exr", name, width, height, IMAGES.get(name, 1))
 
 
 def test_cubes_whose_faces_would_not_be_whole_are_refused():
@@ -88,20 +93,25 @@ def test_cubes_whose_faces_would_not_be_whole_are_refused():
         layout.check_shape("a.exr", "hcross", 6, 4)
 
 
+def test_six_faces_in_one_image_are_stacked():
+    layout.check_shape("a.exr", "faces", 4, 24)
+    with pytest.raises(ProbeError, match="4 x 4 cannot be faces, which is 1 x 6 square faces"):
+        layout.check_shape("a.exr", "faces", 4, 4)
+
+
 @pytest.mark.parametrize(
-    ("name", "file_format", "expected"),
+    ("name", "width", "images", "expected"),
     [
-        ("openexr", "openexr", "openexr"),
-        ("openexr", "hdr", "openexr"),
-        ("openexr", "dds", "gl"),
-        ("strip", "openexr", "gl"),
-        ("hcross", "hdr", "gl"),
-        ("vcross", "openexr", "gl"),
-        ("faces", "openexr", "gl"),
+        ("latlong", 64, 1, LatLong(32, "border")),
+        ("strip", 48, 1, Cube(8, "border")),
+        ("vcross", 24, 1, Cube(8, "border")),
+        ("faces", 8, 6, Cube(8, "border")),
+        ("angular", 9, 1, Angular(9, "border")),
     ],
 )
-def test_orientation_by_default(name, file_format, expected):
-    assert layout.default_orientation(name, file_format) == expected
+def test_the_grid_of_a_layout(name, width, images, expected):
+    assert layout.grid_of(name, width, "border", images) == expected
+    assert layout.grid_of(name, width, "center", images) != expected
 
 
 @pytest.mark.parametrize("orientation", ["openexr", "gl"])

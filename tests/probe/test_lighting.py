@@ -5,7 +5,8 @@ import OpenEXR
 import pytest
 
 from shrm_cli.probe.lighting import Lighting, project
-from shrm_cli.probe.probe import ReadOptions, open_probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import open_probe
 from tests import oracles
 from tests.probe import scenes
 
@@ -94,7 +95,7 @@ def test_tagged_files_follow_openexr(tmp_path, envmap):
 
 
 def in_the_file(up="y", mirror=False, yaw=0.0):
-    """The scene as a file holds it that `--up`, `--mirror` and `--yaw` put right."""
+    """The scene as a file holds it that `up`, `mirror` and `yaw` put right."""
 
     def content(directions):
         x, y, z = np.moveaxis(directions, -1, 0)

@@ -144,7 +144,7 @@ def test_refusal_names_count_and_first():
     refuse_nonfinite("a.exr", PixelReport())
     with pytest.raises(
         ProbeError,
-        match=r"^a\.exr: 3 pixels are NaN or infinite, the first at column 9, row 4; give --fix-",
+        match=r"^a\.exr: 3 pixels are NaN or infinite, the first at column 9, row 4; give `fix_",
     ):
         refuse_nonfinite("a.exr", PixelReport(nonfinite=3, first_nonfinite=(9, 4)))
 

@@ -12,10 +12,11 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import probe as probe_module
+from shrm_cli.probe import blocks
 from shrm_cli.probe.lighting import project
+from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.probe.probe import ReadOptions, open_probe
+from shrm_cli.probe.probe import open_probe
 from tests import oracles
 from tests.probe import scenes
 
@@ -51,7 +52,7 @@ def test_the_words_of_the_options():
 def test_what_a_plain_file_is_taken_for(tmp_path):
     path = scenes.write(tmp_path / "a.exr", scenes.latlong(16))
     probe = open_probe(path)
-    assert (probe.grid, probe.layout, probe.sampling) == ("latlong", "latlong", "center")
+    assert (probe.grid.name, probe.layout, probe.sampling) == ("latlong", "latlong", "center")
     assert (probe.width, probe.height, probe.name) == (32, 16, str(path))
     assert probe.digest() == hashlib.sha256(path.read_bytes()).hexdigest()
 
@@ -60,7 +61,7 @@ def test_what_a_plain_file_is_taken_for(tmp_path):
 def test_what_a_cube_is_taken_for(tmp_path, layout):
     path = scenes.write(tmp_path / "a.exr", scenes.arrange(scenes.cube_faces(8), layout))
     probe = open_probe(path)
-    assert (probe.grid, probe.layout, probe.sampling) == ("cube", layout, "center")
+    assert (probe.grid.name, probe.layout, probe.sampling) == ("cube", layout, "center")
     assert (probe.width, probe.height) == (8, 48)
     assert probe.orientation == ("openexr" if layout == "openexr" else "gl")
 
@@ -71,7 +72,7 @@ def test_dds_cubes_have_the_orientation_of_graphics(tmp_path):
     encoded = np.where(faces <= 0.0031308, 12.92 * faces, 1.055 * faces ** (1 / 2.4) - 0.055)
     path = scenes.write_dds_cube(tmp_path / "a.dds", np.rint(encoded * 255).astype(np.uint8))
     probe = open_probe(path, ReadOptions(linearize=True))
-    assert (probe.grid, probe.layout, probe.orientation) == ("cube", "openexr", "gl")
+    assert (probe.grid.name, probe.layout, probe.orientation) == ("cube", "openexr", "gl")
     found = 10 * project(probe, 4).coefficients
     assert scenes.error(found, scenes.coefficients(4)) < 2e-3
 
@@ -98,7 +99,7 @@ def test_pixels_of_the_grid(tmp_path):
 @pytest.mark.parametrize("sampling", ["center", "border"])
 @pytest.mark.parametrize("layout", ["latlong", "openexr", "angular"])
 def test_solid_angles_of_all_blocks(tmp_path, monkeypatch, layout, sampling):
-    monkeypatch.setattr(probe_module, "_BLOCK_PIXELS", 100)
+    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 100)
     size = {"latlong": (64, 32), "openexr": (16, 96), "angular": (32, 32)}[layout]
     path = scenes.write(tmp_path / "a.exr", np.ones((size[1], size[0], 3)))
     probe = open_probe(path, ReadOptions(layout=layout, sampling=sampling))
@@ -122,7 +123,7 @@ def test_streaming_changes_nothing(tmp_path, monkeypatch, rng, rows, sampling, t
     options = ReadOptions(sampling=sampling, pixels=PixelPolicy(clamp=4.0))
     whole = open_probe(path, options)
     expected = project(whole, 20)
-    monkeypatch.setattr(probe_module, "_BLOCK_PIXELS", rows * 128)
+    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", rows * 128)
     probe = open_probe(path, options)
     starts = [start for start, *_ in probe.blocks()]
     assert len(starts) == -(-64 // (rows if not tile else -(-rows // tile) * tile))
@@ -187,7 +188,7 @@ def test_nonfinite_pixels_are_named_in_file_coordinates(tmp_path, layout):
 
 
 def test_every_nonfinite_pixel_of_a_streamed_file_is_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr(probe_module, "_BLOCK_PIXELS", 32 * 3)
+    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 32 * 3)
     image = scenes.latlong(16)
     image[2, 5] = image[9, 0] = image[15, 31] = NAN
     path = scenes.write(tmp_path / "a.exr", image)
@@ -260,7 +261,7 @@ def test_filling_a_streamed_file_is_filling_it_whole(tmp_path, monkeypatch, rng,
     whole = open_probe(path, FIX)
     expected = whole.image()
     assert np.isfinite(expected).all()
-    monkeypatch.setattr(probe_module, "_BLOCK_PIXELS", rows * 192)
+    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", rows * 192)
     probe = open_probe(path, FIX)
     np.testing.assert_array_equal(probe.image(), expected)
     assert probe.report.nonfinite == whole.report.nonfinite
@@ -274,8 +275,8 @@ def test_holes_deeper_than_what_is_read_around_a_block(tmp_path, monkeypatch, rn
     image[20:40, :4] = 7.0  # nearer by rows than the rim, but farther by columns
     path = scenes.write(tmp_path / "a.exr", image)
     expected = open_probe(path, FIX).image()
-    monkeypatch.setattr(probe_module, "_BLOCK_PIXELS", 4 * 128)
-    monkeypatch.setattr(probe_module, "_HOLE_ROWS", 2)
+    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 4 * 128)
+    monkeypatch.setattr(blocks, "_HOLE_ROWS", 2)
     np.testing.assert_array_equal(open_probe(path, FIX).image(), expected)
 
 
@@ -370,7 +371,7 @@ def test_radiance_is_never_negative(tmp_path, rng):
 def test_six_files_and_their_digest(tmp_path):
     path = stacked_faces(tmp_path, scenes.cube_faces(8).reshape(48, 8, 3))
     probe = open_probe(path)
-    assert (probe.grid, probe.layout, probe.width, probe.height) == ("cube", "faces", 8, 48)
+    assert (probe.grid.name, probe.layout, probe.width, probe.height) == ("cube", "faces", 8, 48)
     data = b"".join((tmp_path / f"sky_{face}.exr").read_bytes() for face in scenes.FACES)
     assert probe.digest() == hashlib.sha256(data).hexdigest()
 

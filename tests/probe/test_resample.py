@@ -10,7 +10,11 @@ import pytest
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import resample
-from shrm_cli.probe.probe import ReadOptions, open_probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.sphere.grid.angular import Angular
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.sphere.grid.latlong import LatLong
 from tests import oracles
 from tests.probe import scenes
 
@@ -33,7 +37,7 @@ def smooth(directions):
 
 
 def image_of(layout, size, sampling="center", f=smooth, orientation=None):
-    """`f` in any layout; size as for `relay`."""
+    """`f` in any layout; size as for `to_layout`."""
     if layout == "latlong":
         return scenes.latlong(size, sampling, f)
     if layout == "angular":
@@ -81,7 +85,7 @@ def test_smooth_light_at_the_targets_directions(tmp_path, source, target, sampli
     """By the default size, which interpolates; the bound is that of a bilinear filter."""
     size = {"latlong": 64, "openexr": 32, "angular": 128}[source]
     probe = probe_of(tmp_path, image_of(source, size, sampling), source, sampling=sampling)
-    found = resample.relay(probe, target, sampling=sampling)
+    found = resample.to_layout(probe, target, sampling=sampling)
     expected_size = {"latlong": 64, "angular": 128}.get(target, 32)
     expected = image_of(target, expected_size, sampling)
     assert found.dtype == np.float32
@@ -93,7 +97,7 @@ def test_smooth_light_at_the_targets_directions(tmp_path, source, target, sampli
 @pytest.mark.parametrize("target", CUBES)
 def test_orientations(tmp_path, target, orientation):
     probe = probe_of(tmp_path, image_of("latlong", 64))
-    found = resample.relay(probe, target, orientation, 16)
+    found = resample.to_layout(probe, target, orientation, 16)
     expected = image_of(target, 16, orientation=orientation)
     np.testing.assert_allclose(found, expected, atol=6e-3)
 
@@ -115,7 +119,7 @@ def test_world_axes(tmp_path, source, target, options):
     turned = image_of(source, size[source], f=lambda d: smooth(d @ matrix.T))
     probe = probe_of(tmp_path, turned, source, **options)
     for factor in (1, 3):
-        found = resample.relay(probe, target, size=size[target] // factor)
+        found = resample.to_layout(probe, target, size=size[target] // factor)
         expected = image_of(target, size[target] // factor)
         # The mean over a cell differs from its middle by the square of the cell's size.
         np.testing.assert_allclose(found, expected, atol=4e-3 * factor**2)
@@ -125,11 +129,11 @@ def test_world_axes(tmp_path, source, target, options):
 @pytest.mark.parametrize("way", ["openexr", "vcross", "angular"])
 def test_round_trips(tmp_path, way, sampling):
     image = image_of("latlong", 64, sampling)
-    there = resample.relay(
+    there = resample.to_layout(
         probe_of(tmp_path, image, "latlong", sampling=sampling), way, sampling=sampling
     )
     probe = probe_of(tmp_path, there, way, sampling=sampling)
-    back = resample.resample_latlong(probe, 64, sampling)
+    back = resample.to_grid(probe, LatLong(64, sampling))
     np.testing.assert_allclose(back, image, atol=6e-3)
 
 
@@ -138,7 +142,7 @@ def test_finer_targets_are_interpolated(tmp_path, source):
     size = {"latlong": 24, "openexr": 12, "angular": 48}[source]
     probe = probe_of(tmp_path, image_of(source, size), source)
     for target, fine in (("latlong", 70), ("openexr", 40), ("angular", 150)):
-        found = resample.relay(probe, target, size=fine)
+        found = resample.to_layout(probe, target, size=fine)
         np.testing.assert_allclose(found, image_of(target, fine), atol=0.03)
 
 
@@ -150,7 +154,7 @@ def test_constant_light_stays_constant(tmp_path, source, sampling):
     probe = probe_of(tmp_path, image_of(source, size, f=f), source, yaw=20, up="z")
     for target in GRIDS:
         for other in (3, 7, 11, 30, 50):
-            found = resample.relay(probe, target, size=other, sampling=sampling)
+            found = resample.to_layout(probe, target, size=other, sampling=sampling)
             inside = rim(other, sampling) <= 1 if target == "angular" else ...
             expected = np.broadcast_to((0.3, 1.7, 70000.0), found[inside].shape)
             np.testing.assert_allclose(found[inside], expected, rtol=1e-6)
@@ -160,7 +164,7 @@ def test_nothing_outside_the_rim(tmp_path):
     probe = probe_of(tmp_path, image_of("latlong", 64))
     for size in (9, 40, 128, 300):
         for sampling in ("center", "border"):
-            found = resample.resample_angular(probe, size, sampling)
+            found = resample.to_grid(probe, Angular(size, sampling))
             np.testing.assert_array_equal(found.any(axis=-1), rim(size, sampling) <= 1)
 
 
@@ -182,7 +186,7 @@ def test_the_same_raster_comes_back_bit_by_bit(tmp_path, rng, layout, sampling):
         probe = open_probe(path, ReadOptions(sampling=sampling))
     else:
         probe = probe_of(tmp_path, image, layout, sampling=sampling)
-    np.testing.assert_array_equal(resample.relay(probe, layout, sampling=sampling), image)
+    np.testing.assert_array_equal(resample.to_layout(probe, layout, sampling=sampling), image)
 
 
 @pytest.mark.parametrize("sampling", ["center", "border"])
@@ -209,7 +213,7 @@ def test_turned_pixels_are_copied(tmp_path, rng, layout, sampling, options):
     if layout == "angular":
         image[outside] = 0
     probe = probe_of(tmp_path, image, layout, sampling=sampling, **options)
-    found = resample.relay(probe, layout, sampling=sampling).reshape(-1, 3)
+    found = resample.to_layout(probe, layout, sampling=sampling).reshape(-1, 3)
     points = image_of(layout, size, sampling, f=lambda d: d).reshape(-1, 3)
     inside = np.ones(len(points), bool) if layout != "angular" else ~outside.ravel()
     near = np.linalg.norm((points @ probe.matrix)[:, None] - points, axis=-1) < 1e-5
@@ -250,7 +254,7 @@ def test_cubes_are_rearranged_without_a_change(tmp_path, rng, source, sampling, 
     )
     for target in CUBES:
         for other, expected in faces.items():
-            found = resample.relay(probe, target, other, sampling=sampling)
+            found = resample.to_layout(probe, target, other, sampling=sampling)
             np.testing.assert_array_equal(
                 found, scenes.arrange(expected, "openexr" if target == "faces" else target)
             )
@@ -266,7 +270,7 @@ def test_latlongs_are_reduced_by_the_mean_of_blocks(tmp_path, rng, ratio, mirror
     image = rng.lognormal(0, 3, (24, 48, 3)).astype(np.float32)
     image[5, 7] = 1e8
     probe = probe_of(tmp_path, image, mirror=mirror)
-    found = resample.resample_latlong(probe, 24 // ratio)
+    found = resample.to_grid(probe, LatLong(24 // ratio))
     sine = np.sin(np.pi * (np.arange(24) + 0.5) / 24).reshape(-1, ratio)
     columns = image.astype(float).reshape(24, 48 // ratio, ratio, 3).mean(axis=2)
     blocks = columns.reshape(24 // ratio, ratio, 48 // ratio, 3)
@@ -276,7 +280,7 @@ def test_latlongs_are_reduced_by_the_mean_of_blocks(tmp_path, rng, ratio, mirror
 
 def test_cubes_are_reduced_by_the_mean_of_blocks(tmp_path, rng):
     image = rng.uniform(1, 2, (6 * 24, 24, 3)).astype(np.float32)
-    found = resample.resample_cube(probe_of(tmp_path, image), 8)
+    found = resample.to_grid(probe_of(tmp_path, image), Cube(8))
     s = np.array(oracles.positions(24, "center"))
     weight = np.tile((1 + s**2 + s[:, None] ** 2) ** -1.5, (6, 1))
     sums = (image * weight[..., None]).reshape(48, 3, 8, 3, 3).sum(axis=(1, 3))
@@ -295,7 +299,7 @@ def test_energy_of_a_real_probe(real_probes, name, options):
     expected = np.sum(pixels * solid_angles("latlong", 512)[..., None], axis=(0, 1))
     for size in (64, 85):
         for layout, scale in (("latlong", 2), ("openexr", 1), ("angular", 4)):
-            found = resample.relay(probe, layout, size=size * scale).astype(float)
+            found = resample.to_layout(probe, layout, size=size * scale).astype(float)
             weights = solid_angles(layout, size * scale)[..., None]
             np.testing.assert_allclose(np.sum(found * weights, axis=(0, 1)), expected, rtol=1e-3)
 
@@ -314,7 +318,7 @@ def test_energy_of_suns_in_single_pixels(tmp_path, rng, source, target):
     expected = np.sum(probe.image().astype(float) * weights, axis=(0, 1))
     for divisor in (3, 4.3):
         reduced = int(size[target] / divisor)
-        found = resample.relay(probe, target, size=reduced).astype(float)
+        found = resample.to_layout(probe, target, size=reduced).astype(float)
         assert found.min() >= 0
         weights = solid_angles(target, reduced)[..., None]
         np.testing.assert_allclose(np.sum(found * weights, axis=(0, 1)), expected, rtol=2e-3)
@@ -330,7 +334,7 @@ def test_a_sun_stays_where_it_was(tmp_path):
     probe = probe_of(tmp_path, image, yaw=50, up="z")
     for layout, size in (("latlong", 24), ("openexr", 12), ("angular", 48)):
         for sampling in ("center", "border"):
-            found = resample.relay(probe, layout, size=size, sampling=sampling)[..., 0]
+            found = resample.to_layout(probe, layout, size=size, sampling=sampling)[..., 0]
             points = image_of(layout, size, sampling, f=lambda d: d)
             brightest = points.reshape(-1, 3)[found.argmax()]
             assert brightest @ probe.matrix @ sun > np.cos(1.3 * np.pi / 2 / 12)
@@ -341,7 +345,7 @@ def test_a_sun_stays_where_it_was(tmp_path):
 def test_redundant_border_pixels_agree(tmp_path, rng, layout, options):
     probe = probe_of(tmp_path, rng.lognormal(0, 2, (60, 120, 3)), **options)
     for size in (5, 8):
-        found = resample.relay(probe, layout, size=size, sampling="border").reshape(-1, 3)
+        found = resample.to_layout(probe, layout, size=size, sampling="border").reshape(-1, 3)
         points = image_of(layout, size, "border", f=lambda d: d).reshape(-1, 3)
         same = np.linalg.norm(points[:, None] - points, axis=-1) < 1e-5
         assert (same.sum(axis=1) > 1).sum() >= 2 * size
@@ -359,8 +363,8 @@ def test_the_kerner_pair(shared):
     assert (cube.sampling, latlong.sampling) == ("border", "border")
     for sampling in ("center", "border"):
         pairs = [
-            [resample.resample_latlong(probe, 64, sampling) for probe in (cube, latlong)],
-            [resample.resample_cube(probe, 32, sampling) for probe in (cube, latlong)],
+            [resample.to_grid(probe, LatLong(64, sampling)) for probe in (cube, latlong)],
+            [resample.to_grid(probe, Cube(32, sampling)) for probe in (cube, latlong)],
         ]
         for found, expected in pairs:
             assert np.abs(found - expected).sum() < 0.01 * expected.sum()
@@ -374,9 +378,9 @@ def test_the_kerner_pair(shared):
 @pytest.mark.parametrize(("source", "size"), [("latlong", 40), ("openexr", 20), ("angular", 80)])
 def test_default_sizes_keep_the_resolution(tmp_path, source, size):
     probe = probe_of(tmp_path, image_of(source, size), source)
-    assert resample.default_size(probe, "latlong") == 40
-    assert resample.default_size(probe, "cube") == 20
-    assert resample.default_size(probe, "angular") == 80
+    assert resample.default_size(probe, LatLong) == 40
+    assert resample.default_size(probe, Cube) == 20
+    assert resample.default_size(probe, Angular) == 80
 
 
 @pytest.mark.parametrize(
@@ -393,23 +397,23 @@ def test_default_sizes_keep_the_resolution(tmp_path, source, size):
 def test_sizes_out_of_range_are_refused(tmp_path, layout, size, limits):
     probe = probe_of(tmp_path, image_of("latlong", 8))
     with pytest.raises(ProbeError, match=rf"probe\.exr: .*size {size} .*{limits}"):
-        resample.relay(probe, layout, size=size)
+        resample.to_layout(probe, layout, size=size)
 
 
 def test_sources_too_large_for_memory_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(resample, "MAX_PIXELS", 127)
     probe = probe_of(tmp_path, image_of("latlong", 8))
     with pytest.raises(ProbeError, match=r"probe\.exr: 128 pixels exceed 127"):
-        resample.resample_cube(probe, 2)
+        resample.to_grid(probe, Cube(2))
 
 
 def test_blocks_of_rows_change_nothing(tmp_path, monkeypatch, rng):
     probe = probe_of(tmp_path, rng.lognormal(0, 3, (40, 80, 3)), yaw=12, up="z")
     done = []
-    expected = [resample.relay(probe, layout, size=12) for layout in GRIDS]
+    expected = [resample.to_layout(probe, layout, size=12) for layout in GRIDS]
     monkeypatch.setattr(resample, "_SAMPLES_AT_ONCE", 100)
     for layout, whole in zip(GRIDS, expected, strict=True):
-        found = resample.relay(
+        found = resample.to_layout(
             probe, layout, size=12, progress=lambda rows, all_rows: done.append((rows, all_rows))
         )
         np.testing.assert_allclose(found, whole, rtol=1e-6)

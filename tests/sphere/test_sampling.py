@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from shrm_cli.sphere.sampling import (
+    AngularSampler,
     CubeSampler,
-    sample_angular,
-    sample_latlong,
+    LatLongSampler,
     sample_latlong_cubic,
 )
 from tests import oracles
@@ -44,10 +44,10 @@ def make_sampler(kind, f, size, sampling):
         return CubeSampler(image.reshape(3 * size, size // 2, -1), sampling)
     if kind == "latlong":
         image = f(oracles.latlong_pixels(2 * size, size, sampling))
-        return lambda directions: sample_latlong(image, directions, sampling)
+        return LatLongSampler(image, sampling)
     directions, inside = angular_pixels(2 * size, sampling)
     image = np.where(inside[..., None], f(directions), 1e6)  # which must not be seen
-    return lambda directions: sample_angular(image, directions, sampling)
+    return AngularSampler(image, sampling)
 
 
 def around(axis, rng, radius=0.03, count=1000):
@@ -168,7 +168,7 @@ def test_latlongs_have_no_seam_at_all(rng, sampling):
     y = np.linspace(-5, 5, 1000)
     right, left = (np.stack([0 * y + x, y, 0 * y - 1], axis=-1) for x in (1e-9, -1e-9))
     np.testing.assert_allclose(
-        sample_latlong(image, right, sampling), sample_latlong(image, left, sampling), atol=1e-6
+        LatLongSampler(image, sampling)(right), LatLongSampler(image, sampling)(left), atol=1e-6
     )
 
 
@@ -179,9 +179,9 @@ def test_latlong_beyond_the_pole(rng):
     tiny = 1e-9
     direction = np.array([tiny * np.sin(longitude), 1, tiny * np.cos(longitude)])
     expected = (image[0, 3] + image[0, 11]) / 2
-    np.testing.assert_allclose(sample_latlong(image, direction, "center"), expected, atol=1e-7)
+    np.testing.assert_allclose(LatLongSampler(image, "center")(direction), expected, atol=1e-7)
     np.testing.assert_allclose(
-        sample_latlong(image, direction * [1, -1, 1], "center"),
+        LatLongSampler(image, "center")(direction * [1, -1, 1]),
         (image[-1, 3] + image[-1, 11]) / 2,
         atol=1e-7,
     )
@@ -194,12 +194,12 @@ def test_bilinear_halfway(rng):
     direction = np.array(
         [np.sin(theta) * np.sin(longitude), np.cos(theta), np.sin(theta) * np.cos(longitude)]
     )
-    found = sample_latlong(image, direction, "center")
+    found = LatLongSampler(image, "center")(direction)
     np.testing.assert_allclose(found, image[2:4, 4:6].mean(axis=(0, 1)), rtol=1e-12)
     many = oracles.random_directions(rng, 5000)
     for sampling in SAMPLINGS:
-        assert np.ptp(sample_latlong(image, many, sampling)) <= np.ptp(image)
-        assert np.ptp(sample_angular(image[:, :8], many, sampling)) <= np.ptp(image)
+        assert np.ptp(LatLongSampler(image, sampling)(many)) <= np.ptp(image)
+        assert np.ptp(AngularSampler(image[:, :8], sampling)(many)) <= np.ptp(image)
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
@@ -210,8 +210,8 @@ def test_tiny_constant_images_are_constant(rng, size, sampling):
     )
     value = np.array([0.25, 3.0, 1e4], np.float32)
     cube = CubeSampler(np.tile(value, (6 * size, size, 1)), sampling)(directions)
-    latlong = sample_latlong(np.tile(value, (size, 2 * size, 1)), directions, sampling)
-    angular = sample_angular(np.tile(value, (size, size, 1)), directions, sampling)
+    latlong = LatLongSampler(np.tile(value, (size, 2 * size, 1)), sampling)(directions)
+    angular = AngularSampler(np.tile(value, (size, size, 1)), sampling)(directions)
     for found in (cube, latlong, angular):
         assert found.shape == (len(directions), 3)
         np.testing.assert_allclose(found, np.tile(value, (len(directions), 1)), rtol=1e-5)

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter, Value, grey
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 _NODES = 128
 

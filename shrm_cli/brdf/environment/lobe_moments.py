@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
 from shrm_cli.errors import MapError
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre
 
 Array = NDArray[np.floating]
 

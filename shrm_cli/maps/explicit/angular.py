@@ -13,8 +13,9 @@ from shrm_cli.maps.representations import EXPLICIT
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import choose_size
 from shrm_cli.orders import choose_orders, truncated_lobe_error
-from shrm_cli.probe.lighting import Progress, project
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.vocabulary import Sampling
 

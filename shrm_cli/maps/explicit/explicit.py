@@ -19,8 +19,8 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.sphere.cube import cube_solid_angles
-from shrm_cli.sphere.grids import spiral_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import Center, Frame, Sampling
 

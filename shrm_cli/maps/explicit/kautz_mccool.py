@@ -4,8 +4,8 @@ import numpy as np
 
 from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
 from shrm_cli.sphere.directions import from_angles
-from shrm_cli.sphere.grids import colatitude_weights
 from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.quadrature import colatitude_weights
 
 
 class KautzMcCool(ExplicitMap):

@@ -6,8 +6,8 @@ import numpy as np
 
 from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
 from shrm_cli.sphere.directions import from_angles, to_angles
-from shrm_cli.sphere.grids import colatitude_weights, nodes
 from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
 
 class LightField(ExplicitMap):

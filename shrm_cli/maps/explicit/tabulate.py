@@ -1,6 +1,5 @@
 """Explicit maps made image by image in the angular domain, as they were before SHRMs."""
 
-from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import to_angles
 from shrm_cli.vocabulary import Center, Sampling
@@ -34,7 +34,7 @@ def tabulate(
     size: int,
     view_count: int,
     sampling: Sampling = "center",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Kind:
     """A map of a kind, by one integral for each texel of each image.
 

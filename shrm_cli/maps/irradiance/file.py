@@ -16,7 +16,7 @@ from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.window import FAMILIES, Window, window_factors
 from shrm_cli.maps.names import COLOURS
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
-from shrm_cli.sphere.grids import nodes, spiral_directions
+from shrm_cli.sphere.quadrature import nodes, spiral_directions
 
 Array = NDArray[np.floating]
 

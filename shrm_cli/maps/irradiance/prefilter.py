@@ -19,8 +19,9 @@ from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.maps.prefiltered import provenance
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders
-from shrm_cli.probe.lighting import Lighting, Progress, project
+from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
 Array = NDArray[np.floating]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.quadratic import shortest_within
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
-from shrm_cli.sphere.grids import spiral_directions
 from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.quadrature import spiral_directions
 
 Array = NDArray[np.floating]
 

@@ -14,8 +14,9 @@ from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent
 from shrm_cli.maps.she.fit import Problem, fit_exponent, fit_logarithm
 from shrm_cli.maps.she.reflectance import ReflectanceSamples, sample_reflectance
 from shrm_cli.orders import Orders
-from shrm_cli.probe.lighting import Progress, project
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_EXPONENTIAL_ORDER, Law
 
 Array = NDArray[np.floating]

@@ -10,7 +10,7 @@ from shrm_cli.brdf.lobe_harmonics import lobe_harmonics
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.directions import bisector, local_frame
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames, turn_about_z
 
 Array = NDArray[np.floating]

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.grids import gauss_legendre
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
+from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.wigner import small_d_degrees
 
 Array = NDArray[np.floating]

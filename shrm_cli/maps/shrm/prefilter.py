@@ -10,8 +10,9 @@ from shrm_cli.maps.representations import Compression, represent
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
 from shrm_cli.orders import choose_orders, error_bound, predicted_error
-from shrm_cli.probe.lighting import Progress, project
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import Frame, Sampling
 
 

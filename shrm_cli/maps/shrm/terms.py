@@ -23,8 +23,9 @@ from shrm_cli.orders import (
     predicted_error,
     reflected_rms,
 )
-from shrm_cli.probe.lighting import Lighting, Progress, project
+from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import Frame, Sampling
 
 _LOOSER = 2.0 ** (np.arange(24, -5, -1) / 4)

@@ -12,14 +12,17 @@ from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.lobe import lobe_angle
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.size import choose_size
-from shrm_cli.probe.lighting import Lighting, Progress
+from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import MAX_SIZE, resample_cube
+from shrm_cli.probe.resample import to_grid
+from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import from_angles
-from shrm_cli.sphere.grids import gauss_legendre
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.harmonics import degrees, legendre_degrees
+from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
@@ -102,7 +105,7 @@ def mirror(
     `known`, here and below, is what the levels share.
     """
     info = replace(known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
-    return resample_cube(probe, size, sampling, progress), info
+    return to_grid(probe, Cube(size, sampling), progress), info
 
 
 def expanded(
@@ -231,5 +234,5 @@ def _source_rows(rows: int, alpha: float) -> int:
     """Height of the lat-long that a lobe is to be summed over, given that of the probe."""
     least = int(np.ceil(_ROWS_A_LOBE / alpha))
     if rows < least:
-        return min(rows * -(-least // rows), MAX_SIZE["latlong"])
+        return min(rows * -(-least // rows), LatLong.largest)
     return min(rows, max(2 * least, _MOST_ROWS))

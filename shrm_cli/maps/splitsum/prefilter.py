@@ -15,9 +15,12 @@ from shrm_cli.maps.splitsum.levels import LEAST_ORDER, expanded, integrated, lev
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
-from shrm_cli.probe.lighting import Progress, project
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import MAX_SIZE, default_size
+from shrm_cli.probe.resample import default_size
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.vocabulary import LevelMapping, Sampling
 
 Array = NDArray[np.floating]
@@ -117,8 +120,8 @@ def bake_split_sum(
         roughness = level_roughnesses(levels, mapping)
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
-    rows = min(default_size(probe, "latlong"), MAX_SIZE["latlong"])
-    largest = min(default_size(probe, "cube"), LARGEST_SIZE) if size is None else size
+    rows = min(default_size(probe, LatLong), LatLong.largest)
+    largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
     lobes = [level_lobe(value, error, rows, largest) if value > 0 else None for value in roughness]
     wanted = (lobe.order if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe)
     lighting = project(probe, max(wanted, default=0), progress)

@@ -14,7 +14,8 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.she.prefilter import bake_exponential
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.probe import ReadOptions, open_probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import open_probe
 from tests import ggx, oracles
 from tests.cli.helpers import environment, polynomial_light, write_exr
 from tests.maps.scenes import normals_of

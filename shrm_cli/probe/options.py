@@ -1,0 +1,136 @@
+"""How the images of a probe are to be understood, and how arguments that cannot be are refused."""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ProbeError
+from shrm_cli.layouts import LAYOUTS, Layout
+from shrm_cli.probe.pixels import PixelPolicy
+from shrm_cli.vocabulary import ORIENTATIONS, SAMPLINGS, Orientation, Sampling
+
+Array = NDArray[np.floating]
+
+_UP = ("y", "z")
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How a file is to be understood; None leaves it to the file.
+
+    Attributes
+    ----------
+    layout : Layout, optional
+    orientation : {"openexr", "gl"}, optional
+        How the faces of a cube are turned.
+    sampling : {"center", "border"}, optional
+        Where the edge pixels lie.
+    yaw : float
+        Turn about +Y, degrees, from +Z towards +X.
+    mirror : bool
+        Mirror x -> -x (before the yaw).
+    up : {"y", "z"}
+        ``z`` means that the file's +Z is up; it is turned to +Y first of all.
+    linearize : bool
+        Decode integer pixels as sRGB.
+    pixels : PixelPolicy
+        What is done about pixels that cannot be radiance.
+
+    Raises
+    ------
+    ProbeError
+        If a value is not one of these.
+    """
+
+    layout: Layout | None = None
+    orientation: Orientation | None = None
+    sampling: Sampling | None = None
+    yaw: float = 0.0
+    mirror: bool = False
+    up: Literal["y", "z"] = "y"
+    linearize: bool = False
+    pixels: PixelPolicy = field(default_factory=PixelPolicy)
+
+    def __post_init__(self) -> None:
+        _check_name("layout", self.layout, (None, *LAYOUTS))
+        _check_name("orientation", self.orientation, (None, *ORIENTATIONS))
+        _check_name("sampling", self.sampling, (None, *SAMPLINGS))
+        _check_name("up", self.up, _UP)
+        _check_flag("mirror", self.mirror)
+        _check_flag("linearize", self.linearize)
+        if not (_is_number(self.yaw) and math.isfinite(self.yaw)):
+            raise ProbeError(f"`yaw` must be a finite number of degrees, not {self.yaw!r}")
+        if not isinstance(self.pixels, PixelPolicy):
+            raise ProbeError(f"`pixels` must be a PixelPolicy, not {self.pixels!r}")
+        clamp = self.pixels.clamp
+        _check_flag("fix_nonfinite", self.pixels.fix_nonfinite)
+        if clamp is not None and not (_is_number(clamp) and math.isfinite(clamp) and clamp > 0):
+            raise ProbeError(f"`clamp` must be a positive number, not {clamp!r}")
+
+    def matrix(self) -> Array:
+        """Orthogonal matrix from the file's axes to world axes, shape (3, 3)."""
+        a = np.radians(self.yaw)
+        turn = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+        mirror = np.diag([-1.0 if self.mirror else 1.0, 1.0, 1.0])
+        up = np.eye(3)
+        if self.up == "z":
+            up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+        return turn @ mirror @ up
+
+
+class ReadKeywords(TypedDict, total=False):
+    """The keywords of `open_probe`: attributes of `ReadOptions` and of its `PixelPolicy`."""
+
+    layout: Layout | None
+    orientation: Orientation | None
+    sampling: Sampling | None
+    yaw: float
+    mirror: bool
+    up: Literal["y", "z"]
+    linearize: bool
+    pixels: PixelPolicy
+    clamp: float | None
+    fix_nonfinite: bool
+
+
+def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
+    """The options with some of them replaced.
+
+    Parameters
+    ----------
+    options : ReadOptions
+    keywords : ReadKeywords
+
+    Raises
+    ------
+    ProbeError
+        If a keyword is not one of `ReadKeywords`, or its value is not one of its own.
+    """
+    of_pixels = {each.name for each in fields(PixelPolicy)}
+    known = {each.name for each in fields(ReadOptions)} | of_pixels
+    unknown = sorted(keywords.keys() - known)
+    if unknown:
+        names = ", ".join(f"`{name}`" for name in sorted(known))
+        raise ProbeError(f"`{unknown[0]}` says nothing about a probe; give {names}")
+    changes: dict[str, Any] = {k: v for k, v in keywords.items() if k not in of_pixels}
+    policy: dict[str, Any] = {k: v for k, v in keywords.items() if k in of_pixels}
+    options = replace(options, **changes)
+    return replace(options, pixels=replace(options.pixels, **policy))
+
+
+def _check_name(argument: str, value: object, names: tuple[str | None, ...]) -> None:
+    if not (value is None or isinstance(value, str)) or value not in names:
+        known = ", ".join(name for name in names if name is not None)
+        raise ProbeError(f"`{argument}` {value!r} is not known; give one of {known}")
+
+
+def _check_flag(argument: str, value: object) -> None:
+    if not isinstance(value, bool | np.bool_):
+        raise ProbeError(f"`{argument}` must be True or False, not {value!r}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)

@@ -1,0 +1,80 @@
+"""The grid of cube maps: six faces in OpenEXR's order and orientation, stacked."""
+
+import numpy as np
+
+from shrm_cli.layouts import FACES
+from shrm_cli.sphere.cube import (
+    cube_coordinates,
+    cube_directions,
+    cube_solid_angles,
+    face_axes,
+    right_angles,
+    turned_face,
+)
+from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler, WholeImageAnalysis
+from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.synthesis import integrate_cube
+
+
+class Cube(Grid):
+    """A stacked cube of `size` texels along the edges of its faces."""
+
+    name = "cube"
+    proportions = (1, 6)
+    half_turn = 2.0
+    smallest = 1
+    largest = 4096
+    most_pixels = 2**27  # about 7 GB while they are read and projected
+    faces = 6
+
+    def directions(self) -> Array:
+        return cube_directions(self.size, self.sampling)
+
+    def weights(self, start: int = 0, stop: int | None = None) -> Array:
+        return np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))[start:stop]
+
+    def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
+        right, below, forward = np.moveaxis(face_axes()[rows // self.size], -2, 0)
+        points = forward + right * across[..., None] + below * down[..., None]
+        return points, (1 + across**2 + down**2) ** -1.5
+
+    def coordinates(self, directions: Array) -> tuple[Indices, Array, Array]:
+        return cube_coordinates(directions)
+
+    def sampler(self, image: Array) -> Sampler:
+        return CubeSampler(image, self.sampling)
+
+    def analysis(self, order: int) -> Analysis:
+        def integrate(weighted: Array) -> Array:
+            return integrate_cube(weighted.transpose(2, 0, 1), order, self.sampling)
+
+        return WholeImageAnalysis(integrate)
+
+    def share_borders(self, image: Array) -> None:
+        if self.size == 1:
+            return
+        last = self.size - 1
+        k = np.arange(0, 2 * last + 1, 2) - last  # whole numbers: equal points are equal
+        right, down, forward = np.moveaxis(face_axes().astype(int), 1, 0)[:, :, None, None]
+        points = forward * last + right * k[:, None] + down * k[:, None, None]
+        on_edge = np.broadcast_to(
+            (np.abs(k) == last) | (np.abs(k[:, None]) == last), (len(FACES), len(k), len(k))
+        )
+        pixels = image.reshape(*on_edge.shape, 3)
+        _, place, count = np.unique(
+            points[on_edge], axis=0, return_inverse=True, return_counts=True
+        )
+        total = np.zeros((len(count), 3))
+        np.add.at(total, place.ravel(), pixels[on_edge])
+        pixels[on_edge] = (total / count[:, None])[place.ravel()]
+
+    def turned(self, image: Array, matrix: Array) -> Array | None:
+        turned = right_angles(matrix)
+        if turned is None:
+            return None
+        faces = image.reshape(6, self.size, self.size, -1)
+        result = np.empty_like(faces)
+        for face, axes in enumerate(face_axes() @ turned):  # M^-1 of each axis, as rows
+            source = int(np.argmax(face_axes()[:, 2] @ axes[2]))
+            result[face] = turned_face(faces[source], axes, source)
+        return result.reshape(image.shape)

@@ -1,0 +1,109 @@
+"""Sample positions of one axis, and the weights of rules that integrate over it or the sphere.
+
+Two samplings of an axis by n pixels exist. With ``center`` pixel i covers ``(i, i+1) / n`` and is
+sampled at its center. With ``border`` pixel 0 and pixel n-1 lie on the two ends of the range, as
+OpenEXR defines its environment maps.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.vocabulary import Sampling
+
+Array = NDArray[np.floating]
+
+
+def nodes(size: int, sampling: Sampling = "center") -> Array:
+    """The `size` sample positions of one axis, in [-1, 1], ascending."""
+    if sampling == "border":
+        return np.linspace(-1.0, 1.0, size) if size > 1 else np.zeros(1)
+    return (2 * np.arange(size) + 1) / size - 1
+
+
+def cell_edges(count: int, sampling: Sampling) -> Array:
+    """Positions in [-1, 1] where the cells of `count` samples meet, and both ends.
+
+    A sample's cell reaches half way to the samples beside it, and is cut at the ends of the axis.
+
+    Returns
+    -------
+    ndarray, shape (count + 1,)
+    """
+    samples = nodes(count, sampling)
+    return np.concatenate([[-1.0], (samples[1:] + samples[:-1]) / 2, [1.0]])
+
+
+def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
+    """Quadrature weights of the rows of a lat-long for the integral over sin(theta) dtheta.
+
+    The rule is Fejer's first (``center``) or Clenshaw and Curtis's (``border``). Both are exact
+    for every trigonometric polynomial of degree below `height`, unlike the usual sin(theta) times
+    the row's height.
+
+    Returns
+    -------
+    ndarray, shape (height,)
+        They sum to 2.
+
+    References
+    ----------
+    Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
+    """
+    intervals = height if sampling == "center" else height - 1
+    k = np.arange(intervals // 2 + 1)
+    moments = 4 / (1 - 4.0 * k**2)  # twice the integrals of cos(2 k theta) sin(theta)
+    moments[0] /= 2
+    if intervals % 2 == 0:
+        # The last wave is 0 at the centers of the intervals, and counts twice at their ends.
+        moments[-1] *= 0 if sampling == "center" else 0.5
+    shift = np.exp(1j * np.pi * k / intervals) if sampling == "center" else 1
+    weights = np.fft.ifft(moments * shift, n=intervals).real
+    if sampling == "border":
+        weights = np.append(weights, weights[0])
+        weights[[0, -1]] /= 2
+    return weights
+
+
+def longitude_weights(width: int, sampling: Sampling = "center") -> Array:
+    """Weights of the columns of a lat-long; they sum to 2 pi."""
+    if sampling == "center":
+        return np.full(width, 2 * np.pi / width)
+    # The two end columns are the same meridian and share its weight.
+    weights = np.full(width, 2 * np.pi / (width - 1))
+    weights[[0, -1]] /= 2
+    return weights
+
+
+def gauss_legendre(count: int) -> tuple[Array, Array]:
+    """Nodes in (-1, 1), ascending, and weights of the rule exact to degree 2 count - 1.
+
+    References
+    ----------
+    Golub & Welsch 1969: eigenvalues and first components of the eigenvectors of the Jacobi
+    matrix.
+    """
+    k = np.arange(1, count)
+    beside = k / np.sqrt(4.0 * k**2 - 1)
+    values, vectors = np.linalg.eigh(np.diag(beside, -1) + np.diag(beside, 1))
+    return values, 2 * vectors[0] ** 2
+
+
+def spiral_directions(count: int) -> Array:
+    """Directions spread evenly over the sphere, of equal weight, without any regular rows.
+
+    Sums over the rows of other grids resonate with functions that have rows of their own.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+
+    References
+    ----------
+    Gonzalez 2010, Measurement of areas on a sphere using Fibonacci and latitude-longitude
+    lattices.
+    """
+    k = np.arange(count)
+    z = (2 * k + 1) / count - 1
+    phi = k * (np.pi * (3 - np.sqrt(5)))
+    sine = np.sqrt(1 - z**2)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=-1)
