@@ -7,7 +7,7 @@ shrm prefilter probe.exr --brdf examples/my_brdf.py:Minnaert:k=2,albedo=0.8/0.7/
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Brdf, Parameter
+from shrm_cli import Brdf, Parameter
 
 Array = NDArray[np.floating]
 

@@ -1,3 +1,96 @@
-"""shrm: prefiltering of light probes for real materials in the frequency domain."""
+"""shrm: prefiltering of light probes for real materials in the frequency domain.
+
+The library in a few lines::
+
+    import shrm_cli as shrm
+
+    map_ = shrm.prefilter("probe.exr", "ggx:roughness=0.4", eps=0.03)
+    map_.save("out.exr")
+    radiance = map_.radiance(normals, views)
+
+Each name is imported when it is first used (PEP 562), so that ``import shrm_cli`` alone loads
+nothing. docs/library.md documents the public names.
+"""
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "prefilter": "prefilter",
+    "reference": "reference",
+    "open_map": "maps.file",
+    "is_map": "maps.file",
+    "Map": "maps.base",
+    "MapInfo": "maps.info",
+    "open_probe": "probe.probe",
+    "Probe": "probe.probe",
+    "Brdf": "brdf.base",
+    "Parameter": "brdf.base",
+    "parse_spec": "brdf.spec",
+    "using": "settings",
+    "ShrmError": "errors",
+    "ProbeError": "errors",
+    "BrdfError": "errors",
+    "OrderError": "errors",
+    "MapError": "errors",
+    "OutputError": "errors",
+    "ArgumentError": "errors",
+    "ShrmWarning": "errors",
+}
+"""Every public name, and the module of this package that defines it."""
+
+__all__ = [*_HOMES, "__version__"]
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.base import Brdf as Brdf
+    from shrm_cli.brdf.base import Parameter as Parameter
+    from shrm_cli.brdf.spec import parse_spec as parse_spec
+    from shrm_cli.errors import ArgumentError as ArgumentError
+    from shrm_cli.errors import BrdfError as BrdfError
+    from shrm_cli.errors import MapError as MapError
+    from shrm_cli.errors import OrderError as OrderError
+    from shrm_cli.errors import OutputError as OutputError
+    from shrm_cli.errors import ProbeError as ProbeError
+    from shrm_cli.errors import ShrmError as ShrmError
+    from shrm_cli.errors import ShrmWarning as ShrmWarning
+    from shrm_cli.maps.base import Map as Map
+    from shrm_cli.maps.file import is_map as is_map
+    from shrm_cli.maps.file import open_map as open_map
+    from shrm_cli.maps.info import MapInfo as MapInfo
+    from shrm_cli.prefilter import prefilter as prefilter
+    from shrm_cli.probe.probe import Probe as Probe
+    from shrm_cli.probe.probe import open_probe as open_probe
+    from shrm_cli.reference import reference as reference
+    from shrm_cli.settings import using as using
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})
+
+
+class _Library(ModuleType):
+    """The class of this module, which keeps public names from being rebound to submodules.
+
+    When the import system loads the submodule ``shrm_cli.prefilter``, it binds it to the package's
+    attribute ``prefilter``, and it does the same for ``reference``. This class ignores that,
+    because the public names `prefilter` and `reference` are functions.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Library

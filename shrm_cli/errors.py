@@ -1,8 +1,13 @@
-"""The errors that a user can cause or cure. Each message is one line: what, where, what to do."""
+"""The errors that a user can cause or cure.
+
+Each message is one line that says what is wrong, where, and what to do. Messages name arguments of
+the library in backticks, such as `size`. The command line prints the flags in their place, such as
+--size.
+"""
 
 
 class ShrmError(Exception):
-    """Base of every error that `shrm` reports without a traceback."""
+    """The base class of all errors that the command `shrm` reports without a traceback."""
 
 
 class ProbeError(ShrmError):
@@ -10,16 +15,36 @@ class ProbeError(ShrmError):
 
 
 class BrdfError(ShrmError):
-    """A BRDF specification names no model, or a parameter is out of its range."""
+    """A BRDF's specification or file is wrong, or the BRDF cannot be used as asked."""
 
 
 class OrderError(ShrmError):
-    """A tolerance or an order cannot be met within the limits."""
+    """A tolerance cannot be met within the limits of the orders, or an order is outside them."""
 
 
 class MapError(ShrmError):
-    """A file is not a map that `shrm` wrote, or a map cannot be used as asked."""
+    """A file is not a map that `shrm` wrote, or a map cannot be made or used as asked."""
 
 
 class OutputError(ShrmError):
-    """An output file cannot be written whole."""
+    """An output file cannot be written completely."""
+
+
+class ArgumentError(ShrmError):
+    """An argument has a value that it cannot have, or does not apply to what is asked for.
+
+    The command line reports this error as wrong usage of the flag that belongs to the argument.
+
+    Attributes
+    ----------
+    argument : str
+        The name of the argument.
+    """
+
+    def __init__(self, argument: str, message: str) -> None:
+        super().__init__(f"`{argument}` {message}")
+        self.argument, self.message = argument, message
+
+
+class ShrmWarning(UserWarning):
+    """A remark of one line that the user should know about a result which is not wrong."""

@@ -1,4 +1,8 @@
-"""Tolerance -> orders (F, P), and what the truncation costs in the reflected light."""
+"""From a tolerance to orders (F, P), and what the truncation costs in the reflected light.
+
+F is the largest degree l of the light that a map keeps, and P the largest degree p of the view.
+Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
+"""
 
 from dataclasses import dataclass
 
@@ -14,21 +18,23 @@ from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
+"""The order F to which coefficients are computed first; it doubles until it suffices."""
 _FIRST_ORDER_P = 8
+"""The order P to which coefficients are computed first; it doubles until it suffices."""
 
 
 @dataclass(frozen=True)
 class Orders:
-    """The orders of a map: the largest l and p kept.
+    """The orders of a map: the largest l and p that it keeps.
 
     Attributes
     ----------
     order_f, order_p : int
-        Inclusive.
+        The largest l and the largest p, inclusive.
     tolerance : float
-        The fraction of the BRDF's energy that they were allowed to miss.
+        The fraction of the BRDF's energy that the orders were allowed to miss.
     captured : float
-        The fraction that they capture.
+        The fraction of the BRDF's energy that the orders capture.
     """
 
     order_f: int
@@ -43,31 +49,34 @@ def choose_orders(
     order_f: int | None = None,
     order_p: int | None = None,
 ) -> tuple[Orders, BrdfCoefficients]:
-    """Least orders that capture all but `tolerance` of a BRDF's energy (eq. 5.17, 5.18).
+    """Find the least orders that capture all but `tolerance` of a BRDF's energy (eq. 5.17, 5.18).
 
-    The coefficients are computed to growing orders until a fifth of the tolerance is missing at
-    most beyond their F, and the tolerance is met by their P (or the limits are reached): what
-    lies between the chosen orders and these is the error that `predicted_error` counts. Then P
-    is reduced as far as the tolerance allows, then F (section 5.6.2).
+    The coefficients are computed to growing orders until at most a fifth of the tolerance is
+    missing beyond their F, and the tolerance is met by their P, or the limits are reached. What
+    lies between the chosen orders and these larger ones is the error that `predicted_error`
+    counts. Then P is reduced as far as the tolerance allows, and then F (section 5.6.2).
 
     Parameters
     ----------
     brdf : Brdf
     tolerance : float
-        In (0, 1), over the colour channels together.
+        The fraction of the energy of all colour channels together that may be missed, in (0, 1).
     order_f, order_p : int, optional
-        Orders to use instead of the chosen ones; `tolerance` may then be missed.
+        Orders to use instead of the chosen ones; `tolerance` may then not be met.
 
     Returns
     -------
     orders : Orders
     coefficients : BrdfCoefficients
-        To orders at least as high.
+        The coefficients of the BRDF, to orders at least as high as `orders`.
 
     Raises
     ------
     OrderError
-        If the tolerance is outside (0, 1), or cannot be met within F = 512 and P = 32.
+        If the tolerance is outside (0, 1) or cannot be met within F = 512 and P = 32, or if a
+        given order is outside these limits.
+    BrdfError
+        If the coefficients of the BRDF cannot be computed.
     """
     if not 0 < tolerance < 1:
         raise OrderError(f"the tolerance must lie between 0 and 1, not {tolerance:g}")
@@ -92,44 +101,51 @@ def least_orders(
     order_f: int | None = None,
     order_p: int | None = None,
 ) -> Orders:
-    """Least P, then least F, that capture all but `tolerance` of the energy, as far as known.
+    """Find the least P, and then the least F, that capture all but `tolerance` of the energy.
+
+    Where the coefficients reach no orders that meet the tolerance, their largest ones are taken.
 
     Parameters
     ----------
     coefficients : BrdfCoefficients
     tolerance : float
+        The fraction of the energy that may be missed.
     order_f, order_p : int, optional
-        Orders to use instead.
+        Orders to use instead of the chosen ones; a P above that of the coefficients is lowered.
     """
     captured = coefficients.captured()
     enough = captured >= 1 - tolerance
     p = _least(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
-    # A forced P may be too small for the tolerance: then F keeps all but that much of its part.
+    # A forced P may be too small for the tolerance. Then F must keep all but that fraction of
+    # the energy that this P can capture.
     goal = (1 - tolerance) * (1 if enough[-1, p] else captured[-1, p])
     f = _least(captured[:, p] >= goal) if order_f is None else order_f
     return Orders(f, p, tolerance, float(captured[f, p]))
 
 
 def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]]:
-    """The BRDF about the central direction that needs the fewest coefficients (section 5.3.1).
+    """Recenter a BRDF about the direction that needs the fewest coefficients (section 5.3.1).
+
+    A BRDF that is central about the tangent keeps that centre.
 
     Parameters
     ----------
     brdf : Brdf
     tolerance : float
-        In (0, 1).
+        The fraction of the BRDF's energy that may be missed, in (0, 1).
 
     Returns
     -------
     brdf : Brdf
+        The BRDF about the best centre.
     counts : dict
-        Coefficients that each centre would need; those where the tolerance cannot be met are
-        left out.
+        The number of coefficients that each centre would need. Centres about which the tolerance
+        cannot be met are left out.
 
     Raises
     ------
     OrderError, BrdfError
-        If it can be met with none.
+        If the tolerance cannot be met about any centre.
     """
     candidates: list[Center] = ["reflection", "normal"]
     if brdf.center == "tangent":
@@ -139,7 +155,7 @@ def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]
     for center in candidates:
         try:
             counts[center] = coefficient_count(*choose_orders(brdf.recentered(center), tolerance))
-        except (OrderError, BrdfError) as error:  # too sharp about this centre
+        except (OrderError, BrdfError) as error:  # the BRDF is too sharp about this centre
             refusal = error
     if not counts:
         raise refusal or OrderError(f"{brdf!r}: has no central direction")
@@ -148,19 +164,27 @@ def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]
 
 
 def coefficient_count(orders: Orders, coefficients: BrdfCoefficients) -> int:
-    """Coefficients of the reflected light: (F+1)^2 for each map, P + 1 maps without azimuth."""
+    """Count the coefficients of the reflected light.
+
+    Each harmonic of the view has a map of (F+1)^2 coefficients. There are (P+1)^2 such harmonics,
+    or P + 1 for a BRDF that does not depend on the azimuth.
+    """
     maps = orders.order_p + 1
     return (orders.order_f + 1) ** 2 * (maps if coefficients.azimuth_free else maps**2)
 
 
 def _least(enough: NDArray[np.bool_]) -> int:
+    """Return the first index that is enough, or the last index where none is."""
     return int(np.argmax(enough)) if enough.any() else len(enough) - 1
 
 
 def _sufficient_coefficients(
     brdf: Brdf, tolerance: float, order_f: int, order_p: int
 ) -> BrdfCoefficients:
-    """Coefficients to orders at which a tolerance is met, at least those given."""
+    """Compute coefficients to orders at which a tolerance is met, and at least to those given.
+
+    Where the limits of the orders do not meet the tolerance, the coefficients reach the limits.
+    """
     f = max(_FIRST_ORDER_F, order_f)
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     while True:
@@ -182,23 +206,24 @@ def _sufficient_coefficients(
 def predicted_error(
     lighting_power: Array, coefficients: BrdfCoefficients, order_f: int, order_p: int
 ) -> float:
-    """Relative RMS error of the reflected light over all orientations and views, by Parseval.
+    """Predict the relative RMS error of the reflected light over all orientations and views.
 
-    ``int |B|^2 dR dV = sum_lmpq |L_lm|^2 |rho_hat_lpq|^2 4 pi / (2l+1)``: the square root of the
-    part with l > F or p > P over the whole.
+    By Parseval, ``int |B|^2 dR dV = sum_lmpq |L_lm|^2 |rho_hat_lpq|^2 4 pi / (2l+1)``. The error is
+    the square root of the ratio of the terms with l > F or p > P to the whole sum.
 
     Parameters
     ----------
     lighting_power : ndarray, shape (>= coefficients.order_f + 1, 3)
-        ``sum_m |L_lm|^2`` for each l.
+        ``sum_m |L_lm|^2`` for each l and channel.
     coefficients : BrdfCoefficients
-        To orders well above F and P.
+        The coefficients of the BRDF, to orders well above F and P.
     order_f, order_p : int
+        The orders F and P of the map.
 
     Returns
     -------
     float
-        0 for black light.
+        The error, which is 0 for black light.
     """
     power = lighting_power[: coefficients.order_f + 1]
     light = _convolution_measure(coefficients.order_f)[:, None] * power
@@ -208,11 +233,14 @@ def predicted_error(
 
 
 def reflected_rms(lighting_power: Array, coefficients: BrdfCoefficients) -> float:
-    """Root of the integral of the squared reflected light over all orientations and views.
+    """Return the root of the integral of the squared reflected light, by Parseval.
+
+    The integral is over all orientations, views and channels.
 
     Parameters
     ----------
-    lighting_power : ndarray, shape (>= order_f + 1, 3)
+    lighting_power : ndarray, shape (>= coefficients.order_f + 1, 3)
+        ``sum_m |L_lm|^2`` for each l and channel.
     coefficients : BrdfCoefficients
     """
     power = lighting_power[: coefficients.order_f + 1]
@@ -223,21 +251,22 @@ def reflected_rms(lighting_power: Array, coefficients: BrdfCoefficients) -> floa
 def truncated_lobe_error(
     lighting_power: Array, coefficients: BrdfCoefficients, tail: BrdfCoefficients
 ) -> float:
-    """Relative RMS error of the reflected light without the outer part of the BRDF's lobe.
+    """Return the relative RMS error of leaving out the outer part of the BRDF's lobe.
 
-    The same integral as in `predicted_error`, of what was cut off instead of what lies beyond
-    some orders.
+    The integral is that of `predicted_error`, but the error is the light that the missing part
+    of the lobe would reflect, instead of what lies beyond some orders.
 
     Parameters
     ----------
-    lighting_power : ndarray, shape (>= order_f + 1, 3)
+    lighting_power : ndarray, shape (>= coefficients.order_f + 1, 3)
+        ``sum_m |L_lm|^2`` for each l and channel.
     coefficients, tail : BrdfCoefficients
-        Of the whole BRDF and of the part that is missing, to the same order_f.
+        The coefficients of the whole BRDF and of the part that is missing, to the same order_f.
 
     Returns
     -------
     float
-        0 for black light.
+        The error, which is 0 for black light.
     """
     whole = reflected_rms(lighting_power, coefficients)
     return reflected_rms(lighting_power, tail) / whole if whole > 0 else 0.0
@@ -250,20 +279,25 @@ def error_bound(
     order_f: int,
     order_p: int,
 ) -> float:
-    """Conservative relative RMS error, the square root of eps_B of eq. 5.19.
+    """Return a conservative relative RMS error, the square root of eps_B of eq. 5.19.
 
-    What is missing beyond F is taken to sit in mode F + 1 entirely, with all the residual energy
-    of the light and of the BRDF: ``Lambda_{F+1}^2 (eps_L L_tot) (eps_rho rho_tot)``. (The paper
-    prints Lambda_{F+1}; energies go with the square, ``|B_lmpq|^2 = Lambda_l^2 |L_lm|^2
-    |rho_hat_lpq|^2``.) The part with l <= F and p > P, which the paper's radially symmetric case
-    does not have, is known degree by degree and added as it is.
+    All that is missing beyond F is taken to sit in mode F + 1, with all the residual energy of
+    the light and of the BRDF: ``Lambda_{F+1}^2 (eps_L L_tot) (eps_rho rho_tot)``. (Eq. 5.19 is
+    printed with Lambda_{F+1}, but energies go with its square, ``|B_lmpq|^2 = Lambda_l^2 |L_lm|^2
+    |rho_hat_lpq|^2``.) The part with l <= F and p > P does not occur in the radially symmetric
+    case of eq. 5.19. It is known for each degree, and is added as it is.
 
     Parameters
     ----------
     lighting_power, coefficients, order_f, order_p
-        As for `predicted_error`.
+        The same as for `predicted_error`.
     lighting_energy : ndarray, shape (3,)
-        The integral of the squared radiance, L_tot (eq. 5.15).
+        The integral L_tot of the squared radiance of each channel (eq. 5.15).
+
+    Returns
+    -------
+    float
+        The error, which is 0 for black light.
     """
     power = lighting_power[: order_f + 1]
     light = _convolution_measure(order_f)[:, None] * power
@@ -278,10 +312,10 @@ def error_bound(
 
 
 def _kept(coefficients: BrdfCoefficients, order_f: int, order_p: int) -> Array:
-    """Energy of the BRDF at each degree l <= F with p <= P, shape (F+1, 3)."""
+    """Return the energy of the BRDF at each degree l <= F with p <= P, shape (F+1, 3)."""
     return coefficients.energies()[: order_f + 1, : order_p + 1].sum(axis=1)
 
 
 def _convolution_measure(order: int) -> Array:
-    """``Lambda_l^2 = 4 pi / (2l+1)`` of eq. 5.7."""
+    """Return ``Lambda_l^2 = 4 pi / (2l+1)`` of eq. 5.7 for each l, shape (order+1,)."""
     return 4 * np.pi / (2 * np.arange(order + 1) + 1)

@@ -1,6 +1,40 @@
-"""How work that takes a while tells how far it is."""
+"""Progress reports: how a long computation tells how far it has come."""
 
 from collections.abc import Callable
 
 Progress = Callable[[int, int], object]
-"""What is called with the amount of work done so far and the amount in all, in any unit."""
+"""A callable that takes the amount done and the amount in all, in whatever unit suits the work."""
+
+_STEPS = 1000
+"""The number of steps in which the progress within one stage is reported."""
+
+
+class Stages:
+    """The progress of work in stages of equal length, each of which reports its own progress.
+
+    Both methods are progress callables: `done` is called for whole stages, and `within` for the
+    stage that is being worked on.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with how far all stages together have come.
+    total : int
+        The number of stages. Work beyond the last stage takes hardly any time and is not shown.
+    """
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress, self._total, self._finished = progress, total, 0
+
+    def done(self, done: int, total: int) -> None:
+        """Report that `done` stages are finished; `total` is not used."""
+        self._finished = min(done, self._total)
+        self._show(0)
+
+    def within(self, done: int, total: int) -> None:
+        """Report that `done` of `total` units of the present stage are finished."""
+        self._show(_STEPS * done // total if self._finished < self._total else 0)
+
+    def _show(self, steps: int) -> None:
+        if self._progress is not None:
+            self._progress(_STEPS * self._finished + steps, _STEPS * self._total)

@@ -17,7 +17,8 @@ from shrm_cli import settings
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.centers import central_directions
-from shrm_cli.probe.probe import Probe
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.source import Source
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
@@ -243,6 +244,41 @@ class Reference:
                 pool.shutdown(cancel_futures=True)
                 raise
         return result
+
+
+def reference(
+    probe: AnyProbe,
+    brdf: Brdf | str,
+    normals: ArrayLike,
+    views: ArrayLike,
+    source_height: int | None = None,
+    progress: Progress | None = None,
+) -> Array:
+    """Reflected radiance by brute force: the truth to compare a map with.
+
+    Parameters
+    ----------
+    probe : Probe, path-like or array
+    brdf : Brdf or str
+        A BRDF or its specification.
+    normals, views : array_like, shape (..., 3), broadcastable
+        Unit, world axes; views point to the viewer.
+    source_height : int, optional
+        Rows of the lat-long that the probe is averaged down to first, which is faster.
+    progress : callable, optional
+        Called with the number of points done and of points in all.
+
+    Returns
+    -------
+    ndarray of float64, shape (..., 3)
+
+    Raises
+    ------
+    ProbeError, BrdfError
+    """
+    material = parse_spec(brdf) if isinstance(brdf, str) else brdf
+    truth = Reference(as_probe(probe), material, source_height, progress=progress)
+    return truth.radiance(normals, views)
 
 
 def _neighbors(directions: Array, size: int) -> Indices:

@@ -1,7 +1,7 @@
 """The names, limits and defaults that the library, its files and the command line share.
 
-This module imports neither numpy nor anything else of the package, so that ``shrm --help`` may
-load it. Each name stands here once; whoever needs it imports it.
+This module imports neither numpy nor any other module of the package, so that ``shrm --help`` may
+load it. Each name is defined here once, and every module that needs it imports it.
 """
 
 from typing import Literal, get_args
@@ -9,22 +9,29 @@ from typing import Literal, get_args
 # ---- names ---------------------------------------------------------------------------------------
 
 Center = Literal["reflection", "normal", "tangent"]
-"""What a map is looked up with: the mirror direction of the view, the normal, or the tangent."""
+"""The central direction, by which a map is looked up: the mirror direction of the view, the
+normal, or the tangent."""
 Frame = Literal["global", "local"]
-"""Axes of the view in a map: those of the world, or those of each texel's own direction."""
+"""The axes of the view in a map: those of the world, or those of each texel's own direction."""
 Sampling = Literal["center", "border"]
-"""Where the pixels at the edge of an image lie: half a pixel inside it, or on it."""
+"""Where the outermost pixels of an image lie: half a pixel inside its edge, or on the edge."""
 Orientation = Literal["openexr", "gl"]
-"""How the faces of a cube are turned."""
+"""How the faces of a cube are turned: as OpenEXR defines it, or as graphics APIs do."""
 Domain = Literal["frequency", "angular"]
-"""Where a map is prefiltered."""
+"""How a map is prefiltered: by its spherical harmonic coefficients, or by integrals over
+directions."""
 Precision = Literal["auto", "half", "float"]
-"""Pixel type of a written image; ``auto`` is half unless a value exceeds its range."""
+"""The pixel type that is asked for; ``auto`` is half unless a value exceeds the range of half."""
+PixelType = Literal["half", "float"]
+"""The pixel type of a written image: floating point of 16 or 32 bits."""
 LevelMapping = Literal["linear", "filament", "unreal"]
-"""How roughness rises with the levels of a split sum."""
+"""How roughness rises with the levels of a split sum: linearly, or as in one of the engines
+Filament and Unreal."""
 Law = Literal["lobe", "paper"]
-"""What attenuates the degrees of a spherical harmonic exponential."""
+"""The attenuation of the degrees of a spherical harmonic exponential: that of GGX's lobe, or the
+one that its paper published."""
 
+# The same names as tuples, for checks and choices at run time.
 CENTERS: tuple[str, ...] = get_args(Center)
 FRAMES: tuple[str, ...] = get_args(Frame)
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
@@ -35,36 +42,48 @@ LEVEL_MAPPINGS: tuple[str, ...] = get_args(LevelMapping)
 LAWS: tuple[str, ...] = get_args(Law)
 
 REPRESENTATIONS: dict[str, str] = {
-    "shrm": "shrm",
-    "cabral": "explicit",
-    "kautz-mccool": "explicit",
-    "lightfield": "explicit",
-    "irradiance": "irradiance",
-    "splitsum": "splitsum",
-    "she": "she",
+    "shrm": "shrm.shrm",
+    "cabral": "explicit.cabral",
+    "kautz-mccool": "explicit.kautz_mccool",
+    "lightfield": "explicit.light_field",
+    "irradiance": "irradiance.irradiance",
+    "splitsum": "splitsum.split_sum",
+    "she": "she.exponential",
 }
-"""What ``--to`` names, and the folder of `shrm_cli.maps` that makes, writes and reads it."""
+"""Each representation's name, as ``--to`` takes it, and the module of `shrm_cli.maps` that defines
+its class."""
+
+CONTAINERS: dict[str, str] = {".exr": "exr"}
+"""Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""
 
 # ---- limits --------------------------------------------------------------------------------------
 
 MAX_ORDER_F = 512
+"""The largest order F of a map: the degree to which the light is kept."""
 MAX_ORDER_P = 32
+"""The largest order P of a map: the degree of the harmonics of the view."""
+MIN_CUBE_SIZE = 4
+"""The least size of the cubes of a map that is made; conversions go down to 1."""
+MAX_SOURCE_HEIGHT = 8192
+"""The most rows that a probe is averaged down to for integrals over its pixels."""
 MAX_CUBE_SIZE = 4096
-"""Texels along the edge of a map's face."""
+"""The most texels along the edge of a map's face."""
 MAX_EXPONENTIAL_ORDER = 16
-"""Of the factors P and Q of a spherical harmonic exponential."""
+"""The largest order of the factors P and Q of a spherical harmonic exponential."""
 MIN_ROUGHNESS = 0.05
-"""The least perceptual roughness of GGX, whose lobe is then 0.3 degrees wide."""
+"""The least perceptual roughness of GGX, at which its lobe is 0.3 degrees wide."""
 MAX_LEVELS = 64
-"""Levels of a split sum."""
+"""The most levels of a split sum."""
 
 # ---- defaults ------------------------------------------------------------------------------------
 
 DEFAULT_EPS = 0.03
-"""The fraction of a BRDF's energy that a map may miss."""
+"""The fraction of a BRDF's energy that a map may miss, where no other is asked for."""
 DEFAULT_ROUGHNESS = 0.5
-"""Perceptual roughness of the surface that maps of light alone are shown as."""
+"""The perceptual roughness of the GGX surface as which split sums and spherical harmonic
+exponentials are shown, where no other is asked for."""
 DEFAULT_FITTED_ROUGHNESS = (0.45, 1.0)
-"""Perceptual roughness that a spherical harmonic exponential is fitted to, as in its paper."""
+"""The range of perceptual roughness that a spherical harmonic exponential is fitted to, as in its
+paper."""
 DEFAULT_FACTOR_ORDERS = (4, 2)
-"""Orders P and Q of a spherical harmonic exponential, as in its paper."""
+"""The orders P and Q of the factors of a spherical harmonic exponential, as in its paper."""

@@ -1,17 +1,20 @@
-"""Brute-force angular integration with BRDFs written out again: it shares no code with shrm."""
+"""Brute-force angular integration with BRDFs that are written out again.
+
+Nothing here shares code with shrm. Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
+"""
 
 import numpy as np
 from scipy.special import sph_harm_y
 
 
 def unit(rng, count):
-    """Uniform directions, shape (count, 3)."""
+    """Return uniformly distributed directions, shape (count, 3)."""
     vectors = rng.normal(size=(count, 3))
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def microfacet(sigma):
-    """rho_hat of eq. 5.34 in world space: arrays R (3,), V (3,), L (n, 3) -> (n,)."""
+    """Return rho_hat of eq. 5.34 as a function of world vectors R (3,), V (3,) and L (n, 3)."""
 
     def rho_hat(reflection, view, light):
         normal = reflection + view
@@ -26,7 +29,7 @@ def microfacet(sigma):
 
 
 def phong(exponent):
-    """rho_hat of eq. 5.26 in world space."""
+    """Return rho_hat of eq. 5.26 as a function of world vectors R (3,), V (3,) and L (n, 3)."""
 
     def rho_hat(reflection, view, light):
         cosine = np.maximum(light @ reflection, 0)
@@ -36,14 +39,15 @@ def phong(exponent):
 
 
 def reflected(rho_hat, reflection, view, light, weights, radiance):
-    """Reflected radiance, shape (channels,): the sum over the sphere's samples."""
+    """Return the reflected radiance, shape (channels,), as a sum over samples of the sphere."""
     return (weights * rho_hat(reflection, view, light)) @ radiance
 
 
 def latlong_samples(height):
-    """Directions and solid angles of a lat-long's pixel centres, from the contract's words.
+    """Return the directions of a lat-long's pixel centres, and the solid angles of its pixels.
 
-    Top row up (+Y), the centre column along +Z, the left quarter along +X.
+    They follow the words of docs/conventions.md: the top row is up (+Y), the centre column is
+    along +Z, and the left quarter is along +X.
     """
     directions, weights = [], []
     for row in range(height):
@@ -59,7 +63,7 @@ def latlong_samples(height):
 
 
 def sphere_rule(order):
-    """Directions and weights that integrate harmonics up to `order` exactly."""
+    """Return directions and weights that integrate harmonics up to `order` exactly."""
     z, weights = np.polynomial.legendre.leggauss(order // 2 + 1)
     phi = 2 * np.pi * np.arange(order + 1) / (order + 1)
     sine = np.sqrt(1 - z**2)[:, None]
@@ -72,7 +76,7 @@ def sphere_rule(order):
 
 
 def band_limited(coefficients):
-    """rho_hat with given rho_hat_lpq, (F+1, P+1, P+1), through scipy's complex harmonics."""
+    """Return rho_hat for given rho_hat_lpq, (F+1, P+1, P+1), by scipy's complex harmonics."""
     order_f, order_p = coefficients.shape[0] - 1, coefficients.shape[1] - 1
 
     def rho_hat(reflection, view, light):

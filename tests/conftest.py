@@ -1,4 +1,4 @@
-"""What every test shares: reproducible random numbers and Hypothesis settings."""
+"""Fixtures that tests share: reproducible random numbers, a cache of their own and sample files."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +13,7 @@ settings.load_profile("shrm")
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory) -> Iterator[None]:
-    """A cache of coefficients for the tests alone, in this process and those that it starts."""
+    """Give this process, and those that it starts, a cache of coefficients of their own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SHRM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """The folder of real probes, BRDFs and meshes beside the project."""
+    """Return the folder of real probes, BRDFs and meshes beside the project, or skip the test."""
     folder = ROOT.parent / "shared"
     if not (folder / "probes").is_dir():
         pytest.skip(f"OpenEXR's sample images are in {folder.name}/ beside the project: not here")
@@ -38,7 +38,10 @@ def shared() -> Path:
 
 @pytest.fixture(scope="session")
 def real_probes() -> Path:
-    """A folder with real lat-longs: beside the project, or fetched by `make probes`."""
+    """Return a folder with real lat-longs, or skip the test.
+
+    The folder is beside the project, or was fetched by `make probes`.
+    """
     for folder in (ROOT.parent / "shared" / "probes", ROOT / "probes" / "real"):
         if (folder / "city.exr").exists():
             return folder

@@ -1,8 +1,8 @@
 """Slow, independent mathematics that the tests measure the package against.
 
 Nothing here shares code, recurrences or tables with `shrm_cli`: matrices come from generators,
-harmonics from scipy, integrals from a product rule, cube faces from the published table. The
-oracles are themselves checked against each other in `tests/sphere/test_wigner.py` and
+harmonics from scipy, integrals from a product rule, and cube faces from the published table. The
+oracles are checked against each other in `tests/sphere/test_wigner.py` and
 `tests/sphere/test_harmonics.py`.
 """
 
@@ -17,8 +17,9 @@ Array = NDArray[np.floating]
 
 EPS = float(np.finfo(np.float64).eps)
 
-# Right, down and outward axis of each cube face, seen from inside, in stacking order. `openexr`
-# is faceAndPixelPosition of OpenEXR's ImfEnvmap.cpp; `gl` is table 8.19 of OpenGL 4.6 (sc, tc).
+# These are the right, down and outward axes of each cube face, seen from inside, in the order in
+# which the faces are stacked. `openexr` is faceAndPixelPosition of OpenEXR's ImfEnvmap.cpp; `gl` is
+# table 8.19 of OpenGL 4.6 (sc, tc).
 CUBE_FACES = {
     "openexr": (
         ((0, 0, 1), (0, -1, 0), (1, 0, 0)),
@@ -40,27 +41,27 @@ CUBE_FACES = {
 
 
 def tolerance(order: int) -> float:
-    """Rounding that a recurrence over `order` degrees may collect: ``(2l+1)^2 eps``."""
+    """Return the rounding error that `order` degrees may accumulate: ``(2l+1)^2 eps``."""
     return (2 * order + 1) ** 2 * EPS
 
 
 def _raising(degree: int) -> Array:
-    """Elements <m+1| J+ |m>, m = -l .. l-1."""
+    """Return the elements <m+1| J+ |m> of the raising operator, m = -l .. l-1."""
     m = np.arange(-degree, degree)
     return np.sqrt((degree - m) * (degree + m + 1.0))
 
 
 def small_d(degree: int, theta: float) -> Array:
-    """Wigner's d^l as the exponential of its generator, ``exp(-i theta J_y)``, [m+l, n+l]."""
+    """Return Wigner's d^l, [m+l, n+l], as the exponential ``exp(-i theta J_y)``."""
     plus = np.diag(_raising(degree), -1)
     return expm(-theta * (plus - plus.T) / 2)
 
 
 def small_d_by_eigenvectors(degree: int, theta: ArrayLike) -> Array:
-    """The same by diagonalising J_x, whose eigenvalues are the integers -l .. l.
+    """Return Wigner's d^l by diagonalising J_x, whose eigenvalues are the integers -l .. l.
 
-    Accurate to rounding at any degree, and cheap for several angles: [m+l, n+l, *theta.shape].
-    ``J_y = S J_x S^-1`` with ``S = diag((-i)^m)``.
+    The result, [m+l, n+l, *theta.shape], is accurate to rounding at any degree, and cheap for
+    several angles. It uses ``J_y = S J_x S^-1`` with ``S = diag((-i)^m)``.
     """
     m = np.arange(-degree, degree + 1)
     _, vectors = eigh_tridiagonal(np.zeros(len(m)), _raising(degree) / 2)
@@ -73,7 +74,10 @@ def small_d_by_eigenvectors(degree: int, theta: ArrayLike) -> Array:
 
 
 def small_d_element(degree: int, m: int, n: int, theta: ArrayLike) -> Array:
-    """One element of d^l from a Jacobi polynomial, 0 < theta < pi (Wikipedia, Wigner D-matrix)."""
+    """Return one element of Wigner's d^l from a Jacobi polynomial, for 0 < theta < pi.
+
+    The formula is that of Wikipedia, "Wigner D-matrix".
+    """
     theta = np.asarray(theta, dtype=float)
     k = min(degree + n, degree - n, degree + m, degree - m)
     a, flip = {
@@ -91,19 +95,22 @@ def small_d_element(degree: int, m: int, n: int, theta: ArrayLike) -> Array:
 
 
 def angles(directions: ArrayLike) -> tuple[Array, Array]:
-    """Polar angle from +Z and azimuth."""
+    """Return the polar angle from +Z and the azimuth of directions."""
     x, y, z = np.moveaxis(np.asarray(directions, dtype=float), -1, 0)
     return np.arctan2(np.sqrt(x * x + y * y), z), np.arctan2(y, x)
 
 
 def complex_harmonic(degree: int, m: int, directions: ArrayLike) -> NDArray[np.complexfloating]:
-    """Y_lm with Condon-Shortley phase; scipy >= 1.15 takes (l, m, polar angle, azimuth)."""
+    """Return Y_lm with the Condon-Shortley phase.
+
+    The function of scipy >= 1.15 takes (l, m, polar angle, azimuth).
+    """
     theta, phi = angles(directions)
     return sph_harm_y(degree, m, theta, phi)
 
 
 def real_harmonics(order: int, directions: ArrayLike) -> Array:
-    """Real harmonics without Condon-Shortley phase, shape (..., (order+1)^2)."""
+    """Return real harmonics without the Condon-Shortley phase, shape (..., (order+1)^2)."""
     columns = []
     for degree in range(order + 1):
         for m in range(-degree, degree + 1):
@@ -117,9 +124,9 @@ def real_harmonics(order: int, directions: ArrayLike) -> Array:
 
 
 def sphere_rule(degree: int) -> tuple[Array, Array]:
-    """Directions (n, 3) and weights (n,): exact for polynomials up to `degree`.
+    """Return directions (n, 3) and weights (n,) that are exact for polynomials up to `degree`.
 
-    Gauss-Legendre in z times the trapezoid rule in azimuth.
+    The rule is Gauss-Legendre in z times the trapezoid rule in azimuth.
     """
     z, z_weights = np.polynomial.legendre.leggauss(degree // 2 + 1)
     count = degree + 1
@@ -138,26 +145,26 @@ def sphere_rule(degree: int) -> tuple[Array, Array]:
 
 
 def project(function: Callable[[Array], Array], order: int, degree: int) -> Array:
-    """Real coefficients up to `order` of a polynomial of `degree`, by brute-force integration."""
+    """Integrate the real coefficients up to `order` of a polynomial of `degree`."""
     directions, weights = sphere_rule(order + degree)
     return real_harmonics(order, directions).T @ (weights * function(directions))
 
 
 def random_directions(rng: np.random.Generator, *shape: int) -> Array:
-    """Uniform unit vectors, shape (*shape, 3)."""
+    """Return uniformly distributed unit vectors, shape (*shape, 3)."""
     vectors = rng.standard_normal((*shape, 3))
     return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
 
 
 def random_rotation(rng: np.random.Generator, mirrored: bool = False) -> Array:
-    """A uniform rotation matrix, or a rotation times a mirroring."""
+    """Return a uniformly distributed rotation matrix, or if mirrored one of determinant -1."""
     q, r = np.linalg.qr(rng.standard_normal((3, 3)))
     q = q * np.sign(np.diag(r))
     return q if (np.linalg.det(q) < 0) == mirrored else -q
 
 
 def turn(axis: str, angle: float) -> Array:
-    """Rotation matrix about a world axis, counter-clockwise seen from its tip."""
+    """Return a rotation about a world axis, counter-clockwise as seen from the axis' tip."""
     cosine, sine = np.cos(angle), np.sin(angle)
     k = "xyz".index(axis)
     i, j = (k + 1) % 3, (k + 2) % 3
@@ -169,14 +176,14 @@ def turn(axis: str, angle: float) -> Array:
 
 
 def positions(size: int, sampling: str) -> list[float]:
-    """Sample positions along one axis in [-1, 1], one at a time."""
+    """Return the positions of samples along one axis in [-1, 1], each computed by itself."""
     if sampling == "center":
         return [-1 + (i + 0.5) * (2 / size) for i in range(size)]
     return [0.0] if size == 1 else [-1 + 2 * i / (size - 1) for i in range(size)]
 
 
 def cube_texels(size: int, sampling: str = "center", orientation: str = "openexr") -> Array:
-    """Unit directions of a cube's texels, shape (6, size, size, 3), texel by texel."""
+    """Return the unit directions of a cube's texels, shape (6, size, size, 3), one by one."""
     result = np.empty((6, size, size, 3))
     at = positions(size, sampling)
     for face, (right, down, forward) in enumerate(CUBE_FACES[orientation]):
@@ -188,7 +195,10 @@ def cube_texels(size: int, sampling: str = "center", orientation: str = "openexr
 
 
 def latlong_pixels(width: int, height: int, sampling: str = "center") -> Array:
-    """Directions of a lat-long's pixels, (height, width, 3), as OpenEXR's ImfEnvmap.cpp has it."""
+    """Return the directions of a lat-long's pixels, shape (height, width, 3).
+
+    The formulae are those of OpenEXR's ImfEnvmap.cpp.
+    """
     latitude = -np.pi / 2 * np.array(positions(height, sampling))[:, None]
     longitude = -np.pi * np.array(positions(width, sampling))[None, :]
     return np.stack(
@@ -202,7 +212,7 @@ def latlong_pixels(width: int, height: int, sampling: str = "center") -> Array:
 
 
 def real_from_alm(alm: NDArray[np.complexfloating], order: int) -> Array:
-    """Real coefficients from healpy's a_lm (m-major, m >= 0, Condon-Shortley)."""
+    """Convert healpy's a_lm (m-major, m >= 0, Condon-Shortley phase) to real coefficients."""
     result = np.zeros((order + 1) ** 2)
     k = 0
     for m in range(order + 1):
@@ -219,7 +229,7 @@ def real_from_alm(alm: NDArray[np.complexfloating], order: int) -> Array:
 
 
 def alm_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloating]:
-    """healpy's a_lm (m-major, m >= 0, Condon-Shortley) from real coefficients."""
+    """Convert real coefficients to healpy's a_lm (m-major, m >= 0, Condon-Shortley phase)."""
     result = []
     for m in range(order + 1):
         for degree in range(m, order + 1):

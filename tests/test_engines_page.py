@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.maps.read import read_map
+from shrm_cli.maps.file import open_map
 from tests.cli.helpers import ROOT, done
 
 PROBE = ROOT / "probes" / "studio.exr"
@@ -99,7 +99,7 @@ def test_irradiance(tmp_path, scene):
     path, normals = tmp_path / "x.exr", scene[0]
     done("prefilter", PROBE, "--to", "irradiance", "--window", "auto", "-o", path)
     ((header, channels),) = parts_of(path)
-    expected = read_map(path).irradiance(normals)
+    expected = open_map(path).irradiance(normals)
     x = np.column_stack([normals, np.ones(len(normals))])
     matrices = np.array(json.loads(header["shrm:irradiance_matrices"]))
     np.testing.assert_allclose(np.einsum("ni,cij,nj->nc", x, matrices, x), expected, rtol=1e-10)
@@ -111,7 +111,7 @@ def test_irradiance(tmp_path, scene):
 def test_split_sum(tmp_path, tables, scene, mapping):
     path, (normals, views, cosines, mirrored) = tmp_path / "x.exr", scene
     done("prefilter", PROBE, "--to", "splitsum", "--mapping", mapping, "--levels", 4, "-o", path)
-    parts, shown = parts_of(path), read_map(path)
+    parts, shown = parts_of(path), open_map(path)
     for roughness in (0.3, 0.65):
         position = LEVEL[mapping](len(parts), roughness)
         low, weight = int(position), position % 1
@@ -132,7 +132,7 @@ def test_exponential(tmp_path, tables, scene, law):
     for roughness in (0.5, 0.8):
         moments = of_table(tables / "moments.exr", MOMENTS, roughness, cosines)
         base, tail = moments[:, :3].T, moments[:, 3:].T
-        expected = read_map(path).shaded(roughness, COLOURS).radiance(normals, views)
+        expected = open_map(path).shaded(roughness, COLOURS).radiance(normals, views)
         for k, f0 in enumerate(COLOURS):
             m, d, s = f0 * base + (1 - f0) * tail, mirrored, roughness**2
             factor, of_q = f0 + (1 - f0) * tail[0], s

@@ -1,9 +1,11 @@
 """Angular integration against sums that share no code with it."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
-from shrm_cli import reference, settings
+from shrm_cli import settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.brdf.spec import parse_spec
@@ -159,7 +161,8 @@ def test_cuts_change_nothing(probe, pairs, monkeypatch, spec, tolerance):
     for cuts in [(2, (1, 1), 1, 20), (3, (5, 5), 7, 2**12), (64, (99, 99), 2**20, 2**20)]:
         names = "_TILE_ROWS", "_GROUP_SIZES", "_POINTS_AT_ONCE", "_SAMPLES_AT_ONCE"
         for name, value in zip(names, cuts, strict=True):
-            monkeypatch.setattr(source if name == "_TILE_ROWS" else reference, name, value)
+            module = "probe.source" if name == "_TILE_ROWS" else "reference"
+            monkeypatch.setattr(import_module(f"shrm_cli.{module}"), name, value)
         for found, expected in zip(answers(), usual, strict=True):
             np.testing.assert_allclose(found, expected, rtol=1e-10)
 
@@ -181,7 +184,7 @@ def test_far_tiles_are_left_out(probe, pairs, monkeypatch):
     # A cap is 0.45 % of the sphere; here, tiles and groups are far larger than it is.
     assert 0 < sum(seen) < 0.4 * POINTS * HEIGHT * 2 * HEIGHT
     monkeypatch.setattr(source, "_TILE_ROWS", 1)
-    monkeypatch.setattr(reference, "_GROUP_SIZES", (1, 1))
+    monkeypatch.setattr(import_module("shrm_cli.reference"), "_GROUP_SIZES", (1, 1))
     made = Reference(probe, brdf, tolerance=0.01)
     seen.clear()
     made.radiance(normals, views)

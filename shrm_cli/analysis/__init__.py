@@ -1,1 +1,1 @@
-"""What orders capture of BRDFs, and of the light that they reflect."""
+"""Studies: what orders capture of BRDFs and of reflected light, and what representations cost."""

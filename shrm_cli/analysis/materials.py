@@ -1,6 +1,9 @@
-"""Many materials beside each other: the energy that few orders capture of each (figure 5.7)."""
+"""The energy that few orders capture of many materials (figure 5.7).
 
-from collections.abc import Callable, Sequence
+Figures and equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +11,15 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import compute_coefficients
+from shrm_cli.progress import Progress
 
 Array = NDArray[np.floating]
 
 ORDER_F, ORDER_P = 30, 5
-"""Of figure 5.7."""
+"""The order F and the largest order P of figure 5.7."""
+
 _ACCURACY = 1e-3
+"""The fraction of a BRDF's energy that the sampling of its coefficients may miss."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +31,8 @@ class MaterialEnergies:
     names : tuple of str
     order_f : int
     captured : ndarray, shape (materials, P+1)
-        Fractions of the energy, for P = 0, 1, ...; a BRDF that does not depend on the view has
-        the same for all.
+        Fractions of the energy for P = 0, 1, and so on. A BRDF that does not depend on the view
+        has the same fraction for all P.
     """
 
     names: tuple[str, ...]
@@ -39,22 +45,23 @@ def material_energies(
     names: Sequence[str],
     order_f: int = ORDER_F,
     order_p: int = ORDER_P,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> MaterialEnergies:
-    """Energy that F = `order_f` and P = 0 .. `order_p` capture of each BRDF (eq. 5.18).
+    """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture (eq. 5.18).
 
     Parameters
     ----------
     brdfs : sequence of Brdf
     names : sequence of str
+        A name for each BRDF.
     order_f, order_p : int
     progress : callable, optional
-        Called with BRDFs done, and BRDFs in all.
+        Called with the number of BRDFs done and the number of all BRDFs.
 
     Raises
     ------
     BrdfError
-        If the coefficients of one do not converge.
+        If a BRDF is anisotropic, or its coefficients do not converge.
     """
     rows = []
     for index, brdf in enumerate(brdfs):

@@ -1,6 +1,7 @@
 """What orders capture: energy of the BRDF, accuracy of the reflected light, and pictures of it.
 
-The studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figure 5.6).
+These are the studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figure 5.6). Sections, figures and
+equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Sequence
@@ -27,9 +28,16 @@ from shrm_cli.vocabulary import MAX_ORDER_F, Center
 Array = NDArray[np.floating]
 
 DEFAULT_ORDER_F = 32
+"""The largest F of a grid, unless a tolerance needs a larger one."""
+
 DEFAULT_ORDER_P = 8
-PICTURE_ORDER_P = 5  # as in figure 5.6
-_HIGHER = 2  # the F at which the light counts as known, in F of the analysis
+"""The largest P of a grid, unless a tolerance needs a larger one."""
+
+PICTURE_ORDER_P = 5
+"""The largest P of the pictures, as in figure 5.6."""
+
+_HIGHER = 2
+"""The reflected light counts as known at an F that is this many times the F of the grid."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +47,11 @@ class EnergyGrid:
     Attributes
     ----------
     captured : ndarray, shape (F+1, P+1)
-        Over the colour channels together.
+        Fractions of the energy of all colour channels together.
     orders : tuple of Orders
-        The least that meet each tolerance.
+        The least orders that meet each tolerance.
     coefficients : BrdfCoefficients
-        To the same P and a much higher F, where the reflected light counts as known.
+        Coefficients to the same P and a much higher F, where the reflected light counts as known.
     """
 
     captured: Array
@@ -65,23 +73,23 @@ def energy_grid(
     order_f: int | None = None,
     order_p: int | None = None,
 ) -> EnergyGrid:
-    """Energy captured by all orders up to (F, P), and the orders that tolerances need.
+    """Compute the energy that all orders up to (F, P) capture, and the orders tolerances need.
 
     Parameters
     ----------
     brdf : Brdf
     tolerances : sequence of float
-        In (0, 1), at least one.
+        At least one fraction of the energy, in (0, 1), that orders may miss.
     order_f, order_p : int, optional
-        The largest of the grid; by default 32 and 8, or as many as the tolerances need. A zonal
-        BRDF has P = 0 only.
+        The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
+        zonal BRDF has P = 0 only.
 
     Raises
     ------
     OrderError
         If a tolerance is outside (0, 1), or cannot be met.
     BrdfError
-        If the coefficients do not converge.
+        If the BRDF is anisotropic, or its coefficients do not converge.
     """
     met = [choose_orders(brdf, tolerance) for tolerance in tolerances]
     orders = tuple(each for each, _ in met)
@@ -102,7 +110,7 @@ def energy_grid(
 class AccuracyCurve:
     """Accuracy of the reflected light against F, and estimates of it (figure 5.5).
 
-    All are fractions of energy, ``1 - eps``; eps is the square of a relative RMS error.
+    All curves are fractions of energy, ``1 - eps``; eps is the square of a relative RMS error.
 
     Attributes
     ----------
@@ -111,13 +119,13 @@ class AccuracyCurve:
     truth_order_f : int
         The F at which the reflected light counts as known.
     accuracy : ndarray, shape (F+1,)
-        Of the reflected light over all orientations and views, by Parseval's theorem.
+        Accuracy of the reflected light over all orientations and views, by Parseval's theorem.
     estimate_minimum : ndarray, shape (F+1,)
-        From the lesser of the errors of light and BRDF.
+        Estimate from the lesser of the errors of the light and of the BRDF.
     estimate_brdf : ndarray, shape (F+1,)
-        From the error of the BRDF alone.
+        Estimate from the error of the BRDF alone.
     estimate_bound : ndarray, shape (F+1,)
-        From the bound of the residual energy (eq. 5.19).
+        Estimate from the bound of the residual energy (eq. 5.19).
     """
 
     order_p: int
@@ -131,26 +139,31 @@ class AccuracyCurve:
 def accuracy_curve(
     lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
 ) -> AccuracyCurve:
-    """Accuracy of the reflected light for every F up to `order_f`, and both estimates.
+    """Compute the accuracy of the reflected light for every F up to `order_f`, and estimates.
 
     The rule of the minimum (section 5.5.1) is about the frequency l alone: light without high
-    frequencies does not make up for a P that is too small. What P misses at every F is therefore
-    added to the error of the light; for the zonal BRDFs of figure 5.5 it is nothing.
+    frequencies does not make up for a P that is too small. The energy that P misses at every F is
+    therefore added to the error of the light; it is 0 for the zonal BRDFs of figure 5.5.
 
     Parameters
     ----------
     lighting : Lighting
-        To the order of the coefficients at least.
+        Coefficients of the light to at least the order of those of the BRDF.
     coefficients : BrdfCoefficients
-        To a much higher F than `order_f`.
+        Coefficients of the BRDF to a much higher F than `order_f`.
     order_f, order_p : int
+
+    Raises
+    ------
+    ValueError
+        If the lighting or the coefficients are of too low an order.
     """
     if lighting.order < coefficients.order_f:
         raise ValueError(f"lighting of order {lighting.order}, not {coefficients.order_f}")
     if order_f > coefficients.order_f or order_p > coefficients.order_p:
         raise ValueError(f"orders {order_f}, {order_p} are more than the coefficients have")
     power, energy = lighting.power(), lighting.energy
-    # Only these p are kept; the energies know about the others.
+    # The values keep only these p, but the energies still count the others.
     known = replace(coefficients, values=coefficients.truncated(coefficients.order_f, order_p))
     orders = range(order_f + 1)
     error = np.array([predicted_error(power, known, f, order_p) for f in orders])
@@ -165,7 +178,7 @@ def accuracy_curve(
 
 
 def _missing(degrees: Array, total: Array) -> Array:
-    """Fraction of the energy beyond each degree, channels together; 0 where there is none."""
+    """Return the fraction of all channels' energy beyond each degree; 0 for black light."""
     whole = total.sum()
     found = np.cumsum(degrees.sum(axis=-1))
     return np.clip(1 - found / whole, 0, 1) if whole > 0 else np.zeros(len(degrees))
@@ -173,7 +186,7 @@ def _missing(degrees: Array, total: Array) -> Array:
 
 @dataclass(frozen=True)
 class OrderPictures:
-    """Spheres seen through maps of different P, and as they truly are (figure 5.6).
+    """Spheres drawn from maps of different P, and as they truly are (figure 5.6).
 
     Attributes
     ----------
@@ -181,12 +194,14 @@ class OrderPictures:
     order_f : int
         F of all maps.
     captured : ndarray, shape (P+1,)
-        Fraction of the BRDF's energy.
+        Fraction of the BRDF's energy that each P captures.
     predicted_errors : ndarray, shape (P+1,)
-        Relative RMS of the reflected light over all orientations and views, by Parseval.
+        Relative RMS error of the reflected light over all orientations and views, by Parseval's
+        theorem.
     pictures : ndarray, shape (P+1, views, size, size, 3)
         Linear, premultiplied by the coverage of the sphere.
     truth : ndarray, shape (views, size, size, 3), optional
+        Exact pictures in the same form.
     """
 
     views: Sequence[Viewer]
@@ -197,29 +212,32 @@ class OrderPictures:
     truth: Picture | None
 
     def error(self, order_p: int, view: int) -> float | None:
-        """Relative RMS error of a picture over the sphere; None if the truth is not known."""
+        """Return the relative RMS error over the sphere; None if the truth is not known."""
         if self.truth is None:
             return None
         return measure(self.pictures[order_p, view], self.truth[view]).relative_rmse
 
     def exposure(self) -> float:
-        """Stops, in halves, that bring the brightest 5 % of the spheres near white; 0 for black."""
+        """Return the stops, in halves, that bring the brightest 5 % of the spheres near white.
+
+        They are 0 if all spheres are black.
+        """
         values = self.pictures[-1] if self.truth is None else self.truth
         shining = values.max(axis=-1)
         shining = shining[shining > 0]
         return float(np.round(-2 * np.log2(np.percentile(shining, 95))) / 2) if len(shining) else 0
 
     def sheet(self, exposure: float = 0.0) -> Picture:
-        """All pictures on one labelled sheet.
+        """Draw all pictures on one labelled sheet.
 
-        A column for each P and one for the truth; for each view a row of pictures, and one of
-        absolute differences from the truth, not amplified. The exposure, in stops, is the same
-        for both.
+        There is a column for each P and one for the truth. Each view has a row of pictures and a
+        row of absolute differences from the truth, which are not amplified. The exposure, in
+        stops, is the same for both.
 
         Raises
         ------
         OutputError
-            If it would be too large.
+            If the sheet would be too large, or its labels cannot be drawn.
         """
         orders = len(self.pictures)
         tiles: list[Picture] = []
@@ -234,11 +252,11 @@ class OrderPictures:
                 errors = [f"error {self.error(p, view):.1%}" for p in range(orders)]
                 labels += [f"exact {viewer.azimuth:.4g},{viewer.elevation:.4g}", *errors, ""]
         known = self.truth is not None
-        layout = _sheet_layout(orders, len(self.views), self.pictures.shape[2], known)
+        layout = _pictures_layout(orders, len(self.views), self.pictures.shape[2], known)
         return draw_sheet(layout, [expose(tile, exposure) for tile in tiles], labels)
 
 
-def _sheet_layout(orders: int, views: int, size: int, truth: bool) -> SheetLayout:
+def _pictures_layout(orders: int, views: int, size: int, truth: bool) -> SheetLayout:
     columns, rows = orders + truth, views * (1 + truth)
     return arrange(columns * rows, size, columns)
 
@@ -252,14 +270,15 @@ def order_pictures(
     size: int,
     truth: ReflectionMap | None = None,
 ) -> OrderPictures:
-    """Pictures for P = 0 .. 5, and how they differ from the truth (figure 5.6).
+    """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
 
     Parameters
     ----------
     lighting : Lighting
-        To the order of the coefficients at least.
+        Coefficients of the light to at least the order of those of the BRDF.
     coefficients : BrdfCoefficients
-        To a much higher F than `order_f`; pictures stop at their P if it is less than 5.
+        Coefficients of the BRDF to a much higher F than `order_f`. If their P is less than 5, the
+        pictures stop at it.
     center : {"reflection", "normal"}
         The BRDF's central direction.
     views : sequence of Viewer
@@ -268,27 +287,27 @@ def order_pictures(
     size : int
         Width and height of a picture, pixels.
     truth : ReflectionMap, optional
-        Such as `shrm_cli.reference.Reference`.
+        The exact reflected light, such as `shrm_cli.reference.Reference`.
 
     Raises
     ------
     MapError
         If the map of these orders would be too large.
     OutputError
-        If the sheet would be too large.
+        If the sheet of all pictures would be too large.
     """
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
-    _sheet_layout(len(orders), len(views), size, truth is not None)
+    _pictures_layout(len(orders), len(views), size, truth is not None)
     check_size(order_f, orders[-1])
     captured, power = coefficients.captured()[order_f, : len(orders)], lighting.power()
     errors = np.array([predicted_error(power, coefficients, order_f, p) for p in orders])
     parts = zip(orders, captured.tolist(), errors.tolist(), strict=True)
     infos = [MapInfo(order_f, p, 1 - part, part, error) for p, part, error in parts]
-    whole = Shrm.build(
+    whole = Shrm.from_coefficients(
         lighting.coefficients, coefficients.truncated(order_f, orders[-1]), center, infos[-1],
         dtype=np.float32,
     )  # fmt: skip
-    # Coefficients of different p do not mix: the map of the largest P holds all the others.
+    # Coefficients of different p do not mix, so the map of the largest P holds all the others.
     maps = [
         replace(whole, coefficients=whole.coefficients[:, :, : (p + 1) ** 2], info=infos[p])
         for p in orders

@@ -1,4 +1,8 @@
-"""Charts of an analysis as PNG files. The only module that knows matplotlib, an extra."""
+"""Charts of an analysis as PNG files.
+
+This is the only module that uses matplotlib, which is an optional dependency. Figures and equations
+5.x are those of chapter 5 of Ramamoorthi's thesis.
+"""
 
 import importlib.util
 import logging
@@ -16,14 +20,17 @@ Array = NDArray[np.floating]
 _WIDTH, _HEIGHT = 7.0, 4.8  # inches
 _DOTS_PER_INCH = 150
 _LEVEL = {"color": "0.25", "lw": 0.9, "ls": "--", "zorder": 1.5}
+"""Style of the line at a tolerance."""
 _CIRCLE = {
     "marker": "o", "mfc": "none", "mec": "0.25", "ms": 9, "mew": 1.4, "zorder": 4, "clip_on": False,
 }  # fmt: skip
-_TRUTH, _MINIMUM, _BRDF, _BOUND = "#111111", "#0072b2", "#d55e00", "#009e73"  # Okabe and Ito's
+"""Style of the circle around the orders that meet a tolerance."""
+_TRUTH, _MINIMUM, _BRDF, _BOUND = "#111111", "#0072b2", "#d55e00", "#009e73"
+"""Colors of the curves; all but the first are from the palette of Okabe and Ito."""
 
 
 def can_plot() -> bool:
-    """Whether matplotlib is installed."""
+    """Return whether matplotlib is installed."""
     return importlib.util.find_spec("matplotlib") is not None
 
 
@@ -42,13 +49,15 @@ def plot_energy(
     captured : ndarray, shape (F+1, P+1)
         Fractions of the energy.
     orders : sequence of (F, P, tolerance)
-        The tolerances' levels, and the orders that meet them; those within the grid are circled.
+        The orders that meet each tolerance. A line marks the tolerance, and a circle the orders if
+        they lie within the grid.
     title : str
-        The BRDF.
+        Name of the BRDF.
 
     Raises
     ------
     OutputError
+        If the file cannot be written.
     """
     floor = min((tolerance for *_, tolerance in orders), default=0.01) / 20
     with _default_style():
@@ -60,8 +69,9 @@ def plot_energy(
         missed_axes.set_yscale("log")
         missed_axes.yaxis.set_major_formatter("{x:g}")
         frequencies = np.arange(len(captured))
-        missed = np.maximum(1 - captured, floor / 10)  # the axis has no zero
-        # From dark for the largest P to light; the lightest yellows are hard to see.
+        missed = np.maximum(1 - captured, floor / 10)  # a logarithmic axis has no zero
+        # The curves go from light for P = 0 to dark for the largest P. The lightest yellows are
+        # left out, because they are hard to see.
         shades = colormaps["viridis"](np.linspace(0, 0.85, captured.shape[1]))[::-1]
         for p, shade in enumerate(shades):
             style: dict[str, Any] = {"color": shade, "marker": ".", "markersize": 5, "label": p}
@@ -98,11 +108,12 @@ def plot_accuracy(
     order_p : int
         P, the same for all F.
     title : str
-        The BRDF and the probe.
+        Names of the BRDF and the probe.
 
     Raises
     ------
     OutputError
+        If the file cannot be written.
     """
     with _default_style():
         figure, (axes,) = _figure(f"{title}, P = {order_p}", columns=1, width=_WIDTH)
@@ -132,21 +143,23 @@ def plot_accuracy(
 def plot_materials(
     path: str | os.PathLike[str], names: Sequence[str], captured: Array, order_f: int
 ) -> None:
-    """Draw the energy that orders capture of several BRDFs, as in figure 5.7.
+    """Draw the energy that orders capture of several BRDFs as bars, as in figure 5.7.
 
     Parameters
     ----------
     path : path-like
         PNG to write, whole or not at all.
     names : sequence of str
-        A bar each.
+        A label for each bar.
     captured : ndarray, shape (materials, P+1)
-        Fractions of the energy; what each further P adds is a part of the bar.
+        Fractions of the energy. The energy that each further P adds is a part of the bar.
     order_f : int
+        F, the same for all BRDFs.
 
     Raises
     ------
     OutputError
+        If the file cannot be written.
     """
     with _default_style():
         from matplotlib import colormaps
@@ -167,8 +180,8 @@ def plot_materials(
 
 
 def _default_style() -> Any:
-    """Matplotlib's own style, whatever the user's is: the same inputs give the same bytes."""
-    # It tells of caches that it cannot keep, which is nothing to do with the chart.
+    """Return matplotlib's own style, so that charts do not depend on the style of the user."""
+    # Matplotlib warns if it cannot write its caches, which has nothing to do with the chart.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     import matplotlib.style
 
@@ -176,13 +189,13 @@ def _default_style() -> Any:
 
 
 def _figure(title: str, columns: int, width: float) -> tuple[Any, Any]:
-    """A figure without pyplot, so that no window system is asked for."""
+    """Make a figure without pyplot, so that no window system is needed."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure((width, _HEIGHT), _DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
-    # Names of files may hold bytes that are no text, and dollars that are no formula.
+    # The name of a file may hold bytes that are not text, and dollars that start no formula.
     title = title.encode("utf-8", "replace").decode()
     figure.suptitle(title, fontsize="large", parse_math=False)
     axes = figure.subplots(1, columns, squeeze=False)[0]

@@ -1,10 +1,11 @@
-"""What forms of prefiltered light store, take and miss, side by side, for one probe."""
+"""Representations of prefiltered light compared for one probe: storage, time and errors."""
 
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,98 +13,55 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ShrmError
 from shrm_cli.files.picture import Picture
-from shrm_cli.maps.read import read_map
-from shrm_cli.maps.representations import Map
-from shrm_cli.maps.she.prefilter import bake_exponential
-from shrm_cli.maps.shrm.prefilter import bake
-from shrm_cli.maps.splitsum.prefilter import bake_split_sum
-from shrm_cli.maps.write import write_map
+from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import open_map
+from shrm_cli.maps.options import Representation
+from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress, Stages
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
 from shrm_cli.render.image import expose
-from shrm_cli.render.shading import shade
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
 
 Array = NDArray[np.floating]
-Progress = Callable[[int, int], object]
 
-_STEPS = 1000
-"""Of the progress, for one picture of the truth, or one form."""
 _ROWS_OF_LOBE = 24.0
+"""Rows of the probe for the truth times the width of the lobe, which is about alpha radians."""
+
 _ROWS = 64, 256
+"""The fewest and the most rows that the truth takes by default."""
+
+
+COMPARED = ("shrm", "splitsum", "she", "cabral")
+"""Names of the representations that are compared."""
 
 
 @dataclass(frozen=True)
-class Form:
-    """A form that light can be prefiltered to.
+class RepresentationResult:
+    """The costs and the errors of a representation.
 
     Attributes
     ----------
-    name : str
-        As `--to` has it.
-    title : str
-    make : callable
-        From a probe, the surfaces that the map is for, and the tolerance of orders, to the map.
-    is_of_one : bool
-        Whether a map is for a single surface.
-    """
-
-    name: str
-    title: str
-    make: Callable[[Probe, Sequence[Ggx], float], Map]
-    is_of_one: bool
-
-
-def _shrm(probe: Probe, surfaces: Sequence[Ggx], tolerance: float) -> Map:
-    return bake(probe, surfaces[0], tolerance, dtype=np.float32).map
-
-
-def _cabral(probe: Probe, surfaces: Sequence[Ggx], tolerance: float) -> Map:
-    return bake(probe, surfaces[0], tolerance, dtype=np.float32, representation="cabral").map
-
-
-def _split_sum(probe: Probe, surfaces: Sequence[Ggx], tolerance: float) -> Map:
-    return bake_split_sum(probe).map
-
-
-def _exponential(probe: Probe, surfaces: Sequence[Ggx], tolerance: float) -> Map:
-    roughness = [surface.number("roughness") for surface in surfaces]
-    return bake_exponential(probe, roughness=(roughness[0], roughness[-1])).map
-
-
-FORMS = (
-    Form("shrm", "SHRM", _shrm, True),
-    Form("splitsum", "split sum", _split_sum, False),
-    Form("she", "SH exponential", _exponential, False),
-    Form("cabral", "Cabral", _cabral, True),
-)
-
-
-@dataclass(frozen=True)
-class FormResult:
-    """A form's costs, and its errors.
-
-    Attributes
-    ----------
-    form : Form
+    representation : Representation
     files, stored : int
-        How many were written, and their bytes.
+        How many files were written, and their bytes in all.
     seconds : float
-        Wall clock of making the maps, reading the probe for each included.
+        Wall-clock time of making the maps, which includes reading the probe for each.
     errors : tuple of float or None
         Relative RMS error of the pictures of each surface; None where no map was made.
     error : float or None
-        The same over all pictures of all surfaces.
+        Relative RMS error of all pictures of all surfaces; None if any map was not made.
     failures : tuple of str
-        Why maps were not made.
+        The reasons why maps were not made.
     pictures : tuple of ndarray of float32, shape (V, S, S, 3), or None
-        Of each surface.
+        Pictures of each surface; None where no map was made.
     """
 
-    form: Form
+    representation: Representation
     files: int
     stored: int
     seconds: float
@@ -114,32 +72,35 @@ class FormResult:
 
 
 @dataclass(frozen=True)
-class FormTable:
-    """Forms beside each other.
+class RepresentationTable:
+    """The results of all representations, and the truth.
 
     Attributes
     ----------
     surfaces : tuple of Ggx
-        Of one f0, in order of their roughness.
+        Surfaces of one f0, in order of their roughness.
     truth : ndarray of float32, shape (surfaces, V, S, S, 3)
         Pictures by brute force.
     source_heights : tuple of int or None
-        Rows that the probe was averaged down to for each surface; None: not at all.
-    results : tuple of FormResult
+        Rows that the probe was averaged down to for the truth of each surface; None where it was
+        not averaged.
+    results : tuple of RepresentationResult
     """
 
     surfaces: tuple[Ggx, ...]
     truth: Picture
     source_heights: tuple[int | None, ...]
-    results: tuple[FormResult, ...]
+    results: tuple[RepresentationResult, ...]
 
     def sheet(self, exposure: float = 0.0) -> Picture:
-        """A labelled sheet of the first view: a row for each roughness, the truth in front.
+        """Draw a labelled sheet of the first view.
+
+        It has a row for each roughness, which begins with the truth. The exposure is in stops.
 
         Raises
         ------
         OutputError
-            If it would be too large.
+            If the sheet would be too large, or its labels cannot be drawn.
         """
         size = self.truth.shape[-2]
         tiles, labels = [], []
@@ -151,33 +112,33 @@ class FormTable:
                 made = np.zeros_like(tiles[0]) if pictures is None else pictures[0]
                 tiles.append(expose(made, exposure))
                 share = "not made" if error is None else f"{error:.1%}"
-                labels.append(f"{result.form.name} {share}")
-        return draw_sheet(sheet_layout(len(self.surfaces), size), tiles, labels)
+                labels.append(f"{result.representation.name} {share}")
+        return draw_sheet(table_layout(len(self.surfaces), size), tiles, labels)
 
 
-def sheet_layout(surfaces: int, size: int) -> SheetLayout:
-    """Where the tiles of a sheet lie.
+def table_layout(surfaces: int, size: int) -> SheetLayout:
+    """Lay out a sheet for a number of surfaces, with tiles of a size in pixels.
 
     Raises
     ------
     OutputError
-        If it would be too large.
+        If the sheet would be too large.
     """
-    columns = 1 + len(FORMS)
+    columns = 1 + len(COMPARED)
     return arrange(columns * surfaces, size, columns)
 
 
 def source_height(probe: Probe, roughness: float) -> int | None:
-    """Rows that suffice for the truth of a roughness; None where the probe has no more.
+    """Return the rows that suffice for the truth of a roughness; None if the probe has no more.
 
-    A lobe of GGX is about ``ggx_alpha`` radians wide. On real probes the pictures differ from
-    those of 256 rows by 0.6 % at most, for roughnesses of 0.5 and more.
+    The lobe of GGX is about alpha = roughness^2 radians wide. On real probes the pictures differ
+    from those of 256 rows by 0.6 % at most, for roughnesses of 0.5 and more.
     """
     enough = int(np.clip(np.ceil(_ROWS_OF_LOBE / roughness**2), *_ROWS))
     return enough if probe.grid.latlong_rows > enough else None
 
 
-def compare_forms(
+def compare_representations(
     probe: Probe,
     surfaces: Sequence[Ggx],
     tolerance: float,
@@ -185,45 +146,44 @@ def compare_forms(
     size: int,
     height: int | None = None,
     progress: Progress | None = None,
-) -> FormTable:
-    """Prefilter a probe to every form, and compare their pictures with brute force.
+) -> RepresentationTable:
+    """Prefilter a probe to every representation, and compare their pictures with brute force.
 
-    What is compared is what the files hold, rounded as they are.
+    The pictures are drawn from maps that were written and read again, so that they include the
+    rounding of the files.
 
     Parameters
     ----------
     probe : Probe
     surfaces : sequence of Ggx
-        Of one f0, in order of their roughness.
+        Surfaces of one f0, in order of their roughness.
     tolerance : float
-        Of the orders of forms that have them.
+        The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF.
     viewers : sequence of V Viewer
     size : int
         Width and height of each picture, pixels.
     height : int, optional
         Rows that the probe is averaged down to for the truth; `source_height` by default.
     progress : callable, optional
-        Called with steps done, and steps in all.
+        Called with the amount done and the amount in all.
 
     Raises
     ------
     ProbeError
-        If the probe cannot be read. A form that cannot be made says so in its result.
+        If the probe cannot be read. If a map cannot be made, its result says so instead.
     """
     heights = [height or source_height(probe, each.number("roughness")) for each in surfaces]
     pictures = len(surfaces) * len(viewers)
-    total = _STEPS * (pictures + len(FORMS))
-
-    def show(steps: int) -> None:
-        if progress is not None:
-            progress(steps, total)
-
-    truth = _draw_truth(probe, surfaces, heights, viewers, size, show)
+    total = pictures + len(COMPARED)
+    stages = Stages(progress, total)
+    truth = _draw_truth(probe, surfaces, heights, viewers, size, stages, total)
     results = []
-    for form in FORMS:
-        results.append(_judge(form, probe, surfaces, tolerance, viewers, truth))
-        show(_STEPS * (pictures + len(results)))
-    return FormTable(tuple(surfaces), truth, tuple(heights), tuple(results))
+    for name in COMPARED:
+        results.append(
+            _judge(registry.description(name), probe, surfaces, tolerance, viewers, truth)
+        )
+        stages.done(pictures + len(results), total)
+    return RepresentationTable(tuple(surfaces), truth, tuple(heights), tuple(results))
 
 
 def _draw_truth(
@@ -232,31 +192,30 @@ def _draw_truth(
     heights: Sequence[int | None],
     viewers: Sequence[Viewer],
     size: int,
-    show: Callable[[int], None],
+    stages: Stages,
+    total: int,
 ) -> Picture:
-    """Pictures by brute force, shape (surfaces, V, S, S, 3)."""
+    """Draw the surfaces by brute force, shape (surfaces, V, S, S, 3)."""
     pictures: list[Picture] = []
 
-    def note(done: int, points: int) -> None:
-        show(_STEPS * len(pictures) + _STEPS * done // points)
-
     for surface, rows in zip(surfaces, heights, strict=True):
-        truth = Reference(probe, surface, rows, progress=note)
+        truth = Reference(probe, surface, rows, progress=stages.within)
         for viewer in viewers:
             pictures.append(render_sphere(truth, viewer, size))
+            stages.done(len(pictures), total)
     return np.stack(pictures).reshape(len(surfaces), len(viewers), size, size, 3)
 
 
 def _judge(
-    form: Form,
+    representation: Representation,
     probe: Probe,
     surfaces: Sequence[Ggx],
     tolerance: float,
     viewers: Sequence[Viewer],
     truth: Picture,
-) -> FormResult:
-    """A form's maps: made, written, read, drawn, and compared with the truth."""
-    groups = [[each] for each in surfaces] if form.is_of_one else [surfaces]
+) -> RepresentationResult:
+    """Make, write, read and draw the maps of a representation, and compare with the truth."""
+    groups = [[each] for each in surfaces] if representation.needs_brdf else [surfaces]
     pictures: list[Picture | None] = []
     failures, files, stored, seconds = [], 0, 0, 0.0
     with tempfile.TemporaryDirectory() as folder:
@@ -264,26 +223,49 @@ def _judge(
         for group in groups:
             start = time.perf_counter()
             try:
-                made = form.make(probe, group, tolerance)
+                made = _make(representation, probe, group, tolerance)
                 duration = time.perf_counter() - start
-                write_map(path, made)
-                found = read_map(path)
+                made.save(path)
+                found = open_map(path)
             except ShrmError as reason:
-                where = f"roughness {group[0].number('roughness'):.3g}: " if form.is_of_one else ""
+                where = (
+                    f"roughness {group[0].number('roughness'):.3g}: "
+                    if representation.needs_brdf
+                    else ""
+                )
                 failures.append(where + str(reason).removeprefix(f"{path}: "))
                 pictures += [None] * len(group)
                 continue
             seconds += duration
             files, stored = files + 1, stored + path.stat().st_size
-            pictures += [_draw(shade(found, each), viewers, truth.shape[-2]) for each in group]
+            pictures += [_draw(_shaded(found, each), viewers, truth.shape[-2]) for each in group]
     errors = tuple(
         None if found is None else measure(found, expected).relative_rmse
         for found, expected in zip(pictures, truth, strict=True)
     )
     whole = [found for found in pictures if found is not None]
     error = measure(np.stack(whole), truth).relative_rmse if len(whole) == len(truth) else None
-    return FormResult(form, files, stored, seconds, errors, error, tuple(failures), tuple(pictures))
+    return RepresentationResult(
+        representation, files, stored, seconds, errors, error, tuple(failures), tuple(pictures)
+    )
 
 
 def _draw(reflection_map: ReflectionMap, viewers: Sequence[Viewer], size: int) -> Picture:
     return np.stack([render_sphere(reflection_map, each, size) for each in viewers])
+
+
+def _make(
+    representation: Representation, probe: Probe, surfaces: Sequence[Ggx], tolerance: float
+) -> Map:
+    """Make the map that `shrm prefilter` would make for these surfaces."""
+    given: dict[str, Any] = {}
+    if representation.needs_brdf:
+        given = {"brdf": surfaces[0], "eps": tolerance}
+    elif "roughness" in representation.arguments:
+        given = {"roughness": (surfaces[0].number("roughness"), surfaces[-1].number("roughness"))}
+    return prefilter_with_facts(probe, representation.name, given).map
+
+
+def _shaded(found: Map, surface: Ggx) -> ReflectionMap:
+    shown: ReflectionMap = found.shaded(surface.number("roughness"), surface.color("f0"))
+    return shown

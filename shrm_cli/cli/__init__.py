@@ -1,1 +1,1 @@
-"""The command line: one file a subcommand, which parses, calls the library and reports."""
+"""The command line: each subcommand is a file that parses, calls the library and reports."""

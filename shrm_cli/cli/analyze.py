@@ -1,4 +1,4 @@
-"""`shrm analyze`: what orders cost a BRDF, in numbers, charts and pictures."""
+"""`shrm analyze` shows what orders capture of a BRDF, in numbers, charts and pictures."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from shrm_cli.cli.options import (
     brdf_option,
+    conclude,
     make_read_options,
-    print_json,
     progress_bar,
     read_options,
     report_options,
-    warn,
 )
+from shrm_cli.cli.outputs import check_outputs, probe_stem
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
+from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, SAMPLINGS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,11 +28,14 @@ if TYPE_CHECKING:
     from shrm_cli.analysis.orders import AccuracyCurve, EnergyGrid, OrderPictures
     from shrm_cli.probe.probe import Probe
 
-_TOLERANCES = (0.1, 0.03, 0.01)
+_TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 _VIEWS = ("0,0", "90,30")
 _CURVES = ("accuracy", "estimate_minimum", "estimate_brdf", "estimate_bound")
 _NO_CHARTS = "matplotlib is not installed, so no charts are drawn; pip install 'shrm[plots]'"
-_LEAST_ROWS = 128  # of the light that the truth integrates
+_OF_MATERIALS = {"spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet"}
+"""Arguments that also apply where several BRDFs are compared."""
+_LEAST_ROWS = 128
+"""The fewest rows that the probe is averaged down to by default for the exact pictures."""
 
 
 @click.command()
@@ -46,11 +50,11 @@ _LEAST_ROWS = 128  # of the light that the truth integrates
     show_default=True, help="Tolerance to find the orders for; may be given several times.",
 )  # fmt: skip
 @click.option(
-    "--order-f", type=click.IntRange(0, 512),
+    "--order-f", type=click.IntRange(0, MAX_ORDER_F),
     help="Largest F, also that of the pictures.  [default: 32, or what the tolerances need]",
 )  # fmt: skip
 @click.option(
-    "--order-p", type=click.IntRange(0, 32),
+    "--order-p", type=click.IntRange(0, MAX_ORDER_P),
     help="Largest P of the energies, and P of the accuracies.  [default: 8, or what the "
     "tolerances need; of the accuracies what the least tolerance needs]",
 )  # fmt: skip
@@ -79,15 +83,10 @@ _LEAST_ROWS = 128  # of the light that the truth integrates
     "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
 )  # fmt: skip
 @click.option("--no-plots", is_flag=True, help="Numbers only: draw and write nothing.")
-@click.option(
-    "--sampling", type=click.Choice(["center", "border"]), help="Where the probe's edge pixels lie."
-)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where the probe's edge pixels lie.")
 @read_options
 @report_options
-@click.pass_context
 def analyze(
-    ctx: click.Context,
-    /,
     others: tuple[str, ...],
     spec: str,
     probe: str | None,
@@ -123,27 +122,30 @@ def analyze(
     if others:
         from shrm_cli.cli.materials import analyze_materials
 
-        _refuse_single(ctx)
+        of_one = [name for name in given_options() if name not in _OF_MATERIALS]
+        refuse_inapplicable(dict.fromkeys(of_one, Applies(False, "to a single BRDF")))
         analyze_materials([spec, *others], order_f, order_p, output, no_plots, as_json, quiet)
         return
     from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
     from shrm_cli.analysis.plots import can_plot, plot_accuracy, plot_energy
     from shrm_cli.brdf.spec import file_label, parse_spec
     from shrm_cli.files.picture import write_picture
-    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.provenance import record_of
     from shrm_cli.probe.lighting import project
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
 
-    _check_usage(ctx, probe, [*reading, "sampling", "views", "size", "source_height", "exposure"])
+    of_probe = [*reading, "sampling", "views", "size", "source_height", "exposure"]
+    rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))
+    refuse_inapplicable(rules)
+    exclude("output", "no_plots")
     brdf = parse_spec(spec)
     source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, file_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
-    for target in targets.values():
-        check_target(target, source.paths if source else [])
+    check_outputs(targets.values(), probes=[source], specs=[spec])
 
     grid = energy_grid(brdf, tolerances, order_f, order_p)
     curve = pictures = None
@@ -180,7 +182,7 @@ def analyze(
         warnings.append(_NO_CHARTS)
     drawing = {"size": size, "source_height": source_height, "exposure": exposure}
     result = {
-        "brdf": {"name": brdf.name, "parameters": dict(brdf.values)},
+        "brdf": record_of(brdf),
         "probe": probe,
         "order_f": grid.order_f,
         "order_p": grid.order_p,
@@ -190,47 +192,19 @@ def analyze(
         "pictures": None if pictures is None else {**drawing, **_pictures(pictures, views)},
         "files": list(targets.values()),
     }
-    if as_json:
-        print_json({**result, "warnings": warnings})
-    elif not quiet:
-        click.echo("\n".join([title, *_report(result)]))
-    warn(warnings, quiet)
-
-
-def _refuse_single(ctx: click.Context) -> None:
-    """Refuse options that are about one BRDF."""
-    kept = {"others", "spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet"}
-    for param in ctx.command.params:
-        given = param.name and ctx.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
-        if given and param.expose_value and param.name not in kept:
-            raise click.UsageError(f"{param.opts[-1]} is about a single BRDF; leave it out", ctx)
-
-
-def _check_usage(ctx: click.Context, probe: str | None, of_probe: Sequence[str]) -> None:
-    """Refuse options that nothing obeys."""
-    given = {
-        param.name: param.opts[-1]
-        for param in ctx.command.params
-        if param.name and ctx.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
-    }
-    unused = [given[name] for name in of_probe if name in given]
-    if probe is None and unused:
-        raise click.UsageError(f"{unused[0]} is about the probe; give --probe too", ctx)
-    if "output" in given and "no_plots" in given:
-        raise click.UsageError("-o and --no-plots exclude each other; leave one out", ctx)
+    conclude(result, [title, *_report(result)], warnings, as_json, quiet)
 
 
 def _prefix(output: str | None, probe: str | None, label: str) -> str:
-    """What the names of all outputs begin with; six files have their ``%`` left out."""
-    stem = "" if probe is None else Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
-    name = f"{stem}.{label}" if stem else label
+    """Return what the names of all outputs begin with."""
+    name = label if probe is None else f"{probe_stem(probe)}.{label}"
     if output is None:
         return name
     return str(Path(output, name)) if Path(output).is_dir() else output
 
 
 def _source_height(source: Probe, order_f: int) -> int | None:
-    """Rows to average the probe down to; None if it is not finer."""
+    """Return the rows to average the probe down to, or None if it has no more rows."""
     enough = max(4 * order_f, _LEAST_ROWS)
     return enough if source.grid.latlong_rows > enough else None
 
@@ -257,7 +231,7 @@ def _curve(curve: AccuracyCurve) -> dict[str, Any]:
 def _pictures(pictures: OrderPictures, views: Sequence[tuple[float, float]]) -> dict[str, Any]:
     def errors(p: int) -> list[float | None]:
         found = [pictures.error(p, view) for view in range(len(views))]
-        # JSON knows no infinity.
+        # JSON has no infinity.
         return [None if each is None or math.isinf(each) else each for each in found]
 
     parts = zip(pictures.captured.tolist(), pictures.predicted_errors.tolist(), strict=True)

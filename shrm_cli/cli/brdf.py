@@ -1,4 +1,4 @@
-"""`shrm brdf`: the list of BRDFs, one explained, and its conversion to a file."""
+"""`shrm brdf` lists the BRDFs, explains one of them, or converts it to a file."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.options import print_json, report_options, warn
+from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import Fraction
 
 if TYPE_CHECKING:
@@ -73,39 +74,39 @@ def _list(as_json: bool, quiet: bool) -> None:
     groups = {center: [each for each in models if each.center == center] for center in _GROUPS}
     if as_json:
         print_json([_describe(model) for group in groups.values() for model in group])
-    elif not quiet:
-        for center, title in _GROUPS.items():
-            click.echo(f"{title}:")
-            for model in groups[center]:
-                click.echo(f"  {model.name:<18} {model.summary}")
-                for line in _parameter_lines(model) + _anisotropy(model):
-                    click.echo(f"  {'':<18}   {line}")
-        click.echo("Measured, by the path of a file:")
-        for kind in formats():
-            click.echo(f"  {kind.name:<18} {kind.reads}")
+    lines = []
+    for center, title in _GROUPS.items():
+        lines.append(f"{title}:")
+        for model in groups[center]:
+            lines.append(f"  {model.name:<18} {model.summary}")
+            lines += [f"  {'':<18}   {line}" for line in _parameter_lines(model)]
+            lines += [f"  {'':<18}   {line}" for line in _anisotropy(model)]
+    lines.append("Measured, by the path of a file:")
+    lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
+    if not (as_json or quiet):
+        click.echo("\n".join(lines))
     warn(problems, quiet)
 
 
 def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
-    """Write a BRDF as a table, read it back, and say how far it is from the original."""
+    """Write a BRDF as a table, read it back, and print how far the table is from the BRDF."""
     from shrm_cli.brdf.examine import difference
     from shrm_cli.brdf.measured import open_measured
-    from shrm_cli.brdf.spec import named_files, parse_spec
-    from shrm_cli.files.whole import check_target
+    from shrm_cli.brdf.spec import parse_spec
 
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
         raise click.BadParameter(
             f"{target!r} does not end with {', '.join(_SUFFIXES)}", param_hint="'--save'"
         )
-    check_target(target, named_files(spec))
+    check_outputs([target], specs=[spec])
     chosen = parse_spec(spec)
     if suffix == ".binary":
         from shrm_cli.brdf.measured.merl import write_merl
 
         write_merl(target, chosen)
     else:
-        from shrm_cli.brdf.measured.reading.table_writer import write_table
+        from shrm_cli.brdf.measured.reading.table_file import write_table
         from shrm_cli.brdf.measured.table import sample_table
 
         write_table(target, sample_table(chosen))
@@ -138,7 +139,7 @@ def _parameter_lines(model: Any) -> list[str]:
 
 
 def _anisotropy(model: Any) -> list[str]:
-    """What prefiltering does not take."""
+    """Return lines about where a BRDF is anisotropic, which prefiltering refuses."""
     refused = "prefiltering refuses it, `shrm reference` renders it"
     if not model.isotropic:
         return [f"anisotropic: {refused}"]

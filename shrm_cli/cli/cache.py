@@ -1,4 +1,4 @@
-"""`shrm cache`: what is kept between runs, and its removal."""
+"""`shrm cache` describes or clears the cache of BRDF coefficients, which runs share."""
 
 import click
 

@@ -1,36 +1,42 @@
-"""`shrm compare`: how far maps are from the truth, or from each other."""
+"""`shrm compare` measures how far maps are from the truth, or from each other."""
 
 from __future__ import annotations
 
-import json
+import math
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
-from shrm_cli.cli.differences import TruthProgress, numbers_of, table_of
 from shrm_cli.cli.options import (
+    conclude,
     exposure_option,
     make_read_options,
-    print_json,
     progress_bar,
     read_options,
     report_options,
-    warn,
 )
+from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import f0_option, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation, Fraction, Interval, Within
+from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
+from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS, SAMPLINGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from shrm_cli.render.comparison import Comparison, Difference
+
 _VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
 _SIZE = 128
-_OF_MAPS = {"probe", "spec", "amplify", "no_picture"}
-_OF_REPRESENTATIONS = {"tolerance", "steps"}
+"""Default width and height of a sphere's picture where maps are compared, pixels."""
+_OF_MAPS = ("spec", "amplify", "no_picture")
+"""Arguments that do not apply with --representations."""
+_OF_REPRESENTATIONS = ("tolerance", "steps")
+"""Arguments that apply only with --representations."""
 
 
 @click.command()
@@ -47,7 +53,7 @@ _OF_REPRESENTATIONS = {"tolerance", "steps"}
     help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
 )  # fmt: skip
 @click.option(
-    "--roughness", type=Interval(0.05, 1), metavar="R",
+    "--roughness", type=Interval(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
@@ -57,7 +63,7 @@ _OF_REPRESENTATIONS = {"tolerance", "steps"}
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=Fraction(), metavar="X", default=0.03, show_default=True,
+    "--eps", "tolerance", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @click.option(
@@ -86,15 +92,10 @@ _OF_REPRESENTATIONS = {"tolerance", "steps"}
     "--representations none]",
 )  # fmt: skip
 @click.option("--no-picture", is_flag=True, help="Write no picture.")
-@click.option(
-    "--sampling", type=click.Choice(["center", "border"]), help="Where the probe's edge pixels lie."
-)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where the probe's edge pixels lie.")
 @read_options
 @report_options
-@click.pass_context
 def compare(
-    ctx: click.Context,
-    /,
     maps: tuple[str, ...],
     probe: str | None,
     spec: str | None,
@@ -127,49 +128,49 @@ def compare(
       shrm compare a.exr --representations --roughness 0.5..1
     """
     if representations:
-        from shrm_cli.cli.representations import compare_representations
+        from shrm_cli.cli.representations import print_representations
 
-        _check_representations(ctx, maps, output, roughness)
-        compare_representations(
+        _check_representations(maps, output, roughness)
+        print_representations(
             maps[0], make_read_options(sampling, reading), roughness, steps, f0, tolerance, views,
             size, source_height, exposure, output, as_json, quiet,
         )  # fmt: skip
         return
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import file_type, write_picture
-    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.file import open_map
     from shrm_cli.maps.provenance import common_brdf, differing_origins, record_of
-    from shrm_cli.maps.read import read_map
     from shrm_cli.probe.probe import open_probe
+    from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.comparison import compare_spheres, sheet_layout
+    from shrm_cli.render.comparison import compare_spheres, comparison_layout
 
-    _check_usage(ctx, maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
+    _check_usage(maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
     size = size or _SIZE
     source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
     names = maps[1:] if source is None else maps
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_target(target, [*maps, *(map(str, source.paths) if source else ())])
-        sheet_layout(len(names), len(views), size)  # refuses what is too large
+        check_outputs([target], files=maps, probes=[source], specs=[spec])
+        comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
     loaded, surface, warnings = shaded_maps(
-        [read_map(path) for path in maps], maps, roughness and roughness[0], f0
+        [open_map(path) for path in maps], maps, roughness and roughness[0], f0
     )
     infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
     baseline: Any = loaded[0]
     label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf
     viewers = [Viewer(*view) for view in views]
     with progress_bar("comparing", quiet) as bar:
-        progress = TruthProgress(len(viewers), size, bar)
+        stages = Stages(bar, len(viewers))
         if source is not None:
             from shrm_cli.reference import Reference
 
             advice = "give --brdf" + (", or another --roughness and --f0" if surface else "")
             brdf = common_brdf(infos, advice) if spec is None else parse_spec(spec)
             label, digest, record = source.name, source.digest(), record_of(brdf)
-            baseline = Reference(source, brdf, source_height, progress=progress.points)
-        comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, progress.rows)
+            baseline = Reference(source, brdf, source_height, progress=stages.within)
+        comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
     warnings += [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
     warnings += differing_origins(infos, label, digest, record)
     result = {
@@ -178,12 +179,12 @@ def compare(
         "brdf": record,
         "size": size,
         **surface_values(surface),
-        **numbers_of(comparison, names, views),
+        **_numbers(comparison, names, views),
         "picture": target,
     }
-    report = [table_of(result)]
+    report = [_table(result)]
     if target is not None:
-        # The baseline's first: the truth, or the first map.
+        # The first label is that of the baseline, which is the truth or the first map.
         labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
         pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
@@ -191,74 +192,51 @@ def compare(
         primaries |= {source.chromaticities} if source is not None else set()
         pixel_type = write_picture(target, pixels, attributes=_attributes(settings, primaries))
         report.append(f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-    if as_json:
-        print_json({**result, "warnings": warnings})
-    elif not quiet:
-        click.echo("\n".join(report))
-    warn(warnings, quiet)
-
-
-def _given(ctx: click.Context) -> dict[str, str]:
-    """The options on the command line: their flags by their names."""
-    return {
-        param.name: param.opts[-1]
-        for param in ctx.command.params
-        if param.name and ctx.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
-    }
+    conclude(result, report, warnings, as_json, quiet)
 
 
 def _check_usage(
-    ctx: click.Context,
     maps: Sequence[str],
     probe: str | None,
     roughness: tuple[float, float] | None,
     of_truth: Iterable[str],
 ) -> None:
-    """Refuse what has no meaning: a map alone, options that nothing obeys."""
-    given = _given(ctx)
-    alien = [given[name] for name in given if name in _OF_REPRESENTATIONS]
-    if alien:
-        raise click.UsageError(f"{alien[0]} is for --representations; leave it out", ctx)
-    if roughness is not None and roughness[0] < roughness[1]:
-        raise click.UsageError("a range of --roughness is for --representations; give one", ctx)
-    unused = [given[name] for name in of_truth if name in given]
-    if probe is None and unused:
-        raise click.UsageError(f"{unused[0]} is about the truth; give --probe too", ctx)
+    """Refuse a single map without a truth, and options that would have no effect."""
+    context = click.get_current_context()
+    is_range = roughness is not None and roughness[0] < roughness[1]
+    refuse_inapplicable({
+        **dict.fromkeys(_OF_REPRESENTATIONS, Applies(False, "with --representations")),
+        "roughness": Applies(not is_range, "as a range with --representations; give one number"),
+        **dict.fromkeys(of_truth, Applies(probe is not None, "with --probe")),
+    })  # fmt: skip
     if probe is None and len(maps) == 1:
         raise click.UsageError(
-            "one map has nothing to be compared with; name another, or give --probe", ctx
+            "one map has nothing to be compared with; name another, or give --probe", context
         )
-    if "output" in given and "no_picture" in given:
-        raise click.UsageError("-o and --no-picture exclude each other; leave one out", ctx)
+    exclude("output", "no_picture")
 
 
 def _check_representations(
-    ctx: click.Context,
-    paths: Sequence[str],
-    output: str | None,
-    roughness: tuple[float, float] | None,
+    paths: Sequence[str], output: str | None, roughness: tuple[float, float] | None
 ) -> None:
-    """Refuse what has no meaning for a table of representations."""
-    given = _given(ctx)
+    """Refuse several files, and options that would have no effect with --representations."""
     if len(paths) > 1:
         raise click.UsageError(
-            f"--representations takes a single light probe, not {len(paths)} files", ctx
+            f"--representations takes a single light probe, not {len(paths)} files",
+            click.get_current_context(),
         )
-    if "probe" in given:
-        raise click.UsageError(
-            "with --representations the probe stands in place of MAP; leave --probe out", ctx
-        )
-    alien = [given[name] for name in given if name in _OF_MAPS]
-    if alien:
-        raise click.UsageError(f"{alien[0]} is for maps; leave it or --representations out", ctx)
-    if output is None and "exposure" in given:
-        raise click.UsageError("--exposure is about the picture; give -o too", ctx)
-    if "steps" in given and roughness is not None and roughness[0] == roughness[1]:
-        raise click.UsageError("--steps is for a range of --roughness such as 0.5..1", ctx)
+    is_range = roughness is None or roughness[0] < roughness[1]
+    place = "without --representations, where the probe stands in the place of MAP"
+    refuse_inapplicable({
+        "probe": Applies(False, place),
+        **dict.fromkeys(_OF_MAPS, Applies(False, "to maps, without --representations")),
+        "exposure": Applies(output is not None, "to the picture, with -o"),
+        "steps": Applies(is_range, "to a range of --roughness such as 0.5..1"),
+    })  # fmt: skip
 
 
 def _labels(maps: Sequence[str]) -> list[str]:
-    """Names of files; with their folders where they would be the same."""
+    """Return the names of files as labels, with folders if two names would be the same."""
     names = {path: Path(path).name for path in maps}
     if len(set(names.values())) < len(names):
         names = {path: path for path in maps}
@@ -268,7 +246,7 @@ def _labels(maps: Sequence[str]) -> list[str]:
 def _attributes(
     settings: dict[str, Any], primaries: set[tuple[float, ...] | None]
 ) -> dict[str, Any]:
-    """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
+    """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
     probe = settings["probe"]
     recipe: dict[str, Any] = {
         "compare": [Path(path).name for path in settings["maps"]],
@@ -277,7 +255,52 @@ def _attributes(
         **{key: settings[key] for key in ("roughness", "f0") if key in settings},
         **{key: settings[key] for key in ("brdf", "size", "exposure", "amplify")},
     }
-    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
-    if len(primaries) == 1 and None not in primaries:
-        attributes["chromaticities"] = primaries.pop()
-    return attributes
+    return picture_attributes(recipe, primaries)
+
+
+def _numbers(
+    comparison: Comparison, names: Sequence[str], views: Sequence[tuple[float, float]]
+) -> dict[str, Any]:
+    """Return the differences in each view and in all views together, as the JSON has them."""
+
+    def rows(view: int | None) -> list[dict[str, Any]]:
+        return [
+            {"file": name, **_values(comparison.difference(index, view))}
+            for index, name in enumerate(names)
+        ]
+
+    each = [{"view": list(view), "maps": rows(index)} for index, view in enumerate(views)]
+    return {"views": each, "summary": rows(None)}
+
+
+def _values(difference: Difference) -> dict[str, float | None]:
+    # JSON has no infinity.
+    return {key: v if math.isfinite(v) else None for key, v in asdict(difference).items()}
+
+
+def _table(result: dict[str, Any]) -> str:
+    """Return a table with rows for each view, and then for all views together."""
+    rows = [["view", "map", "RMSE", "relative", "maximum", "PSNR"]]
+    for each in result["views"]:
+        rows += [["{:g},{:g}".format(*each["view"]), *_cells(row)] for row in each["maps"]]
+    rows += [["all", *_cells(row)] for row in result["summary"]]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    of_probe = "" if result["probe"] is None else f" of {result['probe']}"
+    lines = [f"compared with {result['baseline']}{of_probe}"]
+    for view, name, *numbers in rows:
+        cells = [view.ljust(widths[0]), name.ljust(widths[1])]
+        cells += [text.rjust(width) for text, width in zip(numbers, widths[2:], strict=True)]
+        lines.append("  ".join(cells))
+    return "\n".join(lines)
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    rmse, relative, psnr = row["rmse"], row["relative_rmse"], row["psnr"]
+    none = "inf dB" if rmse == 0 else "-inf dB"
+    return [
+        row["file"],
+        f"{rmse:.4g}",
+        "inf" if relative is None else f"{relative:.2%}",
+        f"{row['maximum']:.4g}",
+        none if psnr is None else f"{psnr:.1f} dB",
+    ]

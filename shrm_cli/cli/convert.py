@@ -1,37 +1,44 @@
-"""`shrm convert`: maps to other representations, maps and probes to other layouts."""
+"""`shrm convert` makes other representations of maps, and other layouts of maps and probes."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from shrm_cli.cli.engines import converted_for_engines
 from shrm_cli.cli.options import (
-    ALL_REPRESENTATIONS,
-    ENGINE_REPRESENTATIONS,
-    REPRESENTATIONS,
-    compression,
+    conclude,
     make_read_options,
     precision_option,
-    print_json,
     progress_bar,
     read_options,
-    refuse_options,
-    refuse_read_options,
+    reading_rules,
     report_options,
-    view_count,
-    view_options,
-    warn,
+    representation_options,
 )
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
+from shrm_cli.maps.options import Option, all_options, listing, owners
+from shrm_cli.maps.registry import descriptions
+from shrm_cli.vocabulary import (
+    CONTAINERS,
+    FRAMES,
+    MAX_ORDER_P,
+    ORIENTATIONS,
+    REPRESENTATIONS,
+    SAMPLINGS,
+    Precision,
+)
 
-if TYPE_CHECKING:
-    from shrm_cli.maps.representations import BrdfMap, Map
+_TARGETS = [*REPRESENTATIONS, *LAYOUTS]
+_SAMPLINGS = click.Choice(SAMPLINGS)
 
-_TARGETS = [*ALL_REPRESENTATIONS, *LAYOUTS]
-_SAMPLINGS = click.Choice(["center", "border"])
+
+def _converts(option: Option) -> bool:
+    """Return whether an option of prefiltering is one of converting, too."""
+    return option.converts
 
 
 @click.command()
@@ -42,20 +49,20 @@ _SAMPLINGS = click.Choice(["center", "border"])
 )  # fmt: skip
 @click.option("-o", "--output", type=click.Path(), help="File to write.  [default: IN.TO.exr]")
 @click.option(
-    "--frame", type=click.Choice(["global", "local"]),
+    "--frame", type=click.Choice(FRAMES),
     help="Axes of the view in an SHRM.  [default: those of IN]",
 )  # fmt: skip
 @click.option(
-    "--order-p", type=click.IntRange(0, 32),
+    "--order-p", type=click.IntRange(0, MAX_ORDER_P),
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
-@view_options
+@representation_options(_converts)
 @click.option(
     "--size", type=click.IntRange(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
 )  # fmt: skip
 @click.option(
-    "--to-orientation", type=click.Choice(["openexr", "gl"]),
+    "--to-orientation", type=click.Choice(ORIENTATIONS),
     help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
 )  # fmt: skip
 @click.option("--to-sampling", type=_SAMPLINGS, help="Where the edge pixels to write lie.")
@@ -67,19 +74,14 @@ def convert(
     source: str,
     target: str,
     output: str | None,
-    frame: str | None,
-    order_p: int | None,
-    slices: int | None,
-    views: int | None,
-    compress: tuple[int | None, float] | None,
     size: int | None,
     to_orientation: str | None,
     to_sampling: str | None,
-    precision: str,
+    precision: Precision,
     sampling: str | None,
     as_json: bool,
     quiet: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Convert IN, a map or a light probe.
 
@@ -93,69 +95,76 @@ def convert(
       shrm convert probe.microfacet.shrm.exr --to cabral
       shrm convert probe.exr --to hcross --size 256
     """
-    from shrm_cli.files.whole import check_target
-    from shrm_cli.maps.read import is_map
+    from shrm_cli.maps.file import is_map
 
     result_path = output or _default_name(source, target)
-    count, components = (
-        view_count(target, slices, views),
-        compression(target, compress),
-    )
-    if target not in REPRESENTATIONS:
-        refuse_options(f"--to {target}", frame=frame, order_p=order_p)
-    if is_map(source):
-        refuse_read_options("IN is a map")
-        check_target(result_path, [source], (".exr",))
+    reading = make_read_options(sampling, values)
+    found = is_map(source)
+    refuse_inapplicable({**_rules(target), **reading_rules(not found, "to probes; IN is a map")})
+    if found:
+        given = {name: values[name] for name in given_options() if name in values}
+        check_outputs([result_path], files=[source], suffixes=CONTAINERS)
         result, warnings = _convert_map(
-            source, result_path, target, frame, order_p, (count, components), size,
-            to_orientation, to_sampling, precision,
-        )  # fmt: skip
+            source, result_path, target, given, size, to_orientation, to_sampling, precision
+        )
     else:
-        if target in ALL_REPRESENTATIONS:
+        if target in REPRESENTATIONS:
             raise click.BadParameter(
                 f"{source} is no map; a probe becomes {target} by shrm prefilter",
                 param_hint="'--to'",
             )
-        options = make_read_options(sampling, reading)
         with progress_bar("converting", quiet) as progress:
             result, warnings = _convert_probe(
                 source, result_path, target, size, to_orientation, to_sampling, precision,
-                options, progress,
+                reading, progress,
             )  # fmt: skip
-    if as_json:
-        print_json({**result, "warnings": warnings})
-    elif not quiet:
-        click.echo(_report(result))
-    warn(warnings, quiet)
+    conclude(result, [_report(result)], warnings, as_json, quiet)
+
+
+def _rules(target: str) -> dict[str, Applies]:
+    """Return, for each option, whether it applies to the representation that is converted to."""
+    known = descriptions()
+    of_brdf = [name for name, each in known.items() if each.needs_brdf]
+    rules = {
+        "frame": Applies(target == "shrm", "with --to shrm"),
+        "order_p": Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+    }
+    for option in filter(_converts, all_options(known).values()):
+        of = owners(known, option.name)
+        rules.setdefault(option.name, Applies(target in of, f"with --to {listing(of, 'or')}"))
+    return rules
 
 
 def _convert_map(
     source: str,
     path: str,
     target: str,
-    frame: str | None,
-    order_p: int | None,
-    views: tuple[int | None, Any],
+    given: dict[str, Any],
     size: int | None,
     orientation: str | None,
     sampling: str | None,
-    precision: str,
+    precision: Precision,
 ) -> tuple[dict[str, Any], list[str]]:
-    from shrm_cli.maps.light_map import EngineMap
-    from shrm_cli.maps.read import read_map
-    from shrm_cli.maps.representations import is_exact_in_half, map_count
-    from shrm_cli.maps.write import write_map
+    """Write a map in another representation, or in another layout of the same one."""
+    from shrm_cli.maps.file import open_map, save
 
-    found = read_map(source)
-    layout = "openexr" if target in ALL_REPRESENTATIONS else target
-    if isinstance(found, EngineMap) or target in ENGINE_REPRESENTATIONS:
-        made = converted_for_engines(source, found, target, size, sampling)
-    else:
-        made = _converted(found, target, frame, order_p, views, size, sampling)
+    found = open_map(source)
+    is_layout = target not in REPRESENTATIONS
+    layout = target if is_layout else "openexr"
+    if is_layout and not found.cube_count:
+        raise click.UsageError(
+            f"--to {target} applies to maps with images; {source} holds coefficients and no images",
+            click.get_current_context(),
+        )
+    with renamed(sampling="to_sampling"):
+        if is_layout:
+            made = found.resampled(size, sampling)  # type: ignore[arg-type]
+        else:
+            made = found.converted(target, size, sampling, **given)  # type: ignore[arg-type]
     chosen = orientation or default_orientation(layout)
-    if precision == "auto" and not is_exact_in_half(made):
-        precision = "float"  # a conversion is not to lose anything
-    pixels = write_map(path, made, precision, layout, chosen)  # type: ignore[arg-type]
+    if precision == "auto" and not made.is_exact_in_half:
+        precision = "float"  # a conversion must not lose precision
+    pixels = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
     result = {
         "file": path,
         "kind": "map",
@@ -163,7 +172,7 @@ def _convert_map(
         "frame": made.frame,
         "size": made.size,
         "sampling": made.sampling,
-        "maps": map_count(made),
+        "maps": made.cube_count,
         "order_p": made.info.order_p,
         "layout": layout,
         "orientation": chosen,
@@ -175,32 +184,6 @@ def _convert_map(
     return result, []
 
 
-def _converted(
-    found: BrdfMap,
-    target: str,
-    frame: str | None,
-    order_p: int | None,
-    views: tuple[int | None, Any],
-    size: int | None,
-    sampling: str | None,
-) -> Map:
-    from shrm_cli.maps.representations import EXPLICIT, as_shrm, represent, tabulate_sum
-    from shrm_cli.maps.resample import resample
-    from shrm_cli.maps.shrm.summed import SummedShrm
-
-    made = resample(found, size, sampling)  # type: ignore[arg-type]
-    if target not in REPRESENTATIONS:
-        return made
-    if target in EXPLICIT and isinstance(made, SummedShrm):
-        refuse_options(f"a sum of terms and --to {target}", frame=frame, order_p=order_p)
-        return tabulate_sum(made, target, views[0])
-    if target != "shrm":
-        refuse_options(f"--to {target}", frame=frame)
-    kept = "local" if found.frame == "local" and found.representation == "shrm" else "global"
-    shrm = as_shrm(made, frame or kept, order_p)  # type: ignore[arg-type]
-    return represent(shrm, target, *views)
-
-
 def _convert_probe(
     source: str,
     path: str,
@@ -208,14 +191,13 @@ def _convert_probe(
     size: int | None,
     orientation: str | None,
     sampling: str | None,
-    precision: str,
+    precision: Precision,
     options: Any,
     progress: Any,
 ) -> tuple[dict[str, Any], list[str]]:
     import numpy as np
 
     from shrm_cli.files.image import probe_attributes, write_images
-    from shrm_cli.files.whole import check_target
     from shrm_cli.probe.probe import face_paths, open_probe
     from shrm_cli.probe.resample import to_layout
 
@@ -226,8 +208,7 @@ def _convert_probe(
             f"{path}: six files need % in place of +X, -X and so on", param_hint="'--output'"
         )
     files = face_paths(path) if target == "faces" else [path]
-    for file in files:
-        check_target(file, probe.paths, (".exr",))
+    check_outputs(files, probes=[probe], suffixes=CONTAINERS)
     chosen = orientation or default_orientation(target)
     image = to_layout(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
     marked = (target, chosen) in (("openexr", "openexr"), ("latlong", "openexr"))
@@ -257,7 +238,7 @@ def _convert_probe(
 def _default_name(source: str, target: str) -> str:
     stem = Path(source).stem
     base, dot, last = stem.rpartition(".")
-    family = ALL_REPRESENTATIONS if target in ALL_REPRESENTATIONS else IMAGE_LAYOUTS
+    family = list(REPRESENTATIONS) if target in REPRESENTATIONS else list(IMAGE_LAYOUTS)
     if dot and last in family:
         stem = base
     stem = stem.replace("%", "").rstrip("_-.") or "probe"
@@ -272,7 +253,7 @@ def _report(result: dict[str, Any]) -> str:
             f"{result['precision']}"
         )
     size, kind = result["size"], result["representation"]
-    if kind in ENGINE_REPRESENTATIONS:
+    if not descriptions()[kind].needs_brdf:
         return f"{result['file']}: {kind}, {result['precision']}"
     lines = [
         f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "

@@ -1,10 +1,13 @@
-"""`shrm dfg`: the environment-BRDF tables of split sums and SH exponentials."""
+"""`shrm dfg` makes the environment-BRDF tables of split sums and SH exponentials."""
 
 import os
 
 import click
 
 from shrm_cli.cli.options import precision_option, print_json, progress_bar, report_options
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.usage import exclude
+from shrm_cli.vocabulary import CONTAINERS, Precision
 
 
 @click.command()
@@ -31,7 +34,7 @@ def dfg(
     multiscatter: bool,
     moments: bool,
     output: str,
-    precision: str,
+    precision: Precision,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -49,11 +52,9 @@ def dfg(
     """
     from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
     from shrm_cli.brdf.environment.file import MEANINGS, Kind, write_dfg
-    from shrm_cli.files.whole import check_target
 
-    if moments and multiscatter:
-        raise click.BadParameter("does not go with --moments", param_hint="'--multiscatter'")
-    check_target(output, suffixes=(".exr",))
+    exclude("multiscatter", "moments")
+    check_outputs([output], suffixes=CONTAINERS)
     kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
     with progress_bar("integrating", quiet) as progress:
         if moments:
@@ -62,7 +63,7 @@ def dfg(
             table = environment_table(size, multiscatter, progress)
     pixel_type = write_dfg(output, table, kind, precision)
     meaning = MEANINGS[kind]
-    # A white metal in a white furnace, by single scattering.
+    # This is what a white metal reflects in a white furnace, by single scattering.
     white = {
         "scale-bias": table[..., :2].sum(axis=-1),
         "multiscatter": table[..., 1],

@@ -1,60 +1,55 @@
-"""`shrm info`: what a file is."""
+"""`shrm info` prints what a file is."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from shrm_cli.cli.options import (
+    conclude,
     make_read_options,
-    print_json,
     read_options,
-    refuse_read_options,
+    reading_rules,
     report_options,
-    warn,
 )
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.light_map import EngineMap
+from shrm_cli.cli.usage import refuse_inapplicable
+from shrm_cli.vocabulary import SAMPLINGS
 
 _MOST_ROWS, _MOST_NUMBERS = 9, 16
-"""Of a table, and of a list, that people are shown; programs get them all."""
+"""The most rows of a table and numbers of a list that are printed as text; JSON has them all."""
 
 
 @click.command()
 @click.argument("file", type=click.Path())
-@click.option(
-    "--sampling", type=click.Choice(["center", "border"]), help="Where a probe's edge pixels lie."
-)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where a probe's edge pixels lie.")
 @read_options
 @report_options
 def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
     """Print what FILE is: a map or a table that shrm wrote, or a light probe."""
-    from shrm_cli.brdf.measured.reading.table_writer import is_table
-    from shrm_cli.maps.read import environment_table, is_map
+    from shrm_cli.brdf.environment.file import read_table_facts
+    from shrm_cli.brdf.measured.reading.table_file import is_table
+    from shrm_cli.maps.file import is_map
 
     warnings: list[str] = []
     if is_map(file):
-        refuse_read_options("FILE is a map")
+        refuse_inapplicable(reading_rules(False, "to probes; FILE is a map"))
         values = _describe_map(file)
     elif is_table(file):
         values = _describe_table(file)
-    elif (table := environment_table(file)) is not None:
-        refuse_read_options("FILE is an environment-BRDF table")
+    elif (table := read_table_facts(file)) is not None:
+        what = "to probes; FILE is an environment-BRDF table"
+        refuse_inapplicable(reading_rules(False, what))
         values = {"kind": "environment-BRDF table", **table}
     else:
         values, found = _describe_probe(file, make_read_options(sampling, reading))
         warnings = [f"{file}: {line}" for line in found]
-    if as_json:
-        print_json({"file": file, **values, "warnings": warnings})
-    elif not quiet:
-        width = max(len(key) for key in values)
-        click.echo(file)
-        for key, value in values.items():
-            text = _text(value).replace("\n", "\n" + " " * (width + 4))
-            click.echo(f"  {key.replace('_', ' '):<{width}}  {text}")
-    warn(warnings, quiet)
+    width = max(len(key) for key in values)
+    lines = [file]
+    for key, value in values.items():
+        text = _text(value).replace("\n", "\n" + " " * (width + 4))
+        lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
+    conclude({"file": file, **values}, lines, warnings, as_json, quiet)
 
 
 def _describe_table(file: str) -> dict[str, Any]:
@@ -71,110 +66,15 @@ def _describe_table(file: str) -> dict[str, Any]:
 
 
 def _describe_map(file: str) -> dict[str, Any]:
-    from shrm_cli.maps.light_map import EngineMap
-    from shrm_cli.maps.read import read_map
-    from shrm_cli.maps.representations import map_count
+    from shrm_cli.maps.file import open_map
 
-    reflection_map = read_map(file)
-    known = reflection_map.info
-    if isinstance(reflection_map, EngineMap):
-        return _describe_for_engines(reflection_map)
+    found = open_map(file)
     return {
         "kind": "map",
-        "representation": reflection_map.representation,
-        "frame": reflection_map.frame,
-        "center": reflection_map.center,
-        "size": reflection_map.size,
-        "sampling": reflection_map.sampling,
-        "maps": map_count(reflection_map),
-        "domain": known.domain,
-        "order_f": known.order_f,
-        "order_p": known.order_p,
-        "epsilon": known.tolerance,
-        "brdf_energy_captured": known.captured,
-        "predicted_error": known.predicted_error,
-        "added_error": known.added_error,
-        "fit_residual": known.fit_residual,
-        "brdf": known.brdf,
-        "probe": known.probe,
-        "probe_sha256": known.probe_sha256,
-        "chromaticities": known.chromaticities,
-    }
-
-
-def _describe_for_engines(found: EngineMap) -> dict[str, Any]:
-    known = found.info
-    return {
-        "kind": "map",
-        "representation": found.representation,
-        "frame": found.frame,
-        "center": found.center,
-        **_contents(found),
-        "brdf": known.brdf,
-        "probe": known.probe,
-        "probe_sha256": known.probe_sha256,
-        "chromaticities": known.chromaticities,
-    }
-
-
-def _contents(found: EngineMap) -> dict[str, Any]:
-    """What a map holds that others do not."""
-    from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
-    from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-    from shrm_cli.maps.splitsum.split_sum import SplitSum
-
-    if isinstance(found, Irradiance):
-        window = found.window
-        has_matrices = found.order_f <= POLYNOMIAL_ORDER
-        return {
-            "size": found.size,
-            "sampling": found.sampling,
-            "order_f": found.order_f,
-            "coefficients": len(found.coefficients),
-            "window": {
-                "name": window.name,
-                "width": window.width,
-                "factors": list(window.factors) or [1.0] * (found.order_f + 1),
-                "energy_lost": window.energy_lost,
-                "change": window.change,
-            },
-            "minimum_irradiance": found.minimum(),
-            "lighting_coefficients": found.coefficients.tolist(),
-            "irradiance_matrices": found.matrices().tolist() if has_matrices else None,
-            "predicted_error": found.info.predicted_error,
-            "added_error": found.info.added_error,
-        }
-    if isinstance(found, SplitSum):
-        return {
-            "size": found.size,
-            "sampling": found.sampling,
-            "mapping": found.mapping,
-            "levels": [
-                {
-                    "roughness": roughness,
-                    "size": level.shape[1],
-                    "order_f": known.order_f,
-                    "domain": known.domain if roughness > 0 else "probe",
-                    "predicted_error": known.predicted_error,
-                }
-                for roughness, level, known in zip(
-                    found.roughness, found.levels, found.level_info, strict=True
-                )
-            ],
-            "predicted_error": found.info.predicted_error,
-        }
-    if not isinstance(found, SphericalHarmonicExponential):
-        return {}
-    return {
-        "p_order": found.order_p,
-        "q_order": found.order_q,
-        "coefficients": len(found.p_coefficients) + len(found.q_coefficients),
-        "roughness": [alpha**0.5 for alpha in found.ggx_alpha],
-        "ggx_alpha": list(found.ggx_alpha),
-        "law": found.law,
-        "p_coefficients": found.p_coefficients.tolist(),
-        "q_coefficients": found.q_coefficients.tolist(),
-        "fit_residual": found.info.fit_residual,
+        **found.summary(),
+        **found.details(),
+        **found.info.origin(),
+        "chromaticities": found.info.chromaticities,
     }
 
 

@@ -1,4 +1,4 @@
-"""`shrm`: finds the subcommand, and turns errors into one line and an exit code."""
+"""`shrm` itself finds the subcommand, and turns errors into one line and an exit code."""
 
 import importlib
 import signal
@@ -10,11 +10,11 @@ from typing import Any
 import click
 
 from shrm_cli import __version__, settings
-from shrm_cli.cli.flags import with_flags
 from shrm_cli.cli.threads import limit_small_products
-from shrm_cli.errors import ShrmError
+from shrm_cli.cli.usage import flags
+from shrm_cli.errors import ArgumentError, ShrmError
 
-# Modules are imported when their command runs, so that --help is immediate.
+# The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
     "prefilter": "Prefilter a light probe for a BRDF.",
     "render": "Render a sphere from reflection maps.",
@@ -74,24 +74,28 @@ def main(arguments: list[str] | None = None) -> None:
     signal.signal(signal.SIGTERM, _stop)
     limit_small_products()
     if "--debug" not in arguments:
-        warnings.simplefilter("ignore")  # of numpy; what is written is checked to be finite
+        # Numpy's warnings are hidden, because values are checked to be finite when written.
+        warnings.simplefilter("ignore")
     try:
-        with settings.using():  # a command line that fails half way leaves none behind
+        with settings.using():  # a command that fails halfway leaves no settings behind
             code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.UsageError as error:
-        if type(error).show is not click.UsageError.show:  # the help, when nothing is asked
+        # If no command is given, click raises an error whose own `show` prints the help.
+        if type(error).show is not click.UsageError.show:
             error.show()
             sys.exit(error.exit_code)
         _fail(_with_hint(error), error.exit_code)
     except click.ClickException as error:
         _fail(error.format_message(), error.exit_code)
+    except ArgumentError as error:
+        _fail(f"{flags(str(error))}; see {_command(arguments)} --help", 2)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
     except BrokenPipeError:
-        # The reader of our output has gone; there is nobody left to tell.
+        # The process that reads the output has gone, so there is nobody left to tell.
         sys.stderr.close()
         sys.exit(1)
     except Exception as error:
@@ -102,7 +106,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _one_line(error: BaseException) -> str:
     if isinstance(error, ShrmError):
-        return with_flags(str(error))
+        return flags(str(error))
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
     if isinstance(error, OSError) and error.strerror:
@@ -111,9 +115,15 @@ def _one_line(error: BaseException) -> str:
     return f"internal error, please report it ({what}); shrm --debug ... tells more"
 
 
+def _command(arguments: list[str]) -> str:
+    """Return the command that was called, as its help names it."""
+    named = next((each for each in arguments if each in _COMMANDS), "")
+    return f"shrm {named}".rstrip()
+
+
 def _with_hint(error: click.UsageError) -> str:
     message = error.format_message().rstrip(".")
-    if message.endswith(("?", "?)")):  # what to do is said already
+    if message.endswith(("?", "?)")):  # the message already says what to do
         return message
     return f"{message}; see {error.ctx.command_path if error.ctx else 'shrm'} --help"
 
@@ -124,5 +134,5 @@ def _fail(message: str, code: int) -> None:
 
 
 def _stop(number: int, frame: FrameType | None) -> Any:
-    """On SIGTERM unwind as an exit does, so that temporary files are removed."""
+    """Unwind on SIGTERM as an exit does, so that temporary files are removed."""
     sys.exit(128 + number)

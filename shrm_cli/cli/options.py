@@ -1,4 +1,4 @@
-"""Options that several subcommands share, and how they report."""
+"""Options that several subcommands share, and the functions that print their results."""
 
 from __future__ import annotations
 
@@ -6,47 +6,44 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
-from click.core import ParameterSource
 
 from shrm_cli import settings
-from shrm_cli.cli.flags import with_flags
 from shrm_cli.cli.threads import limit_libraries
-from shrm_cli.cli.types import STOPS, Components
+from shrm_cli.cli.types import STOPS, click_option
+from shrm_cli.cli.usage import Applies, flags
 from shrm_cli.layouts import IMAGE_LAYOUTS
+from shrm_cli.maps.options import SHARED, Option, all_options
+from shrm_cli.maps.registry import descriptions
+from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, SAMPLINGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from shrm_cli.maps.representations import Compression
     from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.progress import Progress
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-REPRESENTATIONS = ("shrm", "cabral", "kautz-mccool", "lightfield")
-ENGINE_REPRESENTATIONS = ("irradiance", "splitsum", "she")
-ALL_REPRESENTATIONS = (*REPRESENTATIONS, *ENGINE_REPRESENTATIONS)
-
-
+_READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize")
 _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
 )
 brdf_option = click.option("--brdf", "spec", metavar="SPEC", required=True, help=_SPEC)
-optional_brdf_option = click.option("--brdf", "spec", metavar="SPEC", help=_SPEC)
+optional_brdf_option = click.option("--brdf", metavar="SPEC", help=_SPEC)
 exposure_option = click.option(
     "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
 )  # fmt: skip
 precision_option = click.option(
-    "--precision", type=click.Choice(["auto", "half", "float"]), default="auto",
+    "--precision", type=click.Choice(PRECISIONS), default="auto",
     show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
 )  # fmt: skip
 probe_sampling_option = click.option(
-    "--sampling", type=click.Choice(["center", "border"]),
+    "--sampling", type=click.Choice(SAMPLINGS),
     help="Where edge pixels of the probe lie.",
 )  # fmt: skip
 
@@ -69,7 +66,7 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None
 
 
 def report_options(command: Command) -> Command:
-    """--json, --quiet, --threads."""
+    """Add the options --json, --quiet, --threads and --no-cache."""
     return _apply(
         command,
         [
@@ -95,14 +92,14 @@ def report_options(command: Command) -> Command:
 
 
 def read_options(command: Command) -> Command:
-    """How a probe's file is to be understood; pass the values on to `make_read_options`."""
+    """Add the options about reading a probe's file; `make_read_options` takes their values."""
     return _apply(
         command,
         [
             click.option("--layout", type=click.Choice(IMAGE_LAYOUTS), help="Layout of the probe."),
             click.option(
                 "--orientation",
-                type=click.Choice(["openexr", "gl"]),
+                type=click.Choice(ORIENTATIONS),
                 help="Orientation of its cube faces.",
             ),
             click.option(
@@ -126,7 +123,13 @@ def read_options(command: Command) -> Command:
 
 
 def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptions:
-    """`ReadOptions` from the values of `read_options`."""
+    """Make `ReadOptions` from the values of `read_options`, which are removed from `values`.
+
+    Raises
+    ------
+    click.BadParameter
+        If --clamp is not positive, or --yaw is not finite.
+    """
     import math
 
     from shrm_cli.probe.options import ReadOptions
@@ -138,121 +141,81 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
     if not math.isfinite(values["yaw"]):
         raise click.BadParameter("must be a finite number of degrees", param_hint="'--yaw'")
     policy = PixelPolicy(values.pop("fix_nonfinite"), clamp)
-    return ReadOptions(sampling=sampling, pixels=policy, **values)  # type: ignore[arg-type]
+    others = {name: values.pop(name) for name in _READING}
+    return ReadOptions(sampling=sampling, pixels=policy, **others)  # type: ignore[arg-type]
 
 
-def refuse_read_options(why: str) -> None:
-    """Refuse options about a probe's file where there is none: nothing would obey them."""
-    context = click.get_current_context()
-    about_probes = {"sampling", "layout", "orientation", "yaw", "mirror", "up", "linearize"}
-    about_probes |= {"fix_nonfinite", "clamp"}
-    for param in context.command.params:
-        given = param.name in about_probes and context.get_parameter_source(param.name)
-        if given is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{param.opts[-1]} is about a light probe; {why}", context)
+def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
+    """Return rules for `refuse_inapplicable` about the options for reading a probe's file."""
+    names = ("sampling", *_READING, "fix_nonfinite", "clamp")
+    return dict.fromkeys(names, Applies(holds, words))
 
 
-def refuse_foreign(
-    representation: str, owners: Mapping[str, Sequence[str]], notes: Mapping[str, str]
+def shared_options(*names: str) -> Callable[[Command], Command]:
+    """Return a decorator that adds options which several representations share, by name."""
+    return lambda command: _apply(command, [click_option(SHARED[name]) for name in names])
+
+
+def representation_options(
+    wanted: Callable[[Option], bool] = lambda option: True,
+) -> Callable[[Command], Command]:
+    """Return a decorator that adds the wanted ones of all representations' own options."""
+    options = all_options(descriptions()).values()
+    return lambda command: _apply(
+        command, [click_option(option) for option in options if wanted(option)]
+    )
+
+
+def conclude(
+    result: dict[str, Any],
+    lines: Sequence[str],
+    warnings: Sequence[str],
+    as_json: bool,
+    quiet: bool,
+    err: bool = False,
 ) -> None:
-    """Refuse options that say nothing with the representation that --to names.
+    """Print what a command has done, as JSON or as lines of text; warnings go to stderr.
 
     Parameters
     ----------
-    representation : str
-    owners : mapping
-        By the name of an option's parameter: the representations that it is for. What it does
-        not name is for all.
-    notes : mapping
-        By the same names: what to add to the refusal.
+    result : dict
+        What is printed as JSON; the warnings are added to it.
+    lines : sequence of str
+        What is printed as text.
+    warnings : sequence of str
+        Warnings may name arguments of the library in backticks.
+    as_json : bool
+        Whether to print JSON instead of the lines.
+    quiet : bool
+        Whether to leave out the lines and the warnings.
+    err : bool
+        Whether the lines go to stderr, because stdout holds something else.
     """
-    context = click.get_current_context()
-    for param in context.command.params:
-        of = owners.get(param.name or "", (representation,))
-        given = context.get_parameter_source(param.name or "") is ParameterSource.COMMANDLINE
-        if given and representation not in of:
-            *others, last = of
-            names = f"{', '.join(others)} or {last}" if others else last
-            note = notes.get(param.name or "", "")
-            raise click.BadParameter(
-                f"is for --to {names}{note and '; '}{note}",
-                context,
-                param_hint=f"'{param.opts[0]}'",
-            )
+    warnings = [flags(line) for line in warnings]
+    if as_json:
+        print_json({**result, "warnings": warnings})
+    elif not quiet:
+        click.echo("\n".join(lines), err=err)
+    warn(warnings, quiet)
 
 
-def refuse_options(owner: str, **values: Any) -> None:
-    """Refuse options, by their names, whose values are not None where nothing obeys them."""
-    for name, value in values.items():
-        if value is not None:
-            option = f"--{name.replace('_', '-')}"
-            raise click.BadParameter(f"says nothing with {owner}", param_hint=f"'{option}'")
-
-
-def view_options(command: Command) -> Command:
-    """--slices, --views, --compress; pass the values on to `view_count` and `compression`."""
-    return _apply(
-        command,
-        [
-            click.option(
-                "--slices", type=click.IntRange(1, 1024), metavar="T",
-                help="Angles theta_o of a kautz-mccool map.  [default: 10 P]",
-            ),
-            click.option(
-                "--views", type=click.IntRange(1, 128), metavar="T",
-                help="A lightfield has T x T views.  [default: 10 P]",
-            ),
-            click.option(
-                "--compress", type=Components(),
-                help="Keep K principal components of an SHRM, or as many as an error X needs.",
-            ),
-        ],
-    )  # fmt: skip
-
-
-def view_count(representation: str, slices: int | None, views: int | None) -> int | None:
-    """Samples along an axis of the view, from the option that belongs to the representation."""
-    for option, value, owner in (
-        ("--slices", slices, "kautz-mccool"),
-        ("--views", views, "lightfield"),
-    ):
-        if value is not None and representation != owner:
-            raise click.BadParameter(f"is for --to {owner}", param_hint=f"'{option}'")
-    return slices or views
-
-
-def compression(
-    representation: str, components: tuple[int | None, float] | None
-) -> Compression | None:
-    """What --compress asks for."""
-    from shrm_cli.maps.representations import Compression
-
-    if components is None:
-        return None
-    if representation != "shrm":
-        raise click.BadParameter("is for --to shrm", param_hint="'--compress'")
-    return Compression(*components)
-
-
-def probe_stem(probe: str) -> str:
-    """Name of the outputs of a probe; six files have their ``%`` left out."""
-    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
-
-
-def warn(lines: list[str], quiet: bool) -> None:
-    """Print warnings to stderr."""
+def warn(lines: Sequence[str], quiet: bool) -> None:
+    """Print warnings to stderr; they may name arguments of the library in backticks."""
     for line in [] if quiet else lines:
-        click.echo(f"Warning: {with_flags(line)}", err=True)
+        click.echo(f"Warning: {flags(line)}", err=True)
 
 
 def print_json(value: Any) -> None:
-    """Print a result as JSON, with its keys as they are, to stdout."""
+    """Print a result to stdout as JSON, with its keys in their given order."""
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
 @contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """A callable (done, all) that shows progress on a terminal, once the work takes a second."""
+def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
+    """Yield a callable (done, all) that shows progress on a terminal, after the first second.
+
+    It is None if there is no terminal, or if `quiet` is set.
+    """
     if quiet or not sys.stderr.isatty():
         yield None
         return

@@ -1,90 +1,56 @@
-"""`shrm prefilter`: from a probe and a BRDF to a map."""
+"""`shrm prefilter` makes a map from a probe and a BRDF."""
+
+from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.engines import ENGINE_OPTIONS, OWN_BRDF, engine_options, prefilter_for_engines
 from shrm_cli.cli.options import (
-    ALL_REPRESENTATIONS,
-    ENGINE_REPRESENTATIONS,
-    REPRESENTATIONS,
-    compression,
+    conclude,
     make_read_options,
     optional_brdf_option,
     precision_option,
-    print_json,
-    probe_stem,
     progress_bar,
     read_options,
-    refuse_foreign,
     report_options,
-    view_count,
-    view_options,
-    warn,
+    representation_options,
+    shared_options,
 )
-from shrm_cli.cli.types import Fraction
+from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
+from shrm_cli.maps import registry
+from shrm_cli.maps.options import all_options, listing
+from shrm_cli.vocabulary import (
+    CONTAINERS,
+    REPRESENTATIONS,
+    SAMPLINGS,
+    Precision,
+)
 
-_SAMPLINGS = click.Choice(["center", "border"])
+if TYPE_CHECKING:
+    from shrm_cli.maps.options import Representation
+    from shrm_cli.maps.prefiltered import Prefiltered
 
-# The representations that an option is for, where it is not for all.
-_OWNERS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("spec", "tolerance", "order_p", "center"), REPRESENTATIONS),
-    **dict.fromkeys(("domain", "source_height", "frame"), REPRESENTATIONS),
-    "order_f": (*REPRESENTATIONS, "irradiance"),
-    "wanted": ("shrm",),
-    "compress": ("shrm",),
-    "slices": ("kautz-mccool",),
-    "views": ("lightfield",),
-    "size": (*REPRESENTATIONS, "irradiance", "splitsum"),
-    "map_sampling": (*REPRESENTATIONS, "irradiance", "splitsum"),
-    **ENGINE_OPTIONS,
-}
+_SAMPLINGS = click.Choice(SAMPLINGS)
+_OWN_BRDFS = listing(
+    [each.name for each in registry.descriptions().values() if each.why_no_brdf], "and"
+)
+
+_PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
 
 
 @click.command()
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @optional_brdf_option
 @click.option(
-    "--to", "representation", type=click.Choice(ALL_REPRESENTATIONS),
-    default="shrm", show_default=True,
-    help="Representation to write; irradiance, splitsum and she have their BRDF.",
+    "--to", type=click.Choice(list(REPRESENTATIONS)), default="shrm", show_default=True,
+    help=f"Representation to write; {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
-@click.option(
-    "--eps", "tolerance", type=Fraction(), metavar="X", default=0.03, show_default=True,
-    help="Fraction of the BRDF's energy that may be missed; it chooses F and P.",
-)  # fmt: skip
-@click.option("--order-f", type=click.IntRange(0, 512), help="Order F to use instead.")
-@click.option("--order-p", type=click.IntRange(0, 32), help="Order P to use instead.")
-@click.option(
-    "--center", type=click.Choice(["auto", "reflection", "normal", "tangent"]),
-    help="Central direction of the map; auto takes the one with the fewest coefficients.  "
-    "[default: the BRDF's own]",
-)  # fmt: skip
-@click.option(
-    "--split/--no-split",
-    "wanted",
-    default=None,
-    help="Prefilter diffuse and glossy terms each about its own centre.  [default: by count]",
-)
-@view_options
-@engine_options
-@click.option(
-    "--domain", type=click.Choice(["frequency", "angular"]), default="frequency",
-    show_default=True, help="Where to prefilter explicit maps; angular takes minutes.",
-)  # fmt: skip
-@click.option(
-    "--source-height", type=click.IntRange(2, 8192), metavar="H",
-    help="In the angular domain: average the probe down to 2H x H first.",
-)  # fmt: skip
-@click.option(
-    "--frame", type=click.Choice(["global", "local"]), default="global", show_default=True,
-    help="Axes of the view in the map: the world's, or each texel's own.",
-)  # fmt: skip
-@click.option(
-    "--size", type=click.IntRange(4, 4096), help="Texels along a face's edge.  [default: from F]"
-)
+@shared_options("eps", "order_f", "order_p", "center")
+@representation_options()
+@shared_options("domain", "source_height", "frame", "size")
 @precision_option
 @click.option(
     "-o", "--output", type=click.Path(),
@@ -100,28 +66,16 @@ _OWNERS: dict[str, tuple[str, ...]] = {
 @report_options
 def prefilter(
     probe: str,
-    spec: str | None,
-    representation: str,
-    tolerance: float,
-    order_f: int | None,
-    order_p: int | None,
-    center: str | None,
-    wanted: bool | None,
-    slices: int | None,
-    views: int | None,
-    compress: tuple[int | None, float] | None,
-    domain: str,
-    source_height: int | None,
-    frame: str,
-    size: int | None,
-    precision: str,
+    brdf: str | None,
+    to: str,
+    precision: Precision,
     output: str | None,
     sampling: str | None,
     probe_sampling: str | None,
     map_sampling: str | None,
     as_json: bool,
     quiet: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Prefilter the light probe PROBE for a BRDF.
 
@@ -132,164 +86,65 @@ def prefilter(
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
     """
-    refuse_foreign(representation, _OWNERS, {"spec": OWN_BRDF.get(representation, "")})
-    of_engines = {name: reading.pop(name) for name in ENGINE_OPTIONS}
-    read_as = make_read_options(probe_sampling or sampling, reading)
-    map_sampling = map_sampling or sampling or "center"
-    if representation in ENGINE_REPRESENTATIONS:
-        prefilter_for_engines(
-            probe, read_as, representation, output,
-            {**of_engines, "order_f": order_f, "size": size, "sampling": map_sampling},
-            precision, as_json, quiet,
-        )  # fmt: skip
-        return
-    if spec is None:
-        raise click.MissingParameter(
-            f"--to {representation} needs one", param_hint="'--brdf'", param_type="option"
-        )
-    import numpy as np
-
-    from shrm_cli.brdf.spec import file_label, named_files, parse_spec
-    from shrm_cli.files.whole import check_target
-    from shrm_cli.maps.shrm.prefilter import bake
-    from shrm_cli.maps.shrm.terms import bake_terms, plan_terms
-    from shrm_cli.maps.write import write_map
+    from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
-    _check_options(representation, domain, source_height, frame, (order_f, order_p))
-    count, components = (
-        view_count(representation, slices, views),
-        compression(representation, compress),
-    )
-    brdf, notes = _centered(parse_spec(spec), tolerance, center)
+    chosen = registry.description(to)
+    read_as = make_read_options(probe_sampling or sampling, values)
+    refuse_inapplicable(_rules_of_printing(to))
+    prints = {name: values.pop(name) for name in _PRINTS}
+    given = {"brdf": brdf, **values}
+    if map_sampling or (sampling and "sampling" in chosen.arguments):
+        given["sampling"] = map_sampling or sampling
+    with renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
+        check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as)
-    default = f"{probe_stem(probe)}.{file_label(spec)}.{representation}.exr"
-    target = default if output is None else output
-    inputs = [*source.paths, *named_files(spec)]
-    check_target(target, inputs, (".exr",))
-    common: dict[str, Any] = {
-        "representation": representation,
-        "view_count": count,
-        "size": size,
-        "sampling": map_sampling,
+    target = output or _default_name(probe, brdf, to)
+    check_outputs([target], probes=[source], specs=[brdf], suffixes=CONTAINERS)
+    with progress_bar("prefiltering", quiet) as progress:
+        made = prefilter_with_facts(source, to, given, progress)
+    printed = {
+        name: registry.module(to, "report").printed(made.map, value)
+        for name, value in prints.items()
+        if value is not None
     }
-    single = (representation, domain) != ("shrm", "frequency") or center is not None
-    single = single or (order_f, order_p) != (None, None)
-    if single and wanted:
-        raise click.UsageError(
-            "--split is for SHRMs with neither --center nor orders; leave one of them out"
-        )
-    plan = None
-    if not single and wanted is not False:
-        with progress_bar("reading", quiet) as progress:
-            plan = plan_terms(brdf, tolerance, source, progress)
-    if plan is not None:
-        notes.append(
-            f"  {'split' if wanted or plan.pays else 'not split':<15}"
-            f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
-        )
-        plan = plan if wanted or plan.pays else None
-    with progress_bar("reading" if domain == "frequency" else "integrating", quiet) as progress:
-        if domain == "angular":
-            from shrm_cli.maps.explicit.angular import bake_angular
-
-            made = bake_angular(
-                source, brdf, tolerance, source_height=source_height, progress=progress, **common
-            )
-        elif plan is not None:
-            made = bake_terms(
-                source, plan, size, frame, common["sampling"],  # type: ignore[arg-type]
-                np.float32, components,
-            )  # fmt: skip
-        else:
-            made = bake(
-                source, brdf, tolerance, order_f, order_p, frame=frame,  # type: ignore[arg-type]
-                dtype=np.float32, compression=components, progress=progress, **common,
-            )  # fmt: skip
-    pixel_type = write_map(target, made.map, precision)
-    warnings = [f"{probe}: {line}" for line in source.report.warnings()]
-    if pixel_type == "float" and precision == "auto":
-        warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
-    if order_p is not None and order_p > made.orders.order_p:
-        warnings.append(f"{target}: {brdf.name} does not depend on the view, so P = 0 only")
-    if domain == "frequency" and plan is None and made.orders.captured < 1 - tolerance:
-        warnings.append(
-            f"{target}: the orders asked for capture {made.orders.captured:.2%} of the BRDF's "
-            f"energy, less than --eps {tolerance:g} wants"
-        )
+    pixel_type = made.map.save(target, precision)
     result = {"file": os.fspath(target), **made.summary(), "precision": pixel_type}
-    if as_json:
-        print_json({**result, "warnings": warnings})
-    elif not quiet:
-        click.echo("\n".join([_report(result), *notes]))
-    warn(warnings, quiet)
+    if not chosen.needs_brdf:
+        del result["precision"]
+        result |= {"bytes": os.path.getsize(target), "precision": pixel_type}
+    warnings = [f"{probe}: {line}" for line in source.report.warnings()]
+    if pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
+        warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
+    warnings += [f"{target}: {line}" for line in made.warnings]
+    for text in [] if as_json else printed.values():
+        click.echo(text.rstrip("\n"))
+    lines = _report(chosen, made, result)
+    conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
 
 
-def _centered(brdf: Any, tolerance: float, center: str | None) -> tuple[Any, list[str]]:
-    """A BRDF about the centre that was asked for, and a line that tells how it was chosen."""
-    from shrm_cli.orders import choose_center
-
-    if center is None:
-        return brdf, []
-    if center != "auto":
-        return brdf.recentered(center), []
-    brdf, counts = choose_center(brdf, tolerance)
-    needs = ", ".join(f"{count:,} about the {name}" for name, count in counts.items())
-    return brdf, [f"  centre         {brdf.center} (coefficients: {needs})"]
+def _rules_of_printing(to: str) -> dict[str, Applies]:
+    """Return when the options apply that only ask for more output."""
+    known = registry.descriptions()
+    rules = {}
+    for name in _PRINTS:
+        of = [each.name for each in known.values() if name in (own.name for own in each.options)]
+        rules[name] = Applies(to in of, f"with --to {listing(of, 'or')}")
+    return rules
 
 
-def _check_options(
-    representation: str,
-    domain: str,
-    source_height: int | None,
-    frame: str,
-    orders: tuple[int | None, int | None],
-) -> None:
-    if representation != "shrm" and frame == "local":
-        raise click.BadParameter("is for --to shrm", param_hint="'--frame'")
-    if domain == "angular":
-        if representation == "shrm":
-            raise click.BadParameter(
-                "an SHRM is made in the frequency domain only; take --to cabral, kautz-mccool or "
-                "lightfield",
-                param_hint="'--domain'",
-            )
-        if orders != (None, None):
-            raise click.UsageError("--order-f and --order-p are for --domain frequency")
-    elif source_height is not None:
-        raise click.BadParameter("is for --domain angular", param_hint="'--source-height'")
+def _default_name(probe: str, brdf: str | None, to: str) -> str:
+    from shrm_cli.brdf.spec import file_label
+
+    labels = [probe_stem(probe), *([] if brdf is None else [file_label(brdf)]), to]
+    return f"{'.'.join(labels)}.exr"
 
 
-def _report(result: dict[str, Any]) -> str:
-    size, maps, bound = result["size"], result["maps"], result["error_bound"]
-    unit = "components" if result["added_error"] else "coefficients"
-    what = (
-        f"SHRM, 6 x {size} x {size} texels of {maps} {unit}"
-        if result["representation"] == "shrm"
-        else f"{result['representation']} map, {maps} cubes of 6 x {size} x {size} texels"
-    )
-    lines = [
-        f"{result['file']}: {result['frame']} {what}, {result['precision']}",
-        f"  orders         F = {result['order_f']}, P = {result['order_p']}",
-        f"  BRDF energy    {result['brdf_energy_captured']:.2%} captured, "
-        f"{1 - result['epsilon']:.2%} asked",
-        f"  RMS error      {result['predicted_error']:.2%} of the reflected light predicted"
-        + ("" if bound is None else f", {bound:.2%} at most"),
-    ]
-    if "+" in result["center"]:
-        lines[2] = (
-            f"  BRDF energy    {result['brdf_energy_captured']:.2%} captured by the terms, whose "
-            "error together is that of one map"
-        )
-    if result["domain"] == "angular":
-        lines[2] = f"  BRDF energy    {result['brdf_energy_captured']:.2%} in the truncated lobe"
-    if result["added_error"] >= 5e-5:
-        lines.append(f"  and            {result['added_error']:.2%} from {_added_by(result)}")
-    return "\n".join(lines)
-
-
-def _added_by(result: dict[str, Any]) -> str:
-    return {
-        "shrm": "leaving out principal components",
-        "kautz-mccool": "leaving out the azimuth, and interpolation between slices",
-    }.get(result["representation"], "interpolation between views")
+def _report(chosen: Representation, made: Prefiltered, result: dict[str, Any]) -> list[str]:
+    """Return lines about the map, which its representation words, and how it was made."""
+    what, *lines = registry.module(chosen.name, "report").report(result)
+    stored = [result["precision"]]
+    if not chosen.needs_brdf:
+        stored.append(f"{result['bytes']:,} bytes")
+    lines += [f"{heading:<15}{text}" for heading, text in made.notes]
+    return [f"{result['file']}: {what}, {', '.join(stored)}", *(f"  {line}" for line in lines)]

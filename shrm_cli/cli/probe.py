@@ -1,4 +1,4 @@
-"""`shrm probe`: make probes for tests and demonstrations."""
+"""`shrm probe` makes probes for tests and demonstrations."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ import click
 from shrm_cli.cli.types import AzimuthElevation, Radiance
 from shrm_cli.files.whole import check_target
 
-if TYPE_CHECKING:  # numpy is loaded by the command that runs, not by `shrm --help`
+if TYPE_CHECKING:
+    # The command that runs loads numpy; `shrm --help` must not.
     import numpy as np
     from numpy.typing import NDArray
+
+    from shrm_cli.vocabulary import Precision
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -24,7 +27,7 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
 
 
 def output_options(command: Command) -> Command:
-    """Options that every kind of probe has."""
+    """Add the options that every kind of probe has."""
     options = [
         click.option(
             "-o",
@@ -74,7 +77,7 @@ def probe() -> None:
     help="Radiance, grey or RGB.",
 )
 def furnace(
-    output: str, size: int, precision: str, quiet: bool, radiance: tuple[float, ...]
+    output: str, size: int, precision: Precision, quiet: bool, radiance: tuple[float, ...]
 ) -> None:
     """Make constant radiance from everywhere."""
     from shrm_cli.probe import make
@@ -100,7 +103,7 @@ def furnace(
 def impulse(
     output: str,
     size: int,
-    precision: str,
+    precision: Precision,
     quiet: bool,
     direction: tuple[float, float],
     radiance: tuple[float, ...] | None,
@@ -139,7 +142,7 @@ def impulse(
 def sky(
     output: str,
     size: int,
-    precision: str,
+    precision: Precision,
     quiet: bool,
     sun: tuple[float, float],
     turbidity: float,
@@ -172,7 +175,7 @@ def sky(
     show_default=True,
     help="Radiance of the key light; the fill has 2, the rim 10.",
 )
-def studio(output: str, size: int, precision: str, quiet: bool, key: float) -> None:
+def studio(output: str, size: int, precision: Precision, quiet: bool, key: float) -> None:
     """Make three soft boxes before a dark backdrop."""
     from shrm_cli.probe import make
 
@@ -181,9 +184,13 @@ def studio(output: str, size: int, precision: str, quiet: bool, key: float) -> N
 
 
 def _write(
-    output: str, pixels: NDArray[np.float32], precision: str, quiet: bool, **parameters: object
+    output: str,
+    pixels: NDArray[np.float32],
+    precision: Precision,
+    quiet: bool,
+    **parameters: object,
 ) -> None:
-    """Write the image with the parameters that made it, and say so."""
+    """Write the image with the parameters that made it, and print what was written."""
     from shrm_cli.files.image import write_image
 
     height, width, _ = pixels.shape

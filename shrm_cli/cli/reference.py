@@ -1,26 +1,28 @@
-"""`shrm reference`: the correct picture of a sphere, by brute force."""
+"""`shrm reference` draws the correct picture of a sphere, by brute force."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.options import (
     brdf_option,
+    conclude,
     exposure_option,
     make_read_options,
     precision_option,
-    print_json,
     probe_sampling_option,
     progress_bar,
     read_options,
     report_options,
-    warn,
 )
+from shrm_cli.cli.outputs import check_outputs, picture_attributes, probe_stem
 from shrm_cli.cli.types import AzimuthElevation
+
+if TYPE_CHECKING:
+    from shrm_cli.vocabulary import Precision
 
 
 @click.command()
@@ -55,7 +57,7 @@ def reference(
     size: int,
     exposure: float,
     source_height: int | None,
-    precision: str,
+    precision: Precision,
     sampling: str | None,
     as_json: bool,
     quiet: bool,
@@ -71,7 +73,7 @@ def reference(
     """
     from shrm_cli.brdf.spec import file_label, parse_spec
     from shrm_cli.files.picture import file_type, write_picture
-    from shrm_cli.files.whole import check_target
+    from shrm_cli.maps.provenance import record_of
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
@@ -80,9 +82,9 @@ def reference(
 
     brdf = parse_spec(spec)
     source = open_probe(probe, make_read_options(sampling, reading))
-    target = output or f"{_stem(probe)}.{file_label(spec)}.reference.exr"
+    target = output or f"{probe_stem(probe)}.{file_label(spec)}.reference.exr"
     file_type(target)
-    check_target(target, source.paths)
+    check_outputs([target], probes=[source], specs=[spec])
     with progress_bar("integrating", quiet) as progress:
         truth = Reference(source, brdf, source_height, progress=progress)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
@@ -90,30 +92,21 @@ def reference(
         "view": list(view),
         "size": size,
         "exposure": exposure,
-        "brdf": {"name": brdf.name, "parameters": dict(brdf.values)},
+        "brdf": record_of(brdf),
         "probe": Path(probe).name,
         "probe_sha256": source.digest(),
         "source_height": source_height,
         "source_pixels": truth.source.pixels,
     }
-    # Without folders, so that the file's bytes do not depend on them.
-    attributes: dict[str, Any] = {"shrm:recipe": json.dumps({"reference": result})}
-    if source.chromaticities is not None:
-        attributes["chromaticities"] = source.chromaticities
+    # The probe is named without its folder, so that the file's bytes do not depend on that.
+    attributes = picture_attributes({"reference": result}, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
-    if as_json:
-        print_json({"file": target, **result, "precision": pixel_type, "warnings": warnings})
-    elif not quiet:
-        click.echo(
-            f"{target}: {size} x {size}, {pixel_type}\n"
-            f"  BRDF           {brdf!r}\n"
-            f"  view           azimuth {view[0]:g}, elevation {view[1]:g}\n"
-            f"  source         {truth.source.pixels:,} pixels of {probe}"
-        )
-    warn(warnings, quiet)
-
-
-def _stem(probe: str) -> str:
-    """Name of the outputs of a probe; six files have their ``%`` left out."""
-    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
+    lines = [
+        f"{target}: {size} x {size}, {pixel_type}",
+        f"  BRDF           {brdf!r}",
+        f"  view           azimuth {view[0]:g}, elevation {view[1]:g}",
+        f"  source         {truth.source.pixels:,} pixels of {probe}",
+    ]
+    told = {"file": target, **result, "precision": pixel_type}
+    conclude(told, lines, warnings, as_json, quiet)

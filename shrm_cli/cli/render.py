@@ -1,32 +1,33 @@
-"""`shrm render`: spheres seen through their maps."""
+"""`shrm render` draws spheres from their maps."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.options import (
+    conclude,
     exposure_option,
     make_read_options,
     precision_option,
-    print_json,
     probe_sampling_option,
     progress_bar,
     read_options,
-    refuse_read_options,
+    reading_rules,
     report_options,
-    warn,
 )
+from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.usage import refuse_inapplicable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from shrm_cli.render.shading import KnownMap
+    from shrm_cli.vocabulary import Precision
 
 
 @click.command()
@@ -73,7 +74,7 @@ def render(
     background: str | None,
     frames: int | None,
     columns: int | None,
-    precision: str,
+    precision: Precision,
     sampling: str | None,
     as_json: bool,
     quiet: bool,
@@ -91,9 +92,9 @@ def render(
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
     """
     from shrm_cli.files.picture import file_type, write_picture
-    from shrm_cli.files.whole import check_target
-    from shrm_cli.maps.read import read_map
+    from shrm_cli.maps.file import open_map
     from shrm_cli.probe.probe import open_probe
+    from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.frames import frame_paths, turntable
     from shrm_cli.render.scene import Scene
@@ -101,15 +102,12 @@ def render(
     pattern = output or _default_name(maps, frames)
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
-    if background is None:
-        refuse_read_options("give --background too")
+    refuse_inapplicable(reading_rules(background is not None, "with --background"))
     options = make_read_options(sampling, reading)
     probe = None if background is None else open_probe(background, options)
-    inputs = [*maps, *(map(str, probe.paths) if probe else ())]
-    for target in targets:
-        check_target(target, inputs)
-    loaded, surface, warnings = shaded_maps([read_map(path) for path in maps], maps, roughness, f0)
-    scene = Scene(loaded, [_stem(path) for path in maps], size, exposure, probe, columns)
+    check_outputs(targets, files=maps, probes=[probe])
+    loaded, surface, warnings = shaded_maps([open_map(path) for path in maps], maps, roughness, f0)
+    scene = Scene(loaded, [map_stem(path) for path in maps], size, exposure, probe, columns)
     height, width = scene.shape
     settings = {
         "maps": list(maps),
@@ -124,47 +122,27 @@ def render(
     }
     written = []
     with progress_bar("rendering", quiet) as progress:
-        rows = _RowCounter(len(targets) * len(maps) * size, progress)
+        stages = Stages(progress, len(targets))
         for target, viewer in zip(targets, turntable(Viewer(*view), len(targets)), strict=True):
-            pixels = scene.picture(viewer, rows)
+            pixels = scene.picture(viewer, stages.within)
             attributes = _attributes(loaded, settings, viewer.azimuth)
             pixel_type = write_picture(target, pixels, precision, attributes)
             written.append({"file": target, "azimuth": viewer.azimuth, "pixels": pixel_type})
+            stages.done(len(written), len(targets))
     warnings += [] if probe is None else [f"{background}: {w}" for w in probe.report.warnings()]
-    if as_json:
-        print_json({"files": written, **settings, "warnings": warnings})
-    elif not quiet:
-        for each in written:
-            click.echo(f"{each['file']}: {width} x {height}, {each['pixels']}")
-    warn(warnings, quiet)
-
-
-class _RowCounter:
-    """Adds up rows for a progress bar that wants to know how many of all are done."""
-
-    def __init__(self, total: int, progress: Any) -> None:
-        self.done, self.total, self.progress = 0, total, progress
-
-    def __call__(self, rows: int) -> None:
-        self.done += rows
-        if self.progress is not None:
-            self.progress(self.done, self.total)
-
-
-def _stem(path: str) -> str:
-    name = Path(path).name
-    return name[:-4] if name.lower().endswith(".exr") else name
+    lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
+    conclude({"files": written, **settings}, lines, warnings, as_json, quiet)
 
 
 def _default_name(maps: Sequence[str], frames: int | None) -> str:
-    stem = _stem(maps[0]) if len(maps) == 1 else "sheet"
+    stem = map_stem(maps[0]) if len(maps) == 1 else "sheet"
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
 
 
 def _attributes(
     maps: Iterable[KnownMap], settings: dict[str, Any], azimuth: float
 ) -> dict[str, Any]:
-    """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
+    """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
     probe = settings["background"]
     recipe: dict[str, Any] = {
         "render": [Path(path).name for path in settings["maps"]],
@@ -174,8 +152,4 @@ def _attributes(
         "exposure": settings["exposure"],
         "background": None if probe is None else Path(probe).name,
     }
-    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
-    primaries = {each.info.chromaticities for each in maps}
-    if len(primaries) == 1 and None not in primaries:
-        attributes["chromaticities"] = primaries.pop()
-    return attributes
+    return picture_attributes(recipe, (each.info.chromaticities for each in maps))

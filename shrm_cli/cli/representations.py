@@ -1,8 +1,7 @@
-"""The part of `shrm compare` that sets representations of one probe beside each other."""
+"""The part of `shrm compare` that compares representations of one probe."""
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,21 +9,25 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.flags import with_flags
-from shrm_cli.cli.options import print_json, progress_bar, warn
+from shrm_cli.cli.options import conclude, progress_bar
+from shrm_cli.cli.outputs import check_outputs, picture_attributes
+from shrm_cli.cli.usage import flags
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis.representations import FormResult, FormTable
+    from shrm_cli.analysis.representations import RepresentationResult, RepresentationTable
     from shrm_cli.probe.options import ReadOptions
 
 ROUGHNESS = (0.5, 1.0)
+"""Default range of the perceptual roughness."""
 STEPS = 4
+"""Default number of roughnesses in a range."""
 SIZE, SIZE_OF_PICTURE = 48, 96
+"""Default width and height of a sphere in pixels: without a picture to write, and with one."""
 
 
-def compare_representations(
+def print_representations(
     path: str,
     options: ReadOptions,
     roughness: tuple[float, float] | None,
@@ -39,13 +42,12 @@ def compare_representations(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """A table of what each representation of a probe stores, takes and misses."""
+    """Print a table of the storage, the time and the errors of each representation of a probe."""
     import numpy as np
 
-    from shrm_cli.analysis.representations import compare_forms, sheet_layout
+    from shrm_cli.analysis.representations import compare_representations, table_layout
     from shrm_cli.files.picture import file_type, write_picture
-    from shrm_cli.files.whole import check_target
-    from shrm_cli.maps.read import is_map
+    from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.shading import ggx_surface
@@ -58,15 +60,15 @@ def compare_representations(
     low, high = roughness or ROUGHNESS
     size = size or (SIZE if output is None else SIZE_OF_PICTURE)
     steps = 1 if low == high else steps or STEPS
-    sheet_layout(steps * len(views), size)  # refuses what is too large
+    table_layout(steps * len(views), size)  # raises if the sheet is too large
     if output is not None:
         file_type(output)
-        check_target(output, source.paths)
+        check_outputs([output], probes=[source])
     surfaces = [ggx_surface(float(each), f0) for each in np.linspace(low, high, steps)]
-    # With the cache a second run would take less than the first.
+    # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
     with progress_bar("comparing", quiet) as progress:
-        table = compare_forms(
+        table = compare_representations(
             source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
             progress,
         )  # fmt: skip
@@ -83,38 +85,36 @@ def compare_representations(
         "picture": output,
     }
     warnings = [f"{path}: {line}" for line in source.report.warnings()]
-    warnings += [f"{each.form.title}: {why}" for each in table.results for why in each.failures]
+    warnings += [
+        f"{each.representation.title}: {why}" for each in table.results for why in each.failures
+    ]
     report = [_report(table, path)]
     if output is not None:
         pixels = table.sheet(exposure)
         attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
         pixel_type = write_picture(output, pixels, attributes=attributes)
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-    if as_json:
-        print_json({**result, "warnings": warnings})
-    elif not quiet:
-        click.echo("\n".join(report))
-    warn(warnings, quiet)
+    conclude(result, report, warnings, as_json, quiet)
 
 
-def _values(result: FormResult) -> dict[str, Any]:
+def _values(result: RepresentationResult) -> dict[str, Any]:
     return {
-        "representation": result.form.name,
+        "representation": result.representation.name,
         "files": result.files,
         "bytes": result.stored,
         "seconds": result.seconds,
         "relative_rmse": [_finite(each) for each in result.errors],
         "relative_rmse_of_all": _finite(result.error),
-        "failures": [with_flags(each) for each in result.failures],
+        "failures": [flags(each) for each in result.failures],
     }
 
 
 def _finite(value: float | None) -> float | None:
-    # JSON knows no infinity.
+    # JSON has no infinity.
     return None if value is None or not math.isfinite(value) else value
 
 
-def _report(table: FormTable, path: str) -> str:
+def _report(table: RepresentationTable, path: str) -> str:
     from shrm_cli.brdf.base import value_text
 
     roughness = [f"{each.number('roughness'):.3g}" for each in table.surfaces]
@@ -123,13 +123,15 @@ def _report(table: FormTable, path: str) -> str:
     for each in table.results:
         errors = [*each.errors, *([each.error] if roughness[1:] else [])]
         costs = [_bytes(each.stored), f"{each.seconds:.2f} s"] if each.files else ["-", "-"]
-        rows.append([each.form.title, str(each.files), *costs, *map(_share, errors)])
+        rows.append([each.representation.title, str(each.files), *costs, *map(_share, errors)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [f"{path} on GGX of f0 {f0}: relative RMS error by roughness, against brute force"]
     for title, *cells in rows:
         right = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
         lines.append("  ".join([title.ljust(widths[0]), *right]))
-    single = " and ".join(each.form.title for each in table.results if each.form.is_of_one)
+    single = " and ".join(
+        each.representation.title for each in table.results if each.representation.needs_brdf
+    )
     lines.append(f"{single} need a file for each roughness, all counted; the others serve all.")
     return "\n".join(lines)
 
@@ -141,7 +143,7 @@ def _share(error: float | None) -> str:
 
 
 def _bytes(count: int) -> str:
-    """In the units of files: 1 kB is 1000 bytes."""
+    """Return a number of bytes in B, kB or MB, where 1 kB is 1000 bytes."""
     if count < 10_000:
         return f"{count} B"
     return f"{count / 1e3:.0f} kB" if count < 10_000_000 else f"{count / 1e6:.1f} MB"
@@ -150,14 +152,11 @@ def _bytes(count: int) -> str:
 def _attributes(
     settings: dict[str, Any], chromaticities: tuple[float, ...] | None
 ) -> dict[str, Any]:
-    """What an EXR remembers: names without folders, so that its bytes do not depend on them."""
+    """Return the attributes of an EXR, whose bytes must not depend on the probe's folder."""
     keys = ("roughness", "f0", "epsilon", "views", "size", "source_heights", "exposure")
     recipe = {
         "compare": [Path(settings["probe"]).name],
         "representations": [each["representation"] for each in settings["representations"]],
         **{key: settings[key] for key in keys},
     }
-    attributes: dict[str, Any] = {"shrm:recipe": json.dumps(recipe)}
-    if chromaticities is not None:
-        attributes["chromaticities"] = chromaticities
-    return attributes
+    return picture_attributes(recipe, [chromaticities])

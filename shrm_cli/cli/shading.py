@@ -1,4 +1,4 @@
-"""--roughness and --f0: the surface that split sums and SH exponentials are shown as."""
+"""The options --roughness and --f0 of the surface that maps of light alone are shown as."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.types import Within
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MIN_ROUGHNESS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from shrm_cli.brdf.models.ggx import Ggx
+    from shrm_cli.maps.base import Map
     from shrm_cli.render.shading import KnownMap
-
-ROUGHNESS = 0.5
-"""What is shown if none is said: every kind of map is made for it by default."""
 
 
 class Reflectance(click.ParamType):  # type: ignore[type-arg]
-    """A reflectance as specifications of BRDFs have it: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
+    """A reflectance as in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
 
     name = "F0"
 
@@ -29,7 +29,7 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> tuple[float, float, float]:
-        """Linear RGB, each within 0 .. 1."""
+        """Return linear RGB, each channel within 0 .. 1."""
         if isinstance(value, tuple):
             return value
         from shrm_cli.brdf.spec import parse_spec
@@ -44,9 +44,9 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
 
 
 roughness_option = click.option(
-    "--roughness", type=Within(0.05, 1), metavar="R",
+    "--roughness", type=Within(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
-    f"as.  [default: {ROUGHNESS:g}]",
+    f"as.  [default: {DEFAULT_ROUGHNESS:g}]",
 )  # fmt: skip
 f0_option = click.option(
     "--f0", type=Reflectance(),
@@ -55,35 +55,52 @@ f0_option = click.option(
 
 
 def shaded_maps(
-    maps: Sequence[Any],
+    maps: Sequence[Map],
     names: Sequence[str],
     roughness: float | None,
     f0: tuple[float, float, float] | None,
 ) -> tuple[list[KnownMap], Ggx | None, list[str]]:
-    """Maps as what reflects, the surface that some of them are shown as, and warnings.
+    """Give a GGX surface to the maps of light alone, such as split sums and SH exponentials.
+
+    Parameters
+    ----------
+    maps : sequence of Map
+    names : sequence of str
+        Names of the maps' files, for warnings.
+    roughness : float, optional
+        Perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default.
+    f0 : tuple of 3 float, optional
+        Its reflectance at normal incidence, linear RGB; that of `Ggx` by default.
+
+    Returns
+    -------
+    maps : list of KnownMap
+        All maps, those of light alone with the surface.
+    surface : Ggx or None
+        None if no map needs a surface.
+    warnings : list of str
+        One for each map that was not made for this roughness.
 
     Raises
     ------
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import ggx_surface, needs_surface, outside_range, shade
+    from shrm_cli.render.shading import ggx_surface, outside_range
 
-    if not any(map(needs_surface, maps)):
-        for option, value in (("--roughness", roughness), ("--f0", f0)):
-            if value is not None:
-                raise click.UsageError(
-                    f"{option} is for split sums and SH exponentials, and no MAP is one",
-                    click.get_current_context(),
-                )
+    needs_surface = any(each.needs_surface for each in maps)
+    applies = Applies(needs_surface, "to split sums and SH exponentials, and no MAP is one")
+    refuse_inapplicable({"roughness": applies, "f0": applies})
+    if not needs_surface:
         return list(maps), None, []
-    surface = ggx_surface(ROUGHNESS if roughness is None else roughness, f0)
+    surface = ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, f0)
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
-    return [shade(each, surface) for each in maps], surface, warnings
+    shown = surface.number("roughness"), surface.color("f0")
+    return [each.shaded(*shown) for each in maps], surface, warnings
 
 
 def surface_values(surface: Ggx | None) -> dict[str, Any]:
-    """Roughness and reflectance as results have them; nothing where no map is shown so."""
+    """Return a surface's roughness and reflectance for a result; empty without a surface."""
     if surface is None:
         return {}
     return {"roughness": surface.number("roughness"), "f0": list(surface.color("f0"))}

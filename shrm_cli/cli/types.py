@@ -1,14 +1,19 @@
-"""Parameter types of the command line. Imports nothing heavy: `shrm --help` loads it."""
+"""Parameter types of the command line.
+
+This module imports nothing heavy, because `shrm --help` loads it.
+"""
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import click
 
-_MOST_LEVELS = 64
+from shrm_cli.maps.options import Option
+from shrm_cli.vocabulary import MAX_LEVELS
 
 
-class Fraction(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 only
+class Fraction(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
     """A number between 0 and 1, neither of them included."""
 
     name = "fraction"
@@ -16,7 +21,7 @@ class Fraction(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 
     def convert(
         self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """A float; FloatRange would let NaN through."""
+        """Return a float; click's FloatRange would let NaN through."""
         try:
             number = float(value)
         except ValueError:
@@ -27,7 +32,7 @@ class Fraction(click.ParamType):  # type: ignore[type-arg]  # generic since 8.5 
 
 
 class Within(click.ParamType):  # type: ignore[type-arg]
-    """A number between two others, which may be taken; FloatRange would let NaN through."""
+    """A number between two others, or one of them; click's FloatRange would let NaN through."""
 
     name = "number"
 
@@ -37,7 +42,7 @@ class Within(click.ParamType):  # type: ignore[type-arg]
     def convert(
         self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """A float within the range."""
+        """Return a float within the range."""
         try:
             number = float(value)
         except ValueError:
@@ -48,7 +53,7 @@ class Within(click.ParamType):  # type: ignore[type-arg]
 
 
 STOPS = Within(-32, 32)
-"""An exposure value."""
+"""The type of an exposure value, in stops."""
 
 
 class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
@@ -62,7 +67,7 @@ class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> tuple[float, float]:
-        """Two finite numbers, the second within -90 .. 90."""
+        """Return two finite numbers, the second within -90 .. 90."""
         if isinstance(value, tuple):
             return value
         numbers = _numbers(value)
@@ -85,7 +90,7 @@ class Radiance(click.ParamType):  # type: ignore[type-arg]
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> tuple[float, ...]:
-        """One or three finite numbers, none below 0."""
+        """Return one or three finite numbers, none of them below 0."""
         if isinstance(value, tuple):
             return value
         numbers = _numbers(value)
@@ -103,16 +108,16 @@ class Components(click.ParamType):  # type: ignore[type-arg]
 
     def convert(
         self,
-        value: str | tuple[int | None, float],
+        value: str | float,
         param: click.Parameter | None,
         ctx: click.Context | None,
-    ) -> tuple[int | None, float]:
-        """A number of components, or None and the tolerance."""
-        if isinstance(value, tuple):
+    ) -> int | float:
+        """Return a number of components as int, or an error as float."""
+        if not isinstance(value, str):
             return value
         method, _, text = value.partition(":")
         if method == "pca" and text.isascii() and text.isdigit() and int(text[:9]) > 0:
-            return int(text[:9]), 0.0
+            return int(text[:9])
         numbers = _numbers(text)
         if method != "pca" or len(numbers) != 1 or not 0 < numbers[0] < 1:
             self.fail(
@@ -121,11 +126,11 @@ class Components(click.ParamType):  # type: ignore[type-arg]
                 param,
                 ctx,
             )
-        return None, numbers[0]
+        return numbers[0]
 
 
 class Interval(click.ParamType):  # type: ignore[type-arg]
-    """A range ``A..B`` of numbers within two others; a number alone is both ends of it."""
+    """A range ``A..B`` of numbers between two limits; a single number is both of its ends."""
 
     name = "A..B"
 
@@ -138,7 +143,7 @@ class Interval(click.ParamType):  # type: ignore[type-arg]
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> tuple[float, float]:
-        """Two numbers, the first no larger than the second."""
+        """Return two numbers, the first no larger than the second."""
         if isinstance(value, tuple):
             return value
         ends = value.split("..")
@@ -152,7 +157,7 @@ class Interval(click.ParamType):  # type: ignore[type-arg]
 
 
 class Levels(click.ParamType):  # type: ignore[type-arg]
-    """Levels of a split sum: how many, or the roughness of each, with commas between."""
+    """Levels of a split sum: their number, or the roughness of each, with commas between."""
 
     name = "N|R,R,..."
 
@@ -162,18 +167,18 @@ class Levels(click.ParamType):  # type: ignore[type-arg]
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> int | tuple[float, ...]:
-        """A number of levels, or roughnesses that rise within 0 .. 1."""
+        """Return the number of levels, or roughnesses that rise within 0 .. 1."""
         if not isinstance(value, str):
             return value
         if value.isascii() and value.isdigit():
             count = int(value[:9])
-            if not 1 <= count <= _MOST_LEVELS:
-                self.fail(f"{value[:9]} levels are not 1 .. {_MOST_LEVELS}", param, ctx)
+            if not 1 <= count <= MAX_LEVELS:
+                self.fail(f"{value[:9]} levels are not 1 .. {MAX_LEVELS}", param, ctx)
             return count
         numbers = _numbers(value)
-        if not numbers or len(numbers) > _MOST_LEVELS:
+        if not numbers or len(numbers) > MAX_LEVELS:
             self.fail(
-                f"{value!r} is neither a number of levels nor up to {_MOST_LEVELS} roughnesses "
+                f"{value!r} is neither a number of levels nor up to {MAX_LEVELS} roughnesses "
                 "such as 0.2,0.5,1.0",
                 param,
                 ctx,
@@ -185,8 +190,30 @@ class Levels(click.ParamType):  # type: ignore[type-arg]
         return numbers
 
 
+def click_option(option: Option) -> Any:
+    """Return the decorator that adds an option of prefiltering to a command."""
+    flag = f"--{option.name.replace('_', '-')}"
+    if option.kind == "switch":
+        flag += f"/--no-{option.name.replace('_', '-')}"
+        return click.option(flag, option.name, default=None, help=option.help)
+    low, high = option.limits
+    types = {
+        "integer": click.IntRange(int(low), int(high)),
+        "fraction": Fraction(),
+        "choice": click.Choice(option.choices),
+        "text": click.STRING,
+        "interval": Interval(low, high),
+        "levels": Levels(),
+        "components": Components(),
+    }
+    metavar = option.metavar or None
+    return click.option(
+        flag, option.name, type=types[option.kind], metavar=metavar, help=option.help
+    )
+
+
 def _numbers(text: str) -> tuple[float, ...]:
-    """Split a comma-separated list of finite numbers; empty if any part is not one."""
+    """Split a comma-separated list of finite numbers; return () if any part is not one."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:

@@ -1,1 +1,1 @@
-"""How bytes get to disk, whole or not at all: OpenEXR files, images and pictures."""
+"""Files that are written whole or not at all: OpenEXR files, images and pictures."""

@@ -1,10 +1,13 @@
-"""OpenEXR files of one or more parts: opened with care, written whole or not at all."""
+"""The OpenEXR container: files of one or more parts, which are written whole or not at all.
+
+OpenEXR's own library writes them, and OpenImageIO reads them.
+"""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,65 +16,39 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli import settings
-from shrm_cli.errors import MapError, OutputError
+from shrm_cli.errors import MapError
+from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
 from shrm_cli.vocabulary import MAX_ORDER_P
 
 Array = NDArray[np.floating]
 
-_HALF_MAX = float(np.finfo(np.float16).max)
-_FLOAT_MAX = float(np.finfo(np.float32).max)
-_HALF_OVERFLOW = _HALF_MAX + 16  # from here on rounding to the nearest half gives infinity
-
-
-# OpenImageIO's own limit refuses SHRMs of high orders; what is too much to load, readers refuse.
+# OpenImageIO's default limit would refuse SHRMs of high orders. Whoever reads a file must check
+# that it does not hold too many values to load, as `maps.file.open_map` does.
 oiio.attribute("limits:channels", 3 * (MAX_ORDER_P + 1) ** 2)
 
-
-@dataclass(frozen=True)
-class Part:
-    """One part of a file.
-
-    Attributes
-    ----------
-    channels : dict of str to ndarray, shape (H, W)
-    header : dict
-        Attributes; ``name`` among them where there are several parts.
-    """
-
-    channels: dict[str, Array]
-    header: dict[str, Any] = field(default_factory=dict)
+_ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
 
 
-def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], precision: str) -> str:
-    """Write a file, whole or not at all.
+def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) -> None:
+    """Write an OpenEXR file, whole or not at all; see `files.parts.write_parts`.
 
     Parameters
     ----------
     path : path-like
     parts : sequence of Part
-    precision : {"auto", "half", "float"}
-        ``auto`` is half unless a value exceeds its range.
-
-    Returns
-    -------
-    str
-        The pixel type written, ``"half"`` or ``"float"``.
+    pixel_type : {"half", "float"}
 
     Raises
     ------
     OutputError
-        If half would overflow, or the file cannot be written.
+        If the file cannot be written.
     """
-    chosen = choose_precision(
-        path, (p for part in parts for p in part.channels.values()), precision
-    )
-    dtype = np.float32 if chosen == "float" else np.float16
-    common = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    dtype = np.float32 if pixel_type == "float" else np.float16
     stored = [
         OpenEXR.Part(
-            {**common, **part.header},
-            # OpenEXR ignores strides: planes must be contiguous.
+            _header(part),
+            # OpenEXR ignores strides, so the planes must be contiguous.
             {name: np.ascontiguousarray(plane, dtype) for name, plane in part.channels.items()},
         )
         for part in parts
@@ -80,100 +57,95 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], precision: 
         try:
             with OpenEXR.File(stored, num_threads=settings.current().threads or -1) as file:
                 file.write(str(temporary))
-        except RuntimeError as error:  # the library's words end with the system's
+        except RuntimeError as error:  # its message ends with the system's reason
             raise OSError(0, str(error).rpartition('". ')[2].rstrip(".")) from error
-    return chosen
 
 
-def choose_precision(path: str | os.PathLike[str], planes: Iterable[Array], precision: str) -> str:
-    """The pixel type that a ``precision`` stands for with these values; see `write_parts`."""
-    largest = 0.0
-    for plane in planes:
-        # A NaN is larger than nothing, and stays.
-        high = float(max(plane.max(), -plane.min())) if plane.size else 0.0
-        largest = largest if high <= largest else high
-        if not largest <= _FLOAT_MAX:
-            raise OutputError(f"{path}: a value is not finite in 32-bit float; dim the light")
-    overflows = largest >= _HALF_OVERFLOW
-    if precision == "half" and overflows:
-        raise OutputError(
-            f"{path}: the value {largest:.6g} overflows half ({_HALF_MAX:.0f}); use --precision "
-            "auto or float"
-        )
-    return "float" if precision == "float" or overflows else "half"
+def _header(part: Part) -> dict[str, Any]:
+    """Return the attributes of a part in the form that OpenEXR's library takes."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
+    if "envmap" in header:
+        header["envmap"] = _ENVMAPS[header["envmap"]]
+    if "displayWindow" in header:
+        width, height = header["displayWindow"]
+        corners = np.array([0, 0], np.int32), np.array([width - 1, height - 1], np.int32)
+        header["displayWindow"] = corners
+    return header
 
 
-def open_map(path: str | os.PathLike[str]) -> Any:
-    """The OpenEXR file of that name, as OpenImageIO's ImageInput.
-
-    Raises
-    ------
-    MapError
-        If it is missing, no regular file, or no OpenEXR file.
-    """
-    if not Path(path).exists():
-        raise MapError(f"{path}: no such file")
-    if not Path(path).is_file():  # to open a pipe would block
-        kind = "a directory" if Path(path).is_dir() else "not a regular file"
-        raise MapError(f"{path}: {kind}; name a map")
-    source = open_image(path)
+def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":
+    """Open an OpenEXR file; return None if it is missing, damaged or of another format."""
+    source = _open_image(path)
     if source is None or source.format_name() != "openexr":
-        raise MapError(f"{path}: not an OpenEXR file, or a damaged one; shrm prefilter makes maps")
-    return source
+        return None
+    return ExrFile(os.fspath(path), source)
 
 
-def open_image(path: str | os.PathLike[str]) -> Any:
-    """The image, or None; never an error left for the library to print at the end."""
+def _open_image(path: str | os.PathLike[str]) -> Any:
+    """Open an image of any format; return None where that fails.
+
+    The library's error is fetched, because otherwise it would be printed when the process ends.
+    """
     try:
         source = oiio.ImageInput.open(os.fspath(path))
-    except TypeError:  # a name that is not UTF-8
+    except TypeError:  # the name is not UTF-8
         return None
     with suppress(UnicodeDecodeError):
         oiio.geterror()
     return source
 
 
-def part_specs(source: Any) -> Iterator[Any]:
-    """The specifications of the parts of an open file, one after the other."""
-    index = 0
-    while source.seek_subimage(index, 0):
-        yield source.spec()
-        index += 1
-    with suppress(UnicodeDecodeError):
-        source.geterror()
+class ExrFile(StoredFile):
+    """An opened OpenEXR file."""
+
+    def __init__(self, path: str, source: Any) -> None:
+        self.path = path
+        self._source = source
+        self.first = ExrPart(path, source, 0, source.spec())
+        self.part_count = max(source.spec().get_int_attribute("oiio:subimages"), 1)
+
+    @cached_property
+    def parts(self) -> tuple[StoredPart, ...]:
+        """All parts, in the file's order."""
+        return tuple(self._part_by_part())
+
+    def _part_by_part(self) -> Iterator[StoredPart]:
+        index = 0
+        while self._source.seek_subimage(index, 0):
+            yield ExrPart(self.path, self._source, index, self._source.spec())
+            index += 1
+        with suppress(UnicodeDecodeError):
+            self._source.geterror()
 
 
-def has_channels(spec: Any, names: Sequence[str]) -> bool:
-    """Whether a part holds just these channels, of half or float."""
-    numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
-    return sorted(spec.channelnames) == sorted(names) and numbers <= {"half", "float"}
+class ExrPart(StoredPart):
+    """One part of an opened OpenEXR file."""
 
+    def __init__(self, path: str, source: Any, index: int, spec: Any) -> None:
+        self.path = path
+        # The name may hold bytes that cannot be printed.
+        self.name = re.sub(r"[^ -~]", "?", spec.get_string_attribute("oiio:subimagename"))
+        self.width, self.height = spec.width, spec.height
+        self.channel_names = tuple(spec.channelnames)
+        self.border_sampled = bool(spec.get_int_attribute("oiio:sampleborder"))
+        self._source, self._index, self._spec = source, index, spec
 
-def read_channels(
-    path: str | os.PathLike[str], source: Any, part: int, names: Sequence[str]
-) -> Array:
-    """`read_pixels` of some channels by name, shape (H, W, len(names)).
+    def attribute(self, name: str) -> Any:
+        return self._spec.getattribute(name)
 
-    Raises
-    ------
-    MapError
-    """
-    pixels = read_pixels(path, source, part)
-    held = list(source.spec().channelnames)
-    return pixels[..., [held.index(name) for name in names]]
+    def holds(self, names: Sequence[str]) -> bool:
+        spec = self._spec
+        numbers = {str(spec.channelformat(k)) for k in range(spec.nchannels)}
+        is_flat = not spec.deep and numbers <= {"half", "float"}
+        return is_flat and sorted(self.channel_names) == sorted(names)
 
-
-def read_pixels(path: str | os.PathLike[str], source: Any, part: int) -> Array:
-    """Pixels of a part, shape (H, W, channels), float32 and finite.
-
-    Raises
-    ------
-    MapError
-    """
-    source.seek_subimage(part, 0)
-    pixels = source.read_image(part, 0, 0, source.spec().nchannels, oiio.FLOAT)
-    if pixels is None:
-        raise MapError(f"{path}: damaged or truncated; make it again with shrm prefilter")
-    if not np.isfinite(pixels).all():
-        raise MapError(f"{path}: holds NaN or infinite coefficients; make it again")
-    return np.asarray(pixels)
+    def read(self, names: Sequence[str]) -> Array:
+        self._source.seek_subimage(self._index, 0)
+        pixels = self._source.read_image(self._index, 0, 0, len(self.channel_names), oiio.FLOAT)
+        if pixels is None:
+            with suppress(UnicodeDecodeError):
+                self._source.geterror()
+            raise MapError(f"{self.path}: damaged or truncated; make it again with shrm prefilter")
+        if not np.isfinite(pixels).all():
+            raise MapError(f"{self.path}: holds NaN or infinite coefficients; make it again")
+        return np.asarray(pixels)[..., [self.channel_names.index(name) for name in names]]

@@ -1,14 +1,14 @@
-"""Plain RGB pictures."""
+"""RGB images as files: how they are written, and the attributes of a probe's file."""
 
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
-from shrm_cli.files.exr import Part, choose_precision, write_parts
+from shrm_cli.files.parts import Part, choose_pixel_type, write_parts
+from shrm_cli.vocabulary import PixelType, Precision
 
 Array = NDArray[np.floating]
 
@@ -16,28 +16,30 @@ Array = NDArray[np.floating]
 def write_image(
     path: str | os.PathLike[str],
     pixels: Array,
-    precision: str = "auto",
+    precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
-) -> str:
+) -> PixelType:
     """Write an RGB image, whole or not at all.
 
     Parameters
     ----------
     path : path-like
     pixels : ndarray, shape (H, W, 3)
-        Scene-linear.
+        Scene-linear values.
     precision : {"auto", "half", "float"}
+        ``auto`` is half unless a value exceeds its range.
     attributes : mapping, optional
+        Attributes of the file by name.
 
     Returns
     -------
     str
-        ``"half"`` or ``"float"``, as written.
+        The pixel type written, ``"half"`` or ``"float"``.
 
     Raises
     ------
     OutputError
-        If half would overflow, or the file cannot be written.
+        If a value is not finite, half would overflow, or the file cannot be written.
     """
     channels = {c: pixels[..., k] for k, c in enumerate("RGB")}
     return write_parts(path, [Part(channels, dict(attributes or {}))], precision)
@@ -46,12 +48,32 @@ def write_image(
 def write_images(
     paths: Sequence[str],
     images: Sequence[Array],
-    precision: str = "auto",
+    precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
-) -> str:
-    """Write images that belong together, of one pixel type; the rest as `write_image`."""
+) -> PixelType:
+    """Write images that belong together, all with the same pixel type.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        The file of each image.
+    images : sequence of ndarray, shape (H, W, 3)
+        Scene-linear values; all images have the same shape.
+    precision, attributes
+        As in `write_image`.
+
+    Returns
+    -------
+    str
+        The pixel type written, ``"half"`` or ``"float"``.
+
+    Raises
+    ------
+    OutputError
+        If a value is not finite, half would overflow, or a file cannot be written.
+    """
     together = np.stack(images)
-    chosen = choose_precision(paths[0], [together], precision)
+    chosen = choose_pixel_type(paths[0], [together], precision)
     for path, image in zip(paths, together, strict=True):
         write_image(path, image, chosen, attributes)
     return chosen
@@ -60,21 +82,19 @@ def write_images(
 def probe_attributes(
     chromaticities: tuple[float, ...] | None, envmap: str | None = None
 ) -> dict[str, Any]:
-    """Attributes of a probe's file.
+    """Return the attributes of a probe's file.
 
     Parameters
     ----------
     chromaticities : tuple of 8 float, optional
+        CIE x and y of red, green, blue and white.
     envmap : {"openexr", "latlong"}, optional
-        Layout of a border-sampled image; files without it are sampled at pixel centres.
+        Layout of a border-sampled image. A file without this attribute is sampled at pixel
+        centres.
     """
     attributes: dict[str, Any] = {}
     if chromaticities is not None:
         attributes["chromaticities"] = tuple(chromaticities)
-    return attributes if envmap is None else {**attributes, **envmap_attribute(envmap)}
-
-
-def envmap_attribute(layout: str) -> dict[str, Any]:
-    """OpenEXR's own attribute of a border-sampled image of layout ``openexr`` or ``latlong``."""
-    is_cube = layout == "openexr"
-    return {"envmap": OpenEXR.ENVMAP_CUBE if is_cube else OpenEXR.ENVMAP_LATLONG}
+    if envmap is not None:
+        attributes["envmap"] = envmap
+    return attributes

@@ -1,4 +1,4 @@
-"""Lines of text as images, in the font of OpenImageIO."""
+"""Lines of text drawn as images, in the font of OpenImageIO."""
 
 from bisect import bisect_left
 from collections.abc import Callable
@@ -11,11 +11,23 @@ from shrm_cli.errors import OutputError
 
 Array = NDArray[np.floating]
 
-_ELLIPSIS = "..."  # the font has no single character for it
+_ELLIPSIS = "..."  # the font has no single character for an ellipsis
 
 
 def shorten(text: str, fits: Callable[[str], bool]) -> str:
-    """A text with as much left out of its middle as it takes to fit."""
+    """Shorten a text in its middle as far as it must be to fit.
+
+    Parameters
+    ----------
+    text : str
+    fits : callable
+        Whether a text is short enough.
+
+    Returns
+    -------
+    str
+        Empty if not even the ellipsis fits.
+    """
     if fits(text):
         return text
 
@@ -27,13 +39,33 @@ def shorten(text: str, fits: Callable[[str], bool]) -> str:
 
 
 def text_coverage(text: str, font_size: int, width: int, height: int) -> Array:
-    """Coverage by a line of text in the middle of a strip, shape (height, width, 1)."""
-    # Names of files may hold bytes that are no text.
+    """Draw a line of text in the middle of a strip.
+
+    Parameters
+    ----------
+    text : str
+        The text is shortened in its middle if it is too wide.
+    font_size : int
+        Height of the font, pixels.
+    width, height : int
+        Of the strip, pixels.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width, 1)
+        The fraction of each pixel that the text covers.
+
+    Raises
+    ------
+    OutputError
+        If OpenImageIO cannot draw text.
+    """
+    # The name of a file may hold bytes that are not text.
     text = text.encode("utf-8", "replace").decode()
     text = shorten(text, lambda part: _width(part, font_size) <= width)
     strip = oiio.ImageBufAlgo.zero(oiio.ROI(0, width, 0, height, 0, 1, 0, 1))
     left = (width - _width(text, font_size)) // 2
-    # The font of OpenImageIO's own package is its default.
+    # The empty name of a font stands for the one that OpenImageIO's package contains.
     if not oiio.ImageBufAlgo.render_text(strip, left, height * 5 // 8, text, font_size, "", (1,)):
         raise OutputError(f"labels cannot be drawn ({strip.geterror()})")
     return np.asarray(strip.get_pixels(oiio.FLOAT))

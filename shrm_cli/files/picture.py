@@ -1,4 +1,4 @@
-"""Linear pictures -> files: 8-bit sRGB PNG to look at, or scene-linear EXR to measure."""
+"""Linear pictures written as files: 8-bit sRGB PNG to look at, scene-linear EXR to measure."""
 
 import os
 from collections.abc import Mapping
@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb, write_png
+from shrm_cli.vocabulary import Precision
 
 Picture = NDArray[np.float32]
 FileType = Literal["png", "exr"]
 
 _ROWS_AT_ONCE = 256
+"""Rows of a picture that are encoded as sRGB at a time."""
 
 
 def file_type(path: str | os.PathLike[str]) -> FileType:
-    """The type of picture that a file's name asks for.
+    """Return the type of picture that the suffix of a file's name asks for.
 
     Raises
     ------
@@ -37,21 +39,21 @@ def file_type(path: str | os.PathLike[str]) -> FileType:
 def write_picture(
     path: str | os.PathLike[str],
     pixels: Picture,
-    precision: str = "auto",
+    precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
 ) -> str:
-    """Write a picture as its name's suffix says, whole or not at all.
+    """Write a picture, whole or not at all, as the type that its name's suffix asks for.
 
     Parameters
     ----------
     path : path-like
         ``.png`` or ``.exr``.
     pixels : ndarray, shape (H, W, 3)
-        Linear, already exposed; EXR keeps what PNG clips.
+        Linear and already exposed. PNG clips the values to 0 .. 1; EXR keeps them.
     precision : {"auto", "half", "float"}
-        Of an EXR.
+        Pixel type of an EXR; a PNG ignores it.
     attributes : mapping, optional
-        Of an EXR.
+        Attributes of an EXR; a PNG ignores them.
 
     Returns
     -------
@@ -61,7 +63,8 @@ def write_picture(
     Raises
     ------
     OutputError
-        If the suffix is another, a value is not finite, or the file cannot be written.
+        If the suffix is another one, a value is NaN, a value of an EXR is not finite or overflows
+        half, or the file cannot be written.
     """
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)

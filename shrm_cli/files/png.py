@@ -10,10 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.files.whole import replacing
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
+"""The empty IEND chunk with which every whole PNG file ends."""
 
 
 def encode_srgb(pixels: ArrayLike) -> NDArray[np.uint8]:
-    """Linear Rec.709 values as 8-bit sRGB, clipped to 0 .. 1 and rounded.
+    """Encode linear Rec.709 values as 8-bit sRGB, after clipping them to 0 .. 1.
+
+    Parameters
+    ----------
+    pixels : array_like
+        Of any shape.
+
+    Returns
+    -------
+    ndarray of uint8
+        Of the same shape.
 
     References
     ----------
@@ -42,14 +53,14 @@ def _write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
     height, width, _ = pixels.shape
     spec = oiio.ImageSpec(width, height, 3, oiio.UINT8)
     spec.attribute("oiio:ColorSpace", "sRGB")
-    path.touch()  # fails with the system's reason, which OpenImageIO does not tell
+    path.touch()  # raises the system's error, which OpenImageIO would not report
     target = oiio.ImageOutput.create("png")
-    # write_image after a failed open would be a segmentation fault.
+    # Calling write_image after a failed open would be a segmentation fault.
     if target is None or not target.open(str(path), spec):
         raise OSError(0, "OpenImageIO cannot write it")
     written = target.write_image(pixels) and target.close()
-    # On a full disk both return True. Errors are only noted, and not even that where the last
-    # block fails (closing the file writes it): then the end of the file is missing.
+    # On a full disk both calls return True and only set has_error. They do not even set it if the
+    # last block fails, which closing the file writes: then the end of the file is missing.
     if not written or target.has_error or not _ends_whole(path):
         raise OSError(0, "it was not written whole; is the disk full?")
 

@@ -9,8 +9,13 @@ from pathlib import Path
 from shrm_cli.errors import OutputError
 
 _MARK = ".shrm-"
+"""This text follows the target's name in the names of temporary files."""
+
 _HOST = 40
-_STEM = 40  # characters of the target's name in the temporary's: names have 255 bytes at most
+"""The most characters of the machine's name in a temporary file's name."""
+
+_STEM = 40
+"""The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
 
 
 def check_target(
@@ -18,22 +23,23 @@ def check_target(
     inputs: Iterable[str | os.PathLike[str]] = (),
     suffixes: tuple[str, ...] = (),
 ) -> None:
-    """Check, before the work, that an output can be written and is none of the inputs.
+    """Check, before the work begins, that an output can be written and is none of the inputs.
 
     Parameters
     ----------
     target : path-like
     inputs : iterable of path-like
     suffixes : tuple of str, optional
-        What the target's name may end with, in lower case; anything by default.
+        The suffixes that the target's name may have, in lower case; by default any.
 
     Raises
     ------
     OutputError
+        If the target cannot be written, is one of the inputs, or has another suffix.
     """
     try:
         _check_target(Path(target), inputs)
-    except (OSError, UnicodeError) as error:  # such as a name too long
+    except (OSError, UnicodeError) as error:  # a name may be too long, for example
         reason = getattr(error, "strerror", None) or "its name is not UTF-8"
         raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
     if suffixes and Path(target).suffix.lower() not in suffixes:
@@ -41,7 +47,7 @@ def check_target(
 
 
 def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
-    str(target).encode()  # image libraries take no other names
+    str(target).encode()  # image libraries take UTF-8 names only
     folder = target.parent
     if target.is_dir():
         raise OutputError(f"{target}: a directory; name a file to write")
@@ -58,26 +64,28 @@ def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> Non
 
 
 def _check_replaceable(target: Path) -> None:
-    """Refuse to put a file in the place of a device, such as /dev/null, or of a pipe."""
+    """Refuse to replace a device, such as /dev/null, or a pipe by a file."""
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: not a regular file; name another output")
 
 
 @contextlib.contextmanager
 def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary name beside the target, and move it there when the block succeeds.
+    """Yield the name of a temporary file that becomes the target when the block succeeds.
 
-    The name keeps the target's suffix. If the block fails or is interrupted the temporary file
-    is removed and the target stays as it was. A killed process can leave a temporary file
-    behind; the next one that writes the same target removes it.
+    The file lies beside the target and has its suffix. If the block fails or is interrupted, the
+    temporary file is removed and the target stays as it was. A killed process can leave a
+    temporary file behind; the next process that writes the same target removes it.
 
     Raises
     ------
     OutputError
-        In place of an OSError of the block, such as a full disk.
+        If the target is not a regular file, or if the block raises an OSError, such as for a full
+        disk.
     """
     target = Path(target)
-    # With the machine's name: machines share folders, but not process numbers.
+    # The prefix holds the machine's name, because machines that share a folder do not share
+    # process numbers.
     prefix = f".{target.stem[:_STEM]}{_MARK}{platform.node()[:_HOST]}-"
     _remove_abandoned(target.parent, prefix, target.suffix)
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
@@ -98,7 +106,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:
-    """Remove temporary files of this target whose processes, on this machine, are gone."""
+    """Remove the target's temporary files whose processes no longer run on this machine."""
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
             name = path.name

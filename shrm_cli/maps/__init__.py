@@ -1,1 +1,1 @@
-"""Maps of reflected light, one file a representation."""
+"""Maps of reflected light: what all of them have in common, and a folder for each kind of map."""

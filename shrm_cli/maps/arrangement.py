@@ -1,6 +1,5 @@
-"""Planes of a map in other layouts than OpenEXR's stacked cube, and back."""
+"""Laying out the planes of a map in other layouts than OpenEXR's stacked cube, and back."""
 
-import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.parts import Part, StoredPart
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, Layout
 from shrm_cli.probe.layout import arrange_faces, stack_faces
 from shrm_cli.sphere.cube import cube_directions
@@ -27,9 +27,14 @@ class Arrangement:
     layout : Layout
         A cube layout in one image, or ``latlong``.
     orientation : {"openexr", "gl"}
-        Of cube faces.
+        How the faces of a cube are turned.
     sampling : {"center", "border"}
-        Of the cube. A lat-long is sampled at its pixel centres.
+        Where the edge texels of the cube lie. A lat-long is sampled at its pixel centres.
+
+    Raises
+    ------
+    MapError
+        If maps are not laid out so.
     """
 
     layout: Layout = "openexr"
@@ -42,13 +47,13 @@ class Arrangement:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is the cube that maps are in memory."""
+        """Whether this is OpenEXR's stacked cube, the arrangement of maps in memory."""
         return (self.layout, self.orientation) == ("openexr", "openexr")
 
     def apply(self, stack: Array) -> Array:
-        """A cube of channels, shape (6N, N, C), of this sampling, in this arrangement.
+        """Lay out a stacked cube of this sampling, shape (6N, N, C), in this arrangement.
 
-        A lat-long is 2N high, which keeps the resolution at the equator.
+        A lat-long gets a height of 2N, which keeps the resolution at the equator.
         """
         if self.layout == "latlong":
             height = 2 * stack.shape[1]
@@ -56,51 +61,71 @@ class Arrangement:
         return arrange_faces(stack, self.layout, self.orientation)
 
     def undo(self, image: Array) -> Array:
-        """The cube, shape (6N, N, C), that such an image holds."""
+        """Return the stacked cube, shape (6N, N, C), from an image in this arrangement."""
         if self.layout == "latlong":
             directions = cube_directions(len(image) // 2, self.sampling)
             return sample_latlong_cubic(image, directions)
         return stack_faces(image, self.layout, self.orientation)
 
+    def arranged(self, part: Part) -> Part:
+        """Lay out the planes of a part in this arrangement, and add attributes that say so."""
+        if self.is_plain:
+            envmap = {"envmap": "openexr"} if self.sampling == "border" else {}
+            return Part(part.channels, {**part.header, **envmap})
+        image = self.apply(np.stack(list(part.channels.values()), axis=-1))
+        header = {
+            **part.header,
+            "shrm:version": max(part.header["shrm:version"], 2),
+            "shrm:layout": self.layout,
+            "shrm:orientation": self.orientation,
+            "shrm:sampling": self.sampling,
+        }
+        return Part({name: image[..., k] for k, name in enumerate(part.channels)}, header)
+
     def cube_size(self, width: int, height: int) -> int | None:
-        """Texels along a face's edge of an image of this size; None if it cannot be one."""
+        """Return the texels along a face's edge of the cube in an image of this size in pixels.
+
+        The result is None if no image in this arrangement has that size.
+        """
         if self.layout == "latlong":
             return height // 2 if width == 2 * height and height % 2 == 0 and height else None
         return CUBES[self.layout].face_size(width, height)
 
 
 def _holds_maps(layout: Layout) -> bool:
-    """Whether the planes of a map may be laid out so: as a lat-long, or a cube in one image."""
+    """Whether a layout may hold the planes of a map: a lat-long or a cube in one image may."""
     return layout == "latlong" or (layout in CUBES and layout in IMAGE_LAYOUTS)
 
 
-def stored_arrangement(
-    path: str | os.PathLike[str], spec: Any, attributes: dict[str, Any]
-) -> tuple[Arrangement, int]:
-    """How a part is laid out, and the texels along an edge of its cube.
+def stored_arrangement(part: StoredPart, attributes: dict[str, Any]) -> tuple[Arrangement, int]:
+    """Find how a part is laid out, and the texels along an edge of its cube.
 
     Parameters
     ----------
-    path : path-like
-        For messages.
-    spec : ImageSpec
-        Of the part.
+    part : StoredPart
     attributes : dict
-        Of the part, as `read_attributes` finds them.
+        The attributes of the part, as `read_attributes` returns them.
+
+    Returns
+    -------
+    arrangement : Arrangement
+    size : int
+        Texels along an edge of a face.
 
     Raises
     ------
     MapError
-        If it is no such layout, or larger than maps are.
+        If maps are not laid out so, or the part's size does not fit the layout or is larger than
+        maps may be.
     """
-    layout = attributes["layout"]
+    path, layout = part.path, attributes["layout"]
     if not _holds_maps(layout):
         raise MapError(f"{path}: maps are not laid out as {layout}; make it again")
-    sampling: Sampling = "border" if spec.get_int_attribute("oiio:sampleborder") else "center"
+    sampling: Sampling = "border" if part.border_sampled else "center"
     sampling = attributes["sampling"] or sampling
     arrangement = Arrangement(layout, attributes["orientation"], sampling)
-    size = arrangement.cube_size(spec.width, spec.height)
+    size = arrangement.cube_size(part.width, part.height)
     if size is None or size > MAX_CUBE_SIZE:
         what = "a cube of 1:6" if layout == "openexr" else layout
-        raise MapError(f"{path}: {spec.width} x {spec.height} is not {what}")
+        raise MapError(f"{path}: {part.width} x {part.height} is not {what}")
     return arrangement, size

@@ -1,48 +1,53 @@
-"""The shrm: attributes of a map's parts, and what of them is believed."""
+"""The ``shrm:`` attributes of a map's parts: how they are written, and how they are checked."""
 
 import json
 import math
-import os
 from collections.abc import Callable
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.parts import StoredPart
 from shrm_cli.layouts import LAYOUTS
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.light_map import ENGINES, EngineMap
-from shrm_cli.maps.representations import REPRESENTATIONS, Map
 from shrm_cli.vocabulary import (
+    CENTERS,
+    DOMAINS,
+    FRAMES,
     MAX_ORDER_F,
     MAX_ORDER_P,
-    Center,
-    Domain,
-    Frame,
-    Orientation,
-    Sampling,
+    ORIENTATIONS,
+    REPRESENTATIONS,
+    SAMPLINGS,
 )
 
 VERSION = 3
-"""2 since there are compressed maps and other layouts than OpenEXR's cube, 3 since there are
-irradiance, split sums and SH exponentials; others are written as 1, which earlier versions read."""
+"""The newest version of the format of files that this version of `shrm` reads.
 
-_MOST_NAME = 40  # characters of one that is not known
+Compressed maps, sums of terms and other layouts than OpenEXR's cube are written as version 2, and
+irradiance, split sums and SH exponentials as version 3. All other maps are written as version 1,
+which earlier versions of `shrm` read too.
+"""
+
+_MOST_NAME = 40
+"""The most characters of an unknown representation's name that an error message quotes."""
 
 
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
-    """Attributes that every part of a map carries.
+    """Return the attributes that every part of a map carries.
 
     Parameters
     ----------
     reflection_map : Map
     order_p : int
-        Of the map, which may be lower than that of its BRDF.
+        The order P of the map, which may be lower than that of its BRDF.
     """
     info = reflection_map.info
     header: dict[str, Any] = {
         "shrm:representation": reflection_map.representation,
-        "shrm:version": 3 if isinstance(reflection_map, EngineMap) else 1,
+        "shrm:version": reflection_map.format_version,
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,
@@ -66,39 +71,48 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
 
 
 def shortest(value: float) -> float:
-    """The number of fewest decimals that is this float32: 0.03, not 0.029999999329447746."""
-    # str() would obey numpy's print options, which other libraries set.
+    """Return the number with the fewest decimals that rounds to the same float32.
+
+    The result is 0.03, for example, and not 0.029999999329447746.
+    """
+    # str() would depend on numpy's print options, which other libraries may set.
     return float(np.format_float_scientific(np.float32(value), unique=True))
 
 
-def has_map_attributes(spec: Any) -> bool:
-    """Whether an image says that it is a map."""
-    return isinstance(spec.getattribute("shrm:representation"), str)
+def has_map_attributes(part: StoredPart) -> bool:
+    """Whether a part says that it is a map."""
+    return isinstance(part.attribute("shrm:representation"), str)
 
 
-def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
-    """The shrm: attributes of a part, each of its type and within its range.
+def read_attributes(part: StoredPart) -> dict[str, Any]:
+    """Read the ``shrm:`` attributes of a part, and check that they have the right types and values.
+
+    Returns
+    -------
+    dict
+        The value of each attribute by its name without the prefix ``shrm:``.
 
     Raises
     ------
     MapError
+        If the part is not of a map that this version reads, or an attribute is missing or wrong.
     """
-    found = spec.getattribute("shrm:representation")
+    path, found = part.path, part.attribute("shrm:representation")
     if not isinstance(found, str) or not found:
         raise MapError(f"{path}: an image, but not a map; shrm prefilter makes maps")
-    version = spec.getattribute("shrm:version")
+    version = part.attribute("shrm:version")
     if isinstance(version, int) and version > VERSION:
         raise MapError(f"{path}: written by a newer shrm (format {version}); update shrm")
-    if found not in (*REPRESENTATIONS, *ENGINES):
+    if found not in REPRESENTATIONS:
         name = repr(found[:_MOST_NAME])
         raise MapError(f"{path}: a map of representation {name}, which this version cannot read")
     result: dict[str, Any] = {"representation": found}
     for name, (kind, is_valid) in _ATTRIBUTES.items():
-        value: Any = spec.getattribute(f"shrm:{name}")
+        value: Any = part.attribute(f"shrm:{name}")
         if value is None:
-            # The library leaves empty strings out.
+            # An empty string reads as missing: the library that reads files leaves it out.
             value = _OPTIONAL.get(name, "" if kind is str else None)
-        if isinstance(value, str):  # bytes that are no text could not be printed
+        if isinstance(value, str):  # bytes that are not valid text could not be printed
             value = value.encode("utf-8", "replace").decode()
         is_sound = type(value) is kind and is_valid(value)
         if not is_sound:
@@ -107,10 +121,17 @@ def read_attributes(path: str | os.PathLike[str], spec: Any) -> dict[str, Any]:
     return {**result, "brdf": json.loads(result["brdf"])}
 
 
-def map_info(attributes: dict[str, Any], spec: Any) -> MapInfo:
-    """What the attributes tell of how a map was made."""
-    primaries = spec.getattribute("chromaticities")
-    known = isinstance(primaries, tuple) and len(primaries) == 8
+def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
+    """Return how a map was made, from the attributes of one of its parts.
+
+    Parameters
+    ----------
+    attributes : dict
+        The attributes of the part, as `read_attributes` returns them.
+    part : StoredPart
+    """
+    primaries = part.attribute("chromaticities")
+    is_known = isinstance(primaries, tuple) and len(primaries) == 8
     return MapInfo(
         attributes["F"],
         attributes["P"],
@@ -120,7 +141,7 @@ def map_info(attributes: dict[str, Any], spec: Any) -> MapInfo:
         attributes["brdf"],
         attributes["probe"],
         attributes["probe_sha256"],
-        tuple(primaries) if known else None,
+        tuple(primaries) if is_known else None,
         attributes["added_error"],
         attributes["fit_residual"],
         attributes["domain"],
@@ -134,11 +155,11 @@ def _is_json_object(text: str) -> bool:
         return False
 
 
-# Types of the attributes that a map must have, and what their values must hold.
+# The type of each attribute of a map, and a condition that its value must meet.
 _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "version": (int, lambda value: value >= 1),
-    "frame": (str, get_args(Frame).__contains__),
-    "center": (str, get_args(Center).__contains__),
+    "frame": (str, FRAMES.__contains__),
+    "center": (str, CENTERS.__contains__),
     "F": (int, lambda value: 0 <= value <= MAX_ORDER_F),
     "P": (int, lambda value: 0 <= value <= MAX_ORDER_P),
     "epsilon": (float, math.isfinite),
@@ -149,13 +170,13 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "probe_sha256": (str, lambda value: True),
     "added_error": (float, math.isfinite),
     "fit_residual": (float, math.isfinite),
-    "domain": (str, get_args(Domain).__contains__),
+    "domain": (str, DOMAINS.__contains__),
     "layout": (str, LAYOUTS.__contains__),
-    "orientation": (str, get_args(Orientation).__contains__),
-    "sampling": (str, ("", *get_args(Sampling)).__contains__),
+    "orientation": (str, ORIENTATIONS.__contains__),
+    "sampling": (str, ("", *SAMPLINGS).__contains__),
 }
 
-# Those that are left out where they say nothing.
+# The attributes that a part may lack, and the value that each of them then has.
 _OPTIONAL: dict[str, Any] = {
     "added_error": 0.0,
     "fit_residual": 0.0,

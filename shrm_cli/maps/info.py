@@ -1,4 +1,4 @@
-"""What a map remembers of how it was made; it travels in the file's attributes."""
+"""How a map was made: a record that travels in the attributes of the map's file."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,32 +8,34 @@ from shrm_cli.vocabulary import Domain
 
 @dataclass(frozen=True)
 class MapInfo:
-    """Provenance of a map.
+    """The provenance of a map.
 
     Attributes
     ----------
     order_f, order_p : int
-        Orders kept, inclusive.
+        The largest orders F and P that the map keeps, inclusive.
     tolerance : float
-        The fraction of the BRDF's energy that was allowed to be missed (eps).
+        The fraction of the BRDF's energy that the orders were allowed to miss (eps).
     captured : float
         The fraction of the BRDF's energy that the orders capture.
     predicted_error : float
-        Relative RMS error of the reflected light, by Parseval.
+        The predicted relative RMS error of the reflected light, by Parseval.
     brdf : dict
-        ``{"name": ..., "parameters": {...}}``.
+        The BRDF, as ``{"name": ..., "parameters": {...}}``.
     probe, probe_sha256 : str
-        Name of the probe's file and the digest of its bytes.
+        The name of the probe's file and the digest of its bytes.
     chromaticities : tuple of 8 float, optional
-        Of the probe's primaries and white, passed through.
+        The chromaticities of the probe's primaries and white, passed through.
     added_error : float
-        Relative RMS error that the representation adds to the SHRM that it was made from:
-        interpolating views, leaving out the azimuth, compressing.
+        The relative RMS error that the representation adds to that of the SHRM that it was made
+        from, by interpolating views, leaving out the azimuth, compressing or resampling.
     fit_residual : float
-        Of an SHRM that was fitted to another representation: the relative RMS of what it left.
+        The relative RMS of what an SHRM that was fitted to another representation leaves of it;
+        0 for other maps.
     domain : {"frequency", "angular"}
-        Where it was prefiltered. In the angular domain `captured` is the part of the BRDF's
-        lobe that was integrated, and the orders only chose sizes.
+        The domain in which the map was prefiltered. In the angular domain `captured` is the
+        fraction of the BRDF's energy in the integrated part of its lobe, and the orders were only
+        used to choose sizes.
     """
 
     order_f: int
@@ -48,3 +50,7 @@ class MapInfo:
     added_error: float = 0.0
     fit_residual: float = 0.0
     domain: Domain = "frequency"
+
+    def origin(self) -> dict[str, Any]:
+        """Return the BRDF and the probe that the map was made from, as reports name them."""
+        return {"brdf": self.brdf, "probe": self.probe, "probe_sha256": self.probe_sha256}

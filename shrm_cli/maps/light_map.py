@@ -1,70 +1,99 @@
-"""What the maps for engines have in common: made from the light alone, for BRDFs of their own."""
+"""What the maps of light alone have in common: no BRDF is named when they are made."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map, no_way, refuse_arguments
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.vocabulary import Center, Sampling
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame, Sampling
 
 Array = NDArray[np.floating]
 
-ENGINES = ("irradiance", "splitsum", "she")
-"""Their representations."""
 
+class LightMap(Map):
+    """Light that is prefiltered without naming a BRDF, as game engines use it."""
 
-class EngineMap(ABC):
-    """A map that engines use.
-
-    Files, commands and `Map` know the kinds by this class and their `representation`: to load
-    one kind does not load the others.
-    """
-
-    representation: ClassVar[str]
-    frame: ClassVar[Literal["global"]] = "global"
+    format_version = 3
+    frame: ClassVar[Frame] = "global"
     center: ClassVar[Center]
-    info: MapInfo
 
-    @property
-    @abstractmethod
-    def sampling(self) -> Sampling:
-        """Where the edge texels of its cubes lie."""
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told about every map of light alone."""
+        return {
+            "representation": self.representation,
+            "frame": self.frame,
+            "center": self.center,
+        }
 
-    @property
-    @abstractmethod
-    def size(self) -> int:
-        """Texels along an edge of the largest cube."""
+    def converted(
+        self,
+        to: str,
+        size: int | None = None,
+        sampling: Sampling | None = None,
+        **options: Any,
+    ) -> Map:
+        """Return the map itself, `resampled` where that is asked; it has no other representation.
 
-    @property
-    def roughness_range(self) -> tuple[float, float]:
-        """Perceptual roughnesses that it was made for; all, where it has none."""
-        return 0.0, 1.0
+        Raises
+        ------
+        ArgumentError
+            If another representation is asked for, or an argument does not apply.
+        """
+        if to != self.representation:
+            raise no_way(self, to)
+        return super().converted(to, size, sampling, **options)
 
-    @abstractmethod
-    def images(self) -> Sequence[Array]:
-        """The cubes that a file holds, (6N, N, 3) each."""
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
+        """Return the map itself, because its cubes can only be made from the light.
+
+        Raises
+        ------
+        ArgumentError
+            If a size or a sampling is asked for.
+        """
+        refuse_arguments(self.what, size=size, sampling=sampling)
+        return self
+
+
+class SurfaceLightMap(LightMap):
+    """A map of light alone that reflects as a GGX surface of any roughness and reflectance."""
+
+    needs_surface = True
+    is_rearrangeable = False
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance that GGX of roughness 0.5 and normal reflectance 1 reflects.
+
+        Parameters and result are those of `Map.radiance`.
+        """
+        shown: Array = self.shaded(DEFAULT_ROUGHNESS, (1.0, 1.0, 1.0)).radiance(normals, views)
+        return shown
 
 
 @dataclass(frozen=True)
 class Shaded:
-    """A GGX surface under the light of a map; subclasses answer `radiance` as every map does.
+    """A GGX surface under the light of a map. Subclasses have the method `radiance` of a map.
 
     Attributes
     ----------
-    light : EngineMap
+    light : LightMap
     roughness : float
-        Perceptual, in 0 .. 1.
+        Perceptual roughness, in 0 .. 1.
     f0 : tuple of 3 float
         Reflectance at normal incidence, linear RGB, in 0 .. 1.
+
+    Raises
+    ------
+    MapError
+        If a value is out of range.
     """
 
-    light: EngineMap
+    light: LightMap
     roughness: float
     f0: Color
 
@@ -76,6 +105,6 @@ class Shaded:
 
     @property
     def info(self) -> MapInfo:
-        """That of the map, with the surface as its BRDF."""
+        """The record of how the light's map was made, with the surface as its BRDF."""
         parameters = {"roughness": self.roughness, "f0": list(self.f0)}
         return replace(self.light.info, brdf={"name": "ggx", "parameters": parameters})

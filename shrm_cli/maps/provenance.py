@@ -1,4 +1,4 @@
-"""The light and the material that maps remember, and whether they may be compared."""
+"""The probe and the BRDF that maps record, and whether those of several maps agree."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,17 +7,35 @@ from shrm_cli.brdf.base import Brdf, value_text
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.orders import Orders
+from shrm_cli.probe.probe import Probe
 
 
 def record_of(brdf: Brdf) -> dict[str, Any]:
-    """A BRDF as maps remember it, see `MapInfo`."""
+    """Return a BRDF in the form in which maps record it; see `MapInfo`."""
     return {"name": brdf.name, "parameters": dict(brdf.values)}
 
 
-def spec_of(record: Mapping[str, Any]) -> str:
-    """The specification, as `parse_spec` reads it, of a BRDF that a map remembers.
+def provenance(probe: Probe, brdf: Brdf, orders: Orders) -> MapInfo:
+    """Return the record of how a map is made, with a predicted error of 0 to be replaced."""
+    return MapInfo(
+        orders.order_f,
+        orders.order_p,
+        orders.tolerance,
+        orders.captured,
+        0.0,
+        record_of(brdf),
+        probe.name.replace("\\", "/").rsplit("/", 1)[-1],
+        probe.digest(),
+        probe.chromaticities,
+    )
 
-    Files can hold anything: without a name and parameters it is ``unknown``.
+
+def spec_of(record: Mapping[str, Any]) -> str:
+    """Return the specification of a BRDF that a map records, as `parse_spec` reads it.
+
+    Files can hold anything, so the result is ``unknown`` for a record without a name and
+    parameters.
     """
     name, parameters = record.get("name"), record.get("parameters")
     if not isinstance(name, str) or not isinstance(parameters, dict):
@@ -29,24 +47,27 @@ def spec_of(record: Mapping[str, Any]) -> str:
 
 
 def same_brdf(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether two records are of the same BRDF, in whatever order, greys as one number or three."""
+    """Whether two records are of the same BRDF.
+
+    The order of the parameters does not matter, nor whether a grey is one number or three.
+    """
     return _canonical(one) == _canonical(other)
 
 
-def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give --brdf") -> Brdf:
-    """The BRDF of all maps.
+def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Brdf:
+    """Return the BRDF that all maps were made for.
 
     Parameters
     ----------
-    infos : mapping
-        Of each file.
+    infos : mapping of str to MapInfo
+        The record of each map by the path of its file; at least one.
     advice : str
-        What to do where there is none.
+        What an error message tells the user to do.
 
     Raises
     ------
     BrdfError
-        If they differ, or remember none that can be evaluated.
+        If the BRDFs of the maps differ or cannot be evaluated.
     """
     (path, first), *others = infos.items()
     for other, info in others:
@@ -56,7 +77,7 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give --brdf") -> Br
                 f"{spec_of(first.brdf)}; {advice}"
             )
     try:
-        # What a file says must not run code.
+        # The text comes from a file, which must not be able to run code.
         return parse_spec(spec_of(first.brdf), run_code=False)
     except BrdfError as error:
         raise BrdfError(
@@ -67,20 +88,20 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give --brdf") -> Br
 def differing_origins(
     infos: Mapping[str, MapInfo], probe: str, probe_sha256: str, brdf: Mapping[str, Any]
 ) -> list[str]:
-    """Lines about the maps that were made from another probe, or for another BRDF.
+    """Return a line for each map that was made from another probe, or for another BRDF.
 
-    What a map does not remember is not said to differ.
+    A map that does not record its probe or its BRDF is not said to differ in it.
 
     Parameters
     ----------
-    infos : mapping
-        Of each file.
+    infos : mapping of str to MapInfo
+        The record of each map by the path of its file.
     probe : str
         What the lines call the expected probe.
     probe_sha256 : str
-        The digest of its bytes.
+        The digest of the expected probe's bytes; nothing is compared where it is empty.
     brdf : mapping
-        The expected BRDF, as maps remember it.
+        The expected BRDF, as maps record it; nothing is compared where it is empty.
     """
     lines = []
     for path, info in infos.items():
@@ -92,6 +113,7 @@ def differing_origins(
 
 
 def _canonical(record: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
+    """Return the name and the parameters, as text, of a recorded BRDF, for comparisons."""
     parameters = record.get("parameters")
     values = parameters.items() if isinstance(parameters, dict) else ()
     return str(record.get("name")), {key: value_text(value) for key, value in values}

@@ -261,3 +261,23 @@ def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
                 f"{files[0].width} x {files[0].height}; make all six the same"
             )
     return files
+
+
+AnyProbe = Probe | str | os.PathLike[str] | NDArray[np.floating]
+"""A probe, the name of its file, or its pixels."""
+
+
+def as_probe(probe: AnyProbe) -> Probe:
+    """A probe from itself, from the name of its file, or from its pixels.
+
+    Files and pixels are understood as `open_probe` and `Probe.from_array` do without options.
+
+    Raises
+    ------
+    ProbeError
+    """
+    if isinstance(probe, Probe):
+        return probe
+    if isinstance(probe, np.ndarray):
+        return Probe.from_array(probe)
+    return open_probe(probe)

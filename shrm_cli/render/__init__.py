@@ -1,1 +1,1 @@
-"""Map, view and surroundings -> picture -> PNG or EXR."""
+"""Pictures of spheres, as a viewer sees them through maps and in front of surroundings."""

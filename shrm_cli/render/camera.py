@@ -1,10 +1,10 @@
-"""The viewer of a sphere: what lies in front of each pixel.
+"""The viewer of a sphere, and what each pixel of the picture shows.
 
 The picture is square. The viewer stands infinitely far away (orthographic), so one direction V
-serves every pixel, and sees a sphere that fills `SPHERE_FILL` of the picture. An infinitely
-distant eye would see a single direction of the surroundings; their picture is taken instead by
-a perspective eye with the same axes and the angle of view `FIELD_OF_VIEW`. It looks along -V,
-as from inside the probe, so letters in a probe are not mirrored.
+serves every pixel. The sphere fills `SPHERE_FILL` of the picture. An infinitely distant eye would
+see a single direction of the surroundings. Their picture is therefore taken by a perspective eye
+with the same axes and the angle of view `FIELD_OF_VIEW`. It looks along -V, as from inside the
+probe, so that letters in a probe are not mirrored.
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,10 @@ SPHERE_FILL = 0.9
 """Diameter of the sphere as a fraction of the picture's width."""
 
 FIELD_OF_VIEW = 50.0
-"""Angle across the picture of the surroundings, degrees."""
+"""Angle that the picture of the surroundings spans, degrees."""
 
-_COLUMNS_PER_PIXEL = 16
+_STRIPS_PER_PIXEL = 16
+"""Strips into which `sphere_coverage` divides a pixel on the silhouette."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Viewer:
     Attributes
     ----------
     azimuth, elevation : float
-        Of the direction to the viewer, degrees, as in `from_azimuth_elevation`: 0, 0 is +Z.
+        Direction to the viewer in degrees, as in `from_azimuth_elevation`: 0, 0 is +Z.
     """
 
     azimuth: float = 0.0
@@ -44,27 +45,35 @@ class Viewer:
         return from_azimuth_elevation(self.azimuth, self.elevation)
 
     def axes(self) -> Array:
-        """Right and up of the picture, and V: the rows of a rotation, shape (3, 3).
+        """Return the picture's right and up, and V, in world axes.
 
-        For V = +Z they are +X, +Y, +Z. Right depends on the azimuth alone, so straight above
-        and below the picture is the limit of those at the same azimuth.
+        They are the rows of a rotation, shape (3, 3). For V = +Z they are +X, +Y, +Z. Right
+        depends on the azimuth alone, so the picture from straight above or below is the limit of
+        the pictures at the same azimuth.
         """
         azimuth = np.radians(self.azimuth)
         right = np.array([np.cos(azimuth), 0.0, -np.sin(azimuth)])
         return np.array([right, np.cross(self.direction, right), self.direction])
 
     def turned(self, degrees: float) -> "Viewer":
-        """The viewer after a walk around +Y, from +Z towards +X."""
+        """Return the viewer turned about +Y by an angle, from +Z towards +X."""
         return Viewer(self.azimuth + degrees, self.elevation)
 
 
 def pixel_centers(size: int, start: int, stop: int) -> tuple[Array, Array]:
-    """Offsets from the picture's centre to pixel centres of rows `start` .. `stop` - 1.
+    """Return the offsets from the picture's centre to the pixel centres of some rows.
+
+    Parameters
+    ----------
+    size : int
+        Width and height of the picture, pixels.
+    start, stop : int
+        The rows are `start` .. `stop` - 1.
 
     Returns
     -------
     x, y : ndarray, shape (stop - start, size)
-        To the right and up, in pixels.
+        Offsets to the right and upwards, in pixels.
     """
     right = np.arange(size) + 0.5 - size / 2
     up = size / 2 - 0.5 - np.arange(start, stop)
@@ -73,22 +82,24 @@ def pixel_centers(size: int, start: int, stop: int) -> tuple[Array, Array]:
 
 
 def sphere_radius(size: int) -> float:
-    """Radius of the sphere in pixels."""
+    """Return the radius, in pixels, of the sphere in a picture of a width in pixels."""
     return SPHERE_FILL * size / 2
 
 
 def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
-    """World normals of the sphere where the viewer sees it.
+    """Return the normals of the sphere at points where the viewer sees it.
 
     Parameters
     ----------
     viewer : Viewer
     x, y : ndarray, shape (...)
-        To the right and up, in radii. Points off the sphere get the nearest silhouette's normal.
+        Offsets to the right and upwards from the sphere's centre, in radii. Points off the sphere
+        get the normal of the nearest point on the silhouette.
 
     Returns
     -------
     ndarray, shape (..., 3)
+        Unit, world axes.
     """
     beyond = np.maximum(np.hypot(x, y), 1.0)
     x, y = x / beyond, y / beyond
@@ -97,12 +108,20 @@ def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
 
 
 def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> Array:
-    """World directions in which pixels of rows `start` .. `stop` - 1 see the surroundings.
+    """Return the directions in which the pixels of some rows see the surroundings.
+
+    Parameters
+    ----------
+    viewer : Viewer
+    size : int
+        Width and height of the picture, pixels.
+    start, stop : int
+        The rows are `start` .. `stop` - 1.
 
     Returns
     -------
     ndarray, shape (stop - start, size, 3)
-        Unit.
+        Unit, world axes.
     """
     x, y = pixel_centers(size, start, stop)
     distance = size / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2))
@@ -110,35 +129,39 @@ def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> A
 
 
 def _in_world(viewer: Viewer, x: Array, y: Array, z: Array | float) -> Array:
-    """Vectors of so much right, up and V in world axes, shape (..., 3)."""
+    """Return vectors with components along right, up and V in world axes, shape (..., 3)."""
     result = np.empty((*x.shape, 3))
-    # Not a matrix product: with so few columns, BLAS takes ten times as long.
+    # A matrix product with so few columns would take BLAS ten times as long.
     for axis, (right, up, direction) in enumerate(viewer.axes().T):
         result[..., axis] = right * x + up * y + direction * z
     return result
 
 
 def sphere_coverage(size: int, x: Array, y: Array) -> Array:
-    """Fraction of each pixel that the sphere covers.
+    """Return the fraction of each pixel that the sphere covers.
 
-    The area is exact along the axis in which the silhouette is steeper, and a midpoint rule
-    across it: right to 0.001.
+    The area is integrated exactly along the axis in which the pixel lies farther from the centre,
+    and by the midpoint rule along the other axis. The fraction is right to 0.001.
 
     Parameters
     ----------
     size : int
-        Width of the picture.
+        Width and height of the picture, pixels.
     x, y : ndarray, shape (...)
         Offsets of pixel centres from the picture's centre, in pixels.
+
+    Returns
+    -------
+    ndarray, shape (...)
     """
     radius = sphere_radius(size)
     distance = np.hypot(x, y)
     coverage = (distance < radius).astype(float)
-    # Half a pixel's diagonal is 0.71: only nearer pixels can meet the silhouette.
+    # Only pixels whose centre is within half a diagonal, 0.71, can meet the silhouette.
     edge = np.abs(distance - radius) < 1
     x, y = np.abs(x[edge]), np.abs(y[edge])
     along, across = np.maximum(x, y), np.minimum(x, y)
-    offsets = (np.arange(_COLUMNS_PER_PIXEL) + 0.5) / _COLUMNS_PER_PIXEL - 0.5
+    offsets = (np.arange(_STRIPS_PER_PIXEL) + 0.5) / _STRIPS_PER_PIXEL - 0.5
     chord = np.sqrt(np.maximum(radius**2 - (across[:, None] + offsets) ** 2, 0))
     coverage[edge] = np.clip(chord - along[:, None] + 0.5, 0, 1).mean(axis=-1)
     return coverage

@@ -1,12 +1,13 @@
-"""The same views of several maps side by side, and how far they are from the first."""
+"""Maps compared with a baseline: pictures of the same views, and how far apart they are."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.files.picture import Picture
+from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
@@ -17,19 +18,20 @@ Array = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Difference:
-    """How far pictures of a sphere are from those of the baseline.
+    """How far pictures of a sphere are from pictures of the baseline.
 
     Attributes
     ----------
     rmse : float
         Root mean square difference over the sphere and the colour channels, in radiance.
     relative_rmse : float
-        The same over the root mean square of the baseline; infinite where that alone is black.
+        `rmse` divided by the root mean square of the baseline; infinite if the baseline is black
+        and the pictures are not.
     maximum : float
-        Largest absolute difference of a pixel, in radiance.
+        Largest absolute difference in a channel of a pixel, in radiance.
     psnr : float
-        The largest value of the baseline over `rmse`, in decibels; infinite for equal pictures,
-        minus infinity where nothing in the baseline is above 0.
+        The largest value of the baseline divided by `rmse`, in decibels; infinite for equal
+        pictures, otherwise minus infinity if no value of the baseline is above 0.
     """
 
     rmse: float
@@ -41,12 +43,17 @@ class Difference:
 def measure(pictures: Picture, baselines: Picture) -> Difference:
     """Compare pictures of one or more views.
 
-    Only the sphere counts, each pixel as much as the sphere covers it.
+    Only the sphere counts: the weight of a pixel is the fraction of it that the sphere covers.
 
     Parameters
     ----------
     pictures, baselines : ndarray, shape (..., S, S, 3)
         As `render_sphere` draws them on black: linear, premultiplied by the coverage.
+
+    Returns
+    -------
+    Difference
+        Over all views together.
     """
     size = pictures.shape[-2]
     coverage = sphere_coverage(size, *pixel_centers(size, 0, size))
@@ -65,7 +72,7 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Pictures of a baseline, and of others from the same views.
+    """Pictures of a baseline, and of other maps from the same views.
 
     Attributes
     ----------
@@ -73,6 +80,7 @@ class Comparison:
     baseline : ndarray, shape (V, S, S, 3)
         Linear, premultiplied by the coverage of the sphere.
     others : ndarray, shape (M, V, S, S, 3)
+        Pictures of M other maps, in the same form.
     """
 
     viewers: Sequence[Viewer]
@@ -80,7 +88,7 @@ class Comparison:
     others: Picture
 
     def difference(self, other: int, view: int | None = None) -> Difference:
-        """Of one of the others from the baseline, in one view or over all of them."""
+        """Measure how far a map is from the baseline, in one view or by default in all."""
         views = slice(None) if view is None else slice(view, view + 1)
         return measure(self.others[other, views], self.baseline[views])
 
@@ -91,29 +99,31 @@ class Comparison:
         exposure: float = 0.0,
         amplification: float = 1.0,
     ) -> Picture:
-        """A labelled sheet, a view in each row.
+        """Draw a labelled sheet with a row for each view.
 
-        The baseline comes first, then each other followed by its absolute difference from the
-        baseline.
+        The baseline comes first. Each other map follows, and then its absolute difference from
+        the baseline.
 
         Parameters
         ----------
         baseline_name : str
+            Label of the baseline.
         names : sequence of M str
+            Labels of the others.
         exposure : float
             Stops, the same for all pictures and differences.
         amplification : float
-            Of the differences alone.
+            Factor of the differences alone.
 
         Returns
         -------
-        ndarray of float32, shape (*sheet_layout(M, V, S).shape, 3)
-            Linear and exposed; the paper and the labels are not.
+        ndarray of float32, shape (*comparison_layout(M, V, S).shape, 3)
+            Linear. The tiles are exposed; the paper and the labels are not.
 
         Raises
         ------
         OutputError
-            If the sheet would be too large.
+            If the sheet would be too large, or the labels cannot be drawn.
         """
         many, views, size = self.others.shape[:3]
         tiles, labels = [], []
@@ -127,11 +137,18 @@ class Comparison:
                 tiles += [expose(other, exposure), expose(error, exposure)]
                 share = 100 * self.difference(index, k).relative_rmse
                 labels += [name, f"{share:.3g}% difference{amplified}"]
-        return draw_sheet(sheet_layout(many, views, size), tiles, labels)
+        return draw_sheet(comparison_layout(many, views, size), tiles, labels)
 
 
-def sheet_layout(others: int, views: int, size: int) -> SheetLayout:
-    """Where the tiles of a comparison's picture lie.
+def comparison_layout(others: int, views: int, size: int) -> SheetLayout:
+    """Lay out the tiles of a comparison's picture.
+
+    Parameters
+    ----------
+    others, views : int
+        How many there are.
+    size : int
+        Width and height of a tile, pixels.
 
     Raises
     ------
@@ -147,30 +164,35 @@ def compare_spheres(
     others: Sequence[ReflectionMap],
     viewers: Sequence[Viewer],
     size: int,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
-    """Draw a sphere of each map, the same views of all.
+    """Draw a sphere of each map from the same views.
 
     Parameters
     ----------
     baseline : ReflectionMap
-        What the others are compared with: the truth, or a map.
+        The truth or the map that the others are compared with.
     others : sequence of M ReflectionMap
     viewers : sequence of V Viewer
     size : int
         Width and height of each picture, pixels.
     progress : callable, optional
-        Called with the rows done since the last call, (1 + M) V size in all.
+        Called with the number of pictures done and the number of all, (1 + M) V. The first V
+        pictures are the baseline's.
     """
-
-    def draw(thing: ReflectionMap) -> Picture:
-        return np.stack([render_sphere(thing, each, size, None, progress) for each in viewers])
-
-    return Comparison(viewers, draw(baseline), np.stack([draw(other) for other in others]))
+    drawn: list[Picture] = []
+    total = (1 + len(others)) * len(viewers)
+    for thing in (baseline, *others):
+        for viewer in viewers:
+            drawn.append(render_sphere(thing, viewer, size))
+            if progress is not None:
+                progress(len(drawn), total)
+    pictures = np.stack(drawn).reshape(1 + len(others), len(viewers), size, size, 3)
+    return Comparison(viewers, pictures[0], pictures[1:])
 
 
 def _root_mean_square(values: Array, weights: Array) -> float:
-    """Over values of shape (..., N, 3) with weights of shape (N, 1)."""
+    """Return the root mean square of values (..., N, 3) with weights (N, 1)."""
     return float(np.sqrt(np.average(values**2, weights=np.broadcast_to(weights, values.shape))))
 
 

@@ -1,4 +1,4 @@
-"""Numbered files and the views of a turntable."""
+"""The numbered files and the views of a turntable."""
 
 import os
 import re
@@ -10,12 +10,12 @@ _NUMBER = re.compile(r"%0([1-9]\d?)d")
 
 
 def frame_paths(pattern: str, count: int) -> list[str]:
-    """Names of the frames, numbered from 1 where the pattern has ``%04d`` or the like.
+    """Return the names of frames, numbered from 1 where the pattern has ``%04d`` or the like.
 
     Raises
     ------
     OutputError
-        If the name of the file (folders aside) has not just one such place.
+        If the pattern, without its folder, does not have exactly one such place.
     """
     folder, name = os.path.split(pattern)
     if len(_NUMBER.findall(name)) != 1:
@@ -27,7 +27,7 @@ def frame_paths(pattern: str, count: int) -> list[str]:
 
 
 def turntable(first: Viewer, count: int) -> list[Viewer]:
-    """Views at equal steps of a full turn about +Y, towards growing azimuth."""
+    """Return views at equal steps of a full turn about +Y, towards growing azimuth."""
     return [first.turned(360 * k / count) for k in range(count)]
 
 

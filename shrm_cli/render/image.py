@@ -1,4 +1,4 @@
-"""Linear pictures, brighter or darker."""
+"""The exposure of linear pictures, which makes them brighter or darker."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,6 +7,6 @@ from shrm_cli.files.picture import Picture
 
 
 def expose(pixels: ArrayLike, exposure: float) -> Picture:
-    """Radiance times ``2**exposure`` (the exposure value, EV, in stops)."""
-    with np.errstate(over="ignore"):  # writers refuse infinite values, or clip them
+    """Multiply radiance by ``2**exposure``; the exposure value (EV) is in stops."""
+    with np.errstate(over="ignore"):  # writers refuse or clip infinite values
         return np.asarray(pixels, dtype=np.float32) * np.float32(2.0**exposure)

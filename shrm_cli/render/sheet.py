@@ -14,10 +14,10 @@ Array = NDArray[np.floating]
 Picture = NDArray[np.float32]
 
 MAX_PIXELS = 2**27
-"""Of a sheet: 1.5 GiB of float."""
+"""The most pixels of a sheet, which are 1.5 GiB as 32-bit floats."""
 
 PAPER = 0.02
-"""Linear grey of the sheet, sRGB 39; the labels are 1."""
+"""Linear grey of the paper, which is 39 of 255 in sRGB; the labels are 1."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class SheetLayout:
     Attributes
     ----------
     count, columns : int
-        Tiles, and how many stand beside each other.
+        How many tiles there are, and how many of them stand beside each other.
     tile : int
         Width and height of a tile.
     """
@@ -38,7 +38,7 @@ class SheetLayout:
 
     @property
     def gap(self) -> int:
-        """Between tiles and around the sheet."""
+        """Width of the space between tiles and around the sheet."""
         return max(self.tile // 32, 2)
 
     @property
@@ -57,7 +57,7 @@ class SheetLayout:
         return rows * (self.tile + self.label_height + self.gap) + self.gap, width
 
     def origin(self, index: int) -> tuple[int, int]:
-        """Row and column of a tile's upper left pixel; its label begins `tile` rows below."""
+        """Return row and column of a tile's upper left pixel; its label begins `tile` below."""
         row, column = divmod(index, self.columns)
         return (
             self.gap + row * (self.tile + self.label_height + self.gap),
@@ -66,12 +66,21 @@ class SheetLayout:
 
 
 def arrange(count: int, tile: int, columns: int | None = None) -> SheetLayout:
-    """Lay out a sheet: in `columns` columns, by default as square as possible.
+    """Lay out a sheet.
+
+    Parameters
+    ----------
+    count : int
+        Number of tiles.
+    tile : int
+        Width and height of a tile, pixels.
+    columns : int, optional
+        Tiles beside each other; by default the sheet is as square as possible.
 
     Raises
     ------
     OutputError
-        If it has more than `MAX_PIXELS` pixels.
+        If the sheet has more than `MAX_PIXELS` pixels.
     """
     wanted = columns or isqrt(count - 1) + 1
     layout = SheetLayout(count, min(wanted, count), tile)
@@ -79,7 +88,7 @@ def arrange(count: int, tile: int, columns: int | None = None) -> SheetLayout:
     if height * width > MAX_PIXELS:
         raise OutputError(
             f"a sheet of {width} x {height} pixels is more than {MAX_PIXELS:,}; give a smaller "
-            "--size or fewer maps"
+            "`size` or fewer maps"
         )
     return layout
 
@@ -91,13 +100,18 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
     ----------
     layout : SheetLayout
     tiles : sequence of ndarray, shape (tile, tile, 3)
-        Linear, already exposed: paper and labels are not.
+        Linear and already exposed; the paper and the labels are not exposed.
     labels : sequence of str
-        Shortened in the middle where they are too wide.
+        A label is shortened in its middle if it is wider than its tile.
 
     Returns
     -------
     ndarray of float32, shape (*layout.shape, 3)
+
+    Raises
+    ------
+    OutputError
+        If the labels cannot be drawn.
     """
     sheet = np.full((*layout.shape, 3), PAPER, dtype=np.float32)
     for index, (tile, label) in enumerate(zip(tiles, labels, strict=True)):

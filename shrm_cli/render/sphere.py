@@ -1,11 +1,11 @@
-"""A sphere of the map's material, and the surroundings behind it."""
+"""Pictures of a sphere of a map's material, and of the surroundings behind it."""
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.progress import Progress
 from shrm_cli.render.camera import (
     Viewer,
     background_directions,
@@ -19,24 +19,34 @@ Array = NDArray[np.floating]
 Picture = NDArray[np.float32]
 
 _PIXELS_AT_ONCE = 2**19
-_SAMPLES = 4  # a pixel's edge; on the rim only
-_RIM = 2.0  # pixels inside the silhouette
-_INSIDE = 0.25 / _SAMPLES  # pixels; on the silhouette itself, N.V = 0, BRDFs have no value
+"""The most pixels that are drawn at a time."""
+
+_SAMPLES = 4
+"""Samples along the edge of a pixel on the rim; other pixels have one sample."""
+
+_RIM = 2.0
+"""Width of the rim inside the silhouette, pixels."""
+
+_INSIDE = 0.25 / _SAMPLES
+"""Samples off the sphere are moved this many pixels inside the silhouette, because BRDFs have no
+value on the silhouette itself, where N.V = 0."""
+
 _ALMOST_NOTHING = 1e-6
+"""Weight of samples off the sphere; samples on it have weight 1."""
 
 
 class ReflectionMap(Protocol):
-    """What is asked of a map."""
+    """The part of a map that `render_sphere` needs."""
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance, shape (..., 3), for unit world vectors of shape (..., 3)."""
+        """Return reflected radiance (..., 3) for unit vectors (..., 3) in world axes."""
 
 
 class Surroundings(Protocol):
-    """What is asked of a probe."""
+    """The part of a probe that `render_background` needs."""
 
     def radiance(self, directions: ArrayLike) -> Array:
-        """Radiance, shape (..., 3), from unit world directions of shape (..., 3)."""
+        """Return radiance (..., 3) from unit directions (..., 3) in world axes."""
 
 
 def render_sphere(
@@ -44,9 +54,9 @@ def render_sphere(
     viewer: Viewer,
     size: int,
     background: Picture | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Picture:
-    """Picture of a sphere seen by a distant viewer.
+    """Draw a sphere as a distant viewer sees it.
 
     Parameters
     ----------
@@ -55,10 +65,10 @@ def render_sphere(
     size : int
         Width and height in pixels.
     background : ndarray, shape (size, size, 3), optional
-        Linear picture behind the sphere, such as `render_background` makes. Without it there is
+        Linear picture behind the sphere, such as `render_background` makes. By default it is
         black, so that silhouette pixels are premultiplied by their coverage.
     progress : callable, optional
-        Called with the number of rows after each batch of rows.
+        Called with the number of rows done and the number of all rows.
 
     Returns
     -------
@@ -73,12 +83,19 @@ def render_sphere(
         stop = min(start + rows, size)
         _draw_rows(reflection_map, viewer, picture, start, stop)
         if progress is not None:
-            progress(stop - start)
+            progress(stop, size)
     return picture
 
 
 def render_background(surroundings: Surroundings, viewer: Viewer, size: int) -> Picture:
-    """Picture of the surroundings behind the sphere; see `background_directions`.
+    """Draw the surroundings behind the sphere; see `background_directions`.
+
+    Parameters
+    ----------
+    surroundings : Surroundings
+    viewer : Viewer
+    size : int
+        Width and height in pixels.
 
     Returns
     -------
@@ -107,7 +124,8 @@ def _draw_rows(
         return
     coverage, x, y = coverage[covered], x[covered] / radius, y[covered] / radius
     rim = np.hypot(x, y) > 1 - _RIM / radius
-    # One call for all: a map contracts its coefficients with the view at every call.
+    # All samples go into one call, because a map contracts its coefficients with the view at
+    # every call.
     sub_x, sub_y, weights = _rim_samples(x[rim], y[rim], radius)
     normals = sphere_normals(
         viewer, np.concatenate([x[~rim], sub_x.ravel()]), np.concatenate([y[~rim], sub_y.ravel()])
@@ -117,27 +135,27 @@ def _draw_rows(
     sphere = np.empty((len(x), 3))
     sphere[~rim] = values[:inside]
     sphere[rim] = np.einsum("nk,nkc->nc", weights, values[inside:].reshape(*sub_x.shape, 3))
-    rows = picture[start:stop]  # a view
+    rows = picture[start:stop]  # a view, so that the picture itself changes
     alpha = coverage[:, None]
     rows[covered] = alpha * sphere + (1 - alpha) * rows[covered]
 
 
 def _rim_samples(x: Array, y: Array, radius: float) -> tuple[Array, Array, Array]:
-    """Samples within pixels near the silhouette, where one pixel spans many reflections.
+    """Place samples in pixels near the silhouette, where one pixel spans many reflections.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
         Pixel centres, in radii.
     radius : float
-        In pixels.
+        Radius of the sphere in pixels.
 
     Returns
     -------
     x, y, weights : ndarray, shape (n, k)
-        The weights of the samples on the sphere are equal, those of samples off it almost
-        nothing: they count where the sphere covers a pixel but none of its samples, and lie
-        just inside the silhouette. Rows sum to 1.
+        Samples on the sphere have equal weights. Samples off it are moved just inside the
+        silhouette and have almost no weight: they count only if the sphere covers a part of the
+        pixel but none of its samples. The weights of a row sum to 1.
     """
     offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) / radius
     down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))

@@ -1,4 +1,4 @@
-"""The lowest values of harmonic series over the whole sphere."""
+"""Finding the lowest values of spherical harmonic series over the whole sphere."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,29 +10,33 @@ from shrm_cli.sphere.synthesis import synthesize_cube
 Array = NDArray[np.floating]
 
 _SAMPLES_AN_ORDER = 8
-"""Texels along a face's edge for each degree; with 4, narrow valleys lie between the texels."""
+"""Texels along a face's edge of the searched cube, for each degree of the series. With 4, narrow
+valleys would lie between the texels."""
 _LEAST_SIZE = 16
+"""The fewest texels along a face's edge of the searched cube."""
 _MOST_SIZE = 1024
-"""The range of the texels along a face's edge."""
+"""The most texels along a face's edge of the searched cube."""
 _MOST_STARTS = 512
+"""The most texels from which a series is followed downhill by one step."""
 _START_VALUES = 2**20
-"""The most texels that are followed by one step, and values of harmonics at all of them."""
+"""The most values of harmonics at all these texels together, which means fewer at high orders."""
 _MOST_FOLLOWED = 16
-"""The lowest of them, which are followed to the end."""
+"""The most places, the lowest after the first step, that are followed to the end."""
 _STEPS = 6
+"""The number of steps of Newton's method."""
 _FINER = 4
-"""Steps of Newton's method, and by how much each is finer than the one before."""
+"""Each step of Newton's method is finer than the one before by this factor."""
 _BLOCK_VALUES = 2**22
-"""Values of harmonics that are in memory at a time."""
+"""The most values of harmonics that are in memory at a time."""
 
 
 def series_values(series: Array, directions: Array) -> Array:
-    """Values of real series in some directions.
+    """Evaluate real series in some directions.
 
     Parameters
     ----------
     series : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m.
+        Each column is a series, index l(l+1)+m.
     directions : ndarray, shape (n, 3)
         Unit directions, in the axes of the series.
 
@@ -50,16 +54,19 @@ def series_values(series: Array, directions: Array) -> Array:
 
 
 def degree_values(series: Array, directions: Array) -> Array:
-    """What each degree adds to the values of real series.
+    """Evaluate each degree of real series in some directions.
 
     Parameters
     ----------
-    series, directions
-        As `series_values` takes them.
+    series : ndarray, shape ((order+1)^2, maps)
+        Each column is a series, index l(l+1)+m.
+    directions : ndarray, shape (n, 3)
+        Unit directions, in the axes of the series.
 
     Returns
     -------
     ndarray, shape (n, order+1, maps)
+        What each degree adds to the values of `series_values`.
     """
     order = order_of(len(series))
     starts = np.arange(order + 1) ** 2
@@ -73,19 +80,19 @@ def degree_values(series: Array, directions: Array) -> Array:
 
 
 def lowest(series: Array) -> tuple[Array, Array]:
-    """Where each of several real series is lowest on the sphere.
+    """Find where each of several real series is lowest on the sphere.
 
-    On a cube of texels that are dense for the order, the texel nearest to the minimum is above
-    it by no more than Bernstein's inequality says: on every great circle a series of order F is
-    a trigonometric polynomial, so its second derivative is at most F^2 times the half of its
-    range. Each texel that is so low, and lower than most around it, is followed downhill: all of
-    them by one step, and those that are lowest then to the end, since many minima may be nearly as
-    low.
+    The series is computed at the texels of a cube that is dense for its order. Bernstein's
+    inequality limits how far the texel nearest to the minimum is above it: on every great circle a
+    series of order F is a trigonometric polynomial, so its second derivative is at most F^2 times
+    half of its range. Texels within this limit that are lower than most around them are followed
+    downhill. All of them take one step, because many minima may be nearly as low. The lowest places
+    after this step are followed to the end.
 
     Parameters
     ----------
     series : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m.
+        Each column is a series, index l(l+1)+m.
 
     Returns
     -------
@@ -96,7 +103,7 @@ def lowest(series: Array) -> tuple[Array, Array]:
     """
     order, size = order_of(len(series)), _dense_size(series)
     texels = cube_directions(size).reshape(-1, 3)
-    farthest = np.sqrt(2.0) / size  # from a direction to the nearest texel, at a face's center
+    farthest = np.sqrt(2.0) / size  # a direction is no farther from the nearest texel than this
     most = max(min(_MOST_STARTS, _START_VALUES // len(series)), _MOST_FOLLOWED)
     directions, values = np.empty((series.shape[1], 3)), np.empty(series.shape[1])
     for k, plane in enumerate(synthesize_cube(series, size)):
@@ -114,20 +121,21 @@ def lowest(series: Array) -> tuple[Array, Array]:
 
 
 def low_places(series: Array, limits: Array, most: int) -> Array:
-    """Directions of some of the texels that are too low, and lower than most around them.
+    """Find some directions where series are too low, and lower than most around them.
 
     Parameters
     ----------
     series : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m.
+        Each column is a series, index l(l+1)+m.
     limits : ndarray, shape (maps,)
-        The values below which each series is too low.
+        The value below which each series is too low.
     most : int
-        How many texels of each series are taken, from the lowest to the highest of them.
+        The most directions that are taken for each series, evenly from the lowest to the highest.
 
     Returns
     -------
     ndarray, shape (n, 3)
+        Unit directions of texels of a cube.
     """
     size = _dense_size(series)
     places: list[NDArray[np.intp]] = []
@@ -140,15 +148,15 @@ def low_places(series: Array, limits: Array, most: int) -> Array:
 
 
 def _dense_size(series: Array) -> int:
-    """Texels along an edge of a cube that shows all that a series does."""
+    """Choose the texels along an edge of a cube that shows every valley of a series."""
     order = order_of(len(series))
     return min(max(_SAMPLES_AN_ORDER * (order + 1), _LEAST_SIZE), _MOST_SIZE)
 
 
 def _are_dips(plane: Array) -> NDArray[np.bool_]:
-    """Which texels of a cube, (6N, N), have no more than two lower neighbors on their face.
+    """Tell which texels of a cube, (6N, N), have no more than two lower neighbors on their face.
 
-    Two are allowed, since along a narrow valley that runs askew every texel has one or two.
+    Two are allowed, because every texel along a narrow valley that runs askew has one or two.
     """
     size = plane.shape[1]
     faces = plane.reshape(6, size, size)
@@ -163,9 +171,9 @@ def _are_dips(plane: Array) -> NDArray[np.bool_]:
 def _descend(series: Array, starts: Array, step: float, steps: int) -> tuple[Array, Array]:
     """Follow a series, shape ((order+1)^2, 1), downhill from each of (n, 3) directions.
 
-    Each step of Newton's method takes a square of nine directions around each one. It goes to the
-    lowest point of the quadratic through their values, or to the lowest of the nine if that is
-    lower, and stays where it is if nothing is lower.
+    Each step of Newton's method evaluates a square of nine directions around the present one. It
+    goes to the lowest point of the quadratic that fits their values, or to the lowest of the nine
+    if that is lower. It stays where it is if nothing is lower.
     """
     u, v = (grid.ravel() for grid in np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]))
     fit = np.linalg.pinv(np.stack([np.ones(9), u, v, u * u / 2, u * v, v * v / 2], axis=1))
@@ -188,11 +196,11 @@ def _descend(series: Array, starts: Array, step: float, steps: int) -> tuple[Arr
 
 
 def _downhill(gu: Array, gv: Array, uu: Array, uv: Array, vv: Array) -> Array:
-    """Newton's step from the slopes and second derivatives of quadratics, shape (n, 2).
+    """Compute Newton's step, shape (n, 2), from slopes and second derivatives of quadratics.
 
-    The step is taken along each axis of curvature, whose sign is left out, so that it leads down
-    from saddles as well. Where a valley is flat along an axis, the slope along it is rounding, and
-    moves nothing far.
+    The step is taken along each axis of curvature. The sign of the curvature is left out, so that
+    the step leads down from saddles as well. The length of the step is limited: where a valley is
+    flat along an axis, the slope along it is rounding and must not lead far.
     """
     curvature = np.stack([np.stack([uu, uv], axis=-1), np.stack([uv, vv], axis=-1)], axis=-2)
     strengths, axes = np.linalg.eigh(curvature)
@@ -204,7 +212,7 @@ def _downhill(gu: Array, gv: Array, uu: Array, uv: Array, vv: Array) -> Array:
 
 
 def _tangents(directions: Array) -> tuple[Array, Array]:
-    """Two unit vectors that are at right angles to each of (n, 3) directions and to each other."""
+    """Return two unit vectors at right angles to each of (n, 3) directions and to each other."""
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=-1)]
     right = np.cross(helper, directions)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
@@ -212,6 +220,6 @@ def _tangents(directions: Array) -> tuple[Array, Array]:
 
 
 def _move(at: Array, right: Array, up: Array, u: Array, v: Array) -> Array:
-    """Unit directions beside `at`, by `u` to the right and `v` up on the tangent plane."""
+    """Return unit directions beside `at`, `u` to the right and `v` up on the tangent plane."""
     moved = at + u[..., None] * right + v[..., None] * up
     return moved / np.linalg.norm(moved, axis=-1, keepdims=True)

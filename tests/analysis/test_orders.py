@@ -137,7 +137,7 @@ def test_accuracy_is_that_of_brute_force(rng, order_f, order_p):
     light, _ = random_light(6, rng)
     coefficients = compute_coefficients(parse_spec("microfacet:sigma=.4"), 32, 12)
     curve = accuracy_curve(lighting_of(light, 32), coefficients, order_f, order_p)
-    made = Shrm.build(
+    made = Shrm.from_coefficients(
         light, coefficients.truncated(order_f, order_p), "reflection", MapInfo(0, 0, 0, 0, 0), 64
     )
     directions, weights = brute_force.sphere_rule(120)
@@ -280,7 +280,7 @@ def test_pictures_approach_the_truth_with_p(microfacet_pictures):
 def test_pictures_are_those_of_maps_of_each_p(microfacet_pictures):
     coefficients, lighting, _, made = microfacet_pictures
     for p in (0, 2, 5):
-        own = Shrm.build(
+        own = Shrm.from_coefficients(
             lighting.coefficients, coefficients.truncated(12, p), "reflection",
             MapInfo(12, p, 0, 0, 0),
         )  # fmt: skip

@@ -174,7 +174,7 @@ def test_no_window_system_is_asked_for_and_nothing_is_told(tmp_path, monkeypatch
     monkeypatch.setenv("MPLCONFIGDIR", "/dev/null/nowhere")
     code = (
         "import sys, numpy\n"
-        "from shrm_cli.render import plots\n"
+        "from shrm_cli.analysis import plots\n"
         "assert 'matplotlib' not in sys.modules\n"
         "plots.plot_energy(sys.argv[1], numpy.ones((3, 2)), [], '')\n"
         "assert 'matplotlib.pyplot' not in sys.modules\n"

@@ -5,14 +5,15 @@ import os
 import numpy as np
 import pytest
 
-from shrm_cli.analysis.representations import FORMS, compare_forms, source_height
+from shrm_cli.analysis.representations import COMPARED, compare_representations, source_height
 from shrm_cli.files.image import write_image
-from shrm_cli.maps.shrm.prefilter import bake
-from shrm_cli.maps.splitsum.prefilter import bake_split_sum
-from shrm_cli.maps.write import write_map
+from shrm_cli.maps.explicit.prefilter import prefilter_explicit
+from shrm_cli.maps.file import save
+from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
+from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.shading import ggx_surface, shade
+from shrm_cli.render.shading import ggx_surface
 from tests.brute_force import latlong_samples
 from tests.oracles import latlong_pixels
 
@@ -39,7 +40,7 @@ def probe(tmp_path_factory):
 @pytest.fixture(scope="module")
 def table(probe):
     surfaces = [ggx_surface(roughness, F0) for roughness in ROUGHNESS]
-    return compare_forms(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 64)
+    return compare_representations(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 64)
 
 
 def ggx(roughness, normal, view, light):
@@ -95,14 +96,16 @@ def maps(name, probe):
     """What reflects, for each roughness, never written to a file."""
     surfaces = [ggx_surface(each, F0) for each in ROUGHNESS]
     if name == "splitsum":
-        split = bake_split_sum(probe).map
-        return [shade(split, each) for each in surfaces]
-    return [bake(probe, each, TOLERANCE, representation=name).map for each in surfaces]
+        split = prefilter_split_sum(probe).map
+        return [split.shaded(each.number("roughness"), each.color("f0")) for each in surfaces]
+    if name == "shrm":
+        return [prefilter(probe, each, eps=TOLERANCE) for each in surfaces]
+    return [prefilter_explicit(probe, each, TOLERANCE, name).map for each in surfaces]
 
 
 @pytest.mark.parametrize("name", ["shrm", "cabral", "splitsum"])
 def test_errors_are_those_of_brute_force(probe, table, truth, name):
-    (result,) = (each for each in table.results if each.form.name == name)
+    (result,) = (each for each in table.results if each.representation.name == name)
     normals, _, view = disc()
     found = [each.radiance(normals, view) for each in maps(name, probe)]
     expected = [relative(*pair) for pair in zip(found, truth, strict=True)]
@@ -112,7 +115,7 @@ def test_errors_are_those_of_brute_force(probe, table, truth, name):
 
 
 def test_the_exponential_is_near_the_truth(table):
-    (result,) = (each for each in table.results if each.form.name == "she")
+    (result,) = (each for each in table.results if each.representation.name == "she")
     assert 0 < result.error < 0.3
     assert result.files == 1
 
@@ -120,16 +123,16 @@ def test_the_exponential_is_near_the_truth(table):
 def test_storage_is_that_of_files(probe, table, tmp_path):
     sizes = []
     for roughness in ROUGHNESS:
-        made = bake(probe, ggx_surface(roughness, F0), TOLERANCE, dtype=np.float32).map
-        write_map(tmp_path / "map.exr", made)
+        made = prefilter(probe, ggx_surface(roughness, F0), eps=TOLERANCE)
+        save(tmp_path / "map.exr", made)
         sizes.append(os.path.getsize(tmp_path / "map.exr"))
     first = table.results[0]
-    assert (first.form.name, first.files, first.stored) == ("shrm", 2, sum(sizes))
+    assert (first.representation.name, first.files, first.stored) == ("shrm", 2, sum(sizes))
 
 
 def test_pictures_and_shapes(table):
     assert table.truth.shape == (2, 1, 64, 64, 3)
-    assert [each.form for each in table.results] == list(FORMS)
+    assert [each.representation.name for each in table.results] == list(COMPARED)
     for each in table.results:
         assert [picture.shape for picture in each.pictures] == [(1, 64, 64, 3)] * 2
         assert each.seconds > 0

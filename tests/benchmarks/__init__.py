@@ -1,1 +1,1 @@
-"""Speed beside other people's code. `python -m tests.benchmarks` prints the table."""
+"""Comparisons of speed with other libraries. `python -m tests.benchmarks` prints the table."""

@@ -1,4 +1,4 @@
-"""Run every benchmark and print one table. Never fails because of the clock."""
+"""Run every benchmark and print one table. Slow results do not make the program fail."""
 
 from importlib import import_module
 
@@ -6,12 +6,12 @@ from shrm_cli.cli.threads import limit_small_products
 from tests.benchmarks.table import print_table
 
 MODULES = ["tests.benchmarks.bench_sphere", "tests.benchmarks.bench_process"]
-"""Each has `rows() -> Iterable[Row]`."""
+"""The modules of benchmarks, each with a function `rows() -> Iterable[Row]`."""
 
 
 def main() -> None:
-    """Collect the rows of all modules."""
-    # As the tool runs: one BLAS thread. The references take as many threads as suits them.
+    """Collect the rows of all modules and print them."""
+    # The tool runs with one BLAS thread too. The references take as many threads as suit them.
     limit_small_products()
     print_table(row for module in MODULES for row in import_module(module).rows())
 

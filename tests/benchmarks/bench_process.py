@@ -1,4 +1,7 @@
-"""Whole processes against their floor: what imports, reading and writing cost anyway."""
+"""Times of whole processes, compared with a floor that no such tool can go below.
+
+The floor is a process that imports the same libraries, and reads and writes the same files.
+"""
 
 import subprocess
 import sys
@@ -14,7 +17,7 @@ from tests.benchmarks.table import Row, measure
 
 _SHRM = [sys.executable, "-c", "from shrm_cli.cli.main import main; main()"]
 
-# What any tool in Python with these libraries must do: start, read the probe, write the arrays.
+# Any tool in Python with these libraries must do this: start, read the probe, write the arrays.
 _FLOOR = """
 import sys
 import numpy as np, OpenImageIO as oiio, OpenEXR, click, tqdm
@@ -34,7 +37,7 @@ cli(["--help"])
 
 
 def rows() -> Iterator[Row]:
-    """Yield the rows of the whole tool."""
+    """Yield the rows of the table that are about whole processes."""
     with tempfile.TemporaryDirectory() as folder:
         yield from _prefilter_rows(Path(folder))
         yield _exponential_row(Path(folder))
@@ -62,13 +65,14 @@ def _prefilter_rows(folder: Path) -> Iterator[Row]:
         )
 
 
-# The floor without the arrays, which are a few hundred bytes.
+# This floor writes nothing, because an SH exponential has a few hundred bytes.
 _READ = "\n".join(_FLOOR.splitlines()[:5])
-_FIT = 50.0  # ms
+_FIT = 50.0
+"""Milliseconds that the fit of an SH exponential may take beyond 1.5 times the floor."""
 
 
 def _exponential_row(folder: Path) -> Row:
-    """One fit from the command line: at most 1.5 times the floor, and 50 ms."""
+    """Time one fit from the command line; the bar is 1.5 times the floor plus 50 ms."""
     probe = folder / "probe.exr"
     _write_probe(probe, 1024, np.float32)
     ours = [*_SHRM, "prefilter", str(probe), "--to", "she", "-o", str(folder / "she.exr")]
@@ -94,9 +98,9 @@ def _help_row() -> Row:
 
 
 def _memory_row(folder: Path) -> Row:
-    """Peak memory, in MB in place of milliseconds."""
+    """Measure peak memory; the row holds MB in place of milliseconds."""
     probe = folder / "large.exr"
-    # In a process of its own, so that its memory is not counted as ours.
+    # The probe is written by another process, whose memory is not counted as ours.
     writer = (
         "import sys; from tests.benchmarks.bench_process import _write_probe; import numpy as np;"
         "_write_probe(sys.argv[1], 8192, np.float16)"
@@ -110,7 +114,7 @@ def _memory_row(folder: Path) -> Row:
 
 
 def _write_probe(path: Path | str, width: int, dtype: type) -> None:
-    """A probe with structure and a sun, row by row, so that the large one needs little memory."""
+    """Write a probe with structure and a sun."""
     height = width // 2
     rng = np.random.default_rng(0)
     x = np.linspace(0, 2 * np.pi, width, dtype=np.float32)
@@ -137,9 +141,10 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 
 def _peak(command: list[str]) -> float:
-    """Largest resident size of a process, MB.
+    """Measure the largest resident size of a process, MB.
 
-    It is started by a small process: Linux counts what the parent has at the start as well.
+    The process is started by a small one, because Linux counts the memory that the parent has at
+    the start as well.
     """
     started = [sys.executable, "-c", _PEAK, *command]
     return int(subprocess.run(started, check=True, capture_output=True).stdout) / 1024

@@ -1,8 +1,8 @@
-"""Analysis of lat-longs and synthesis of cubes, beside ducc0.
+"""Times of the analysis of lat-longs and the synthesis of cubes, compared with ducc0.
 
-ducc0 takes one scalar map a call, so its maps are spread either over the threads within a call
-or over as many Python threads as there are processors, whichever is faster here. It gets its
-input in its own layout and axes: nothing but the transform itself is timed.
+ducc0 takes one scalar map per call, so its work is spread either over the threads within a call or
+over as many Python threads as there are processors, whichever is faster here. It gets its input in
+its own layout and axes, so that only the transform itself is timed.
 """
 
 import os
@@ -25,7 +25,7 @@ THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 
 
 
 def rows() -> Iterable[Row]:
-    """Rows of the table."""
+    """Yield the rows of the table that are about transforms."""
     yield from _analysis_rows()
     yield from _synthesis_rows()
 
@@ -40,7 +40,7 @@ def _forget_tables() -> None:
 def _each(
     function: Callable[[int, int], Array], count: int, pool: ThreadPoolExecutor
 ) -> Callable[[], list[Array]]:
-    """Apply ``function(map, threads)`` to all maps in the fastest way."""
+    """Return a function that applies ``function(map, threads)`` to all maps in the fastest way."""
     return fastest(
         [
             lambda: [function(at, THREADS) for at in range(count)],
@@ -56,10 +56,11 @@ def _difference(ours: Array, reference: Array) -> str:
 
 
 def _probe(width: int, height: int) -> Array:
-    """A random image of order 24, shape (height, width, 3), float32.
+    """Make a random image of order 24, shape (height, width, 3), float32.
 
-    ducc0's `analysis_2d` is exact only for images without degrees above those asked for. Ours is
-    exact further up (`test_images_of_higher_order`); here both must give the same.
+    ducc0's `analysis_2d` is exact only for images without degrees above those asked for. Our
+    analysis is exact for others too (`test_images_of_higher_order`), but here both must give the
+    same result.
     """
     rng, order = np.random.default_rng(1), 24
     planes = []

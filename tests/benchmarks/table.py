@@ -1,4 +1,4 @@
-"""Rows of the benchmark table, how they are timed, and how they are printed."""
+"""The rows of the benchmark table: how they are timed, and how they are printed."""
 
 import statistics
 import time
@@ -8,19 +8,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison.
+    """One comparison with a reference.
 
     Attributes
     ----------
     name : str
+        What is timed.
     ours, reference : float
-        Medians; milliseconds unless the note says otherwise.
+        Median times of both; milliseconds unless the note says otherwise.
     ratio : float
-        Ours over the reference: the median of the pairwise ratios.
+        The median of the ratios of our time and the reference's, pair by pair.
     bar : float or None
         The largest ratio that is good enough; None for a row that only informs.
     note : str
-        What makes the comparison one of equal work.
+        Why both do equal work.
     """
 
     name: str
@@ -51,12 +52,17 @@ def measure(
     Parameters
     ----------
     name, bar, note
-        Of the row.
+        The attributes of the row.
     ours, reference : callable
+        The two functions.
     prepare : callable, optional
         Called, unmeasured, before each call of `ours`; for instance to empty its caches.
     pairs : int
         How often both are timed.
+
+    Returns
+    -------
+    Row
     """
     first, second = [], []
     for attempt in range(pairs + 1):
@@ -71,7 +77,7 @@ def measure(
 
 
 def fastest(candidates: Iterable[Callable[[], object]]) -> Callable[[], object]:
-    """The candidate with the least time in three rounds: the reference at its best."""
+    """Return the candidate with the least time in three rounds: the reference at its best."""
     candidates = list(candidates)
     best = [float("inf")] * len(candidates)
     for _ in range(3):
@@ -108,7 +114,7 @@ def print_table(rows: Iterable[Row]) -> None:
 
 
 def _milliseconds(function: Callable[[], object]) -> float:
-    # Idle BLAS threads keep spinning for some 100 ms and would slow down whoever comes next.
+    # Idle BLAS threads keep spinning for some 100 ms and would slow down the next function.
     time.sleep(0.15)
     start = time.perf_counter()
     function()

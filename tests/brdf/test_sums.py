@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.measured.reading.table_writer import write_table
+from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.models.microfacet import Microfacet

@@ -1,4 +1,4 @@
-"""Running `shrm` within a test and as a process, and files for it made without `shrm`."""
+"""Functions that run `shrm` in a test or as a process, and that make files without `shrm`."""
 
 import contextlib
 import hashlib
@@ -22,7 +22,7 @@ MAIN = "from shrm_cli.cli.main import main; main()"
 
 @dataclass(frozen=True)
 class Run:
-    """What a command line did."""
+    """The exit code, standard output and standard error of a command line."""
 
     code: int
     out: str
@@ -30,7 +30,7 @@ class Run:
 
 
 def run(*arguments):
-    """Run `shrm` in this process; its settings of the process are undone."""
+    """Run `shrm` in this process, and undo its changes to signals, warnings and environment."""
     out, err = io.StringIO(), io.StringIO()
     handler, environment = signal.getsignal(signal.SIGTERM), dict(os.environ)
     try:
@@ -50,7 +50,7 @@ def run(*arguments):
 
 
 def environment():
-    """Of a process that finds this checkout before any installed one."""
+    """Return the environment of a process that imports this checkout, not an installed shrm."""
     return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
@@ -75,14 +75,14 @@ def process(*arguments, code=MAIN):
 
 
 def done(*arguments):
-    """Standard output of a command that succeeds without a warning."""
+    """Run a command that must succeed without a warning, and return its standard output."""
     result = run(*arguments)
     assert (result.code, result.err) == (0, "")
     return result.out
 
 
 def assert_refused(result, code, *parts):
-    """One line on stderr that holds all parts, nothing on stdout."""
+    """Check the exit code, one line on stderr that holds all parts, and nothing on stdout."""
     assert result.out == ""
     assert result.err.startswith("Error: ")
     assert result.err.count("\n") == 1
@@ -95,7 +95,7 @@ def assert_refused(result, code, *parts):
 
 
 def snapshot(folder):
-    """Every path below a folder, hidden ones too, with a digest of each file."""
+    """Return every path below a folder, hidden ones too, with a digest of each file."""
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         if path.is_file()
@@ -105,7 +105,7 @@ def snapshot(folder):
 
 
 def write_exr(path, pixels, **attributes):
-    """Write an RGB EXR; attributes override the header's."""
+    """Write an RGB EXR; the attributes override those of its header."""
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     channels = {c: np.ascontiguousarray(pixels[..., k]) for k, c in enumerate("RGB")}
     OpenEXR.File(header | attributes, channels).write(str(path))
@@ -113,7 +113,7 @@ def write_exr(path, pixels, **attributes):
 
 
 def read_exr(path):
-    """Header and channels, as OpenEXR gives them."""
+    """Return the header and the channels of an EXR, as OpenEXR reads them."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         assert len(file.parts) == 1
         header = {name: value for name, value in file.header().items() if name != "channels"}
@@ -121,13 +121,13 @@ def read_exr(path):
 
 
 def noise(height=16, width=32):
-    """Random radiance, the same each time."""
+    """Return random radiance, the same each time."""
     values = np.random.default_rng(7).uniform(0, 2, (height, width, 3))
     return values.astype(np.float32)
 
 
 def polynomial_light(directions):
-    """Positive radiance of degree 3, different in each channel and without any symmetry."""
+    """Return positive radiance of degree 3 that differs between channels and has no symmetry."""
     x, y, z = np.moveaxis(np.asarray(directions, dtype=float), -1, 0)
     red = 1.5 + 0.5 * x - 0.3 * y * z + 0.2 * x * z * z
     green = 2.0 + 0.7 * y + 0.4 * x * z - 0.3 * x * y * z

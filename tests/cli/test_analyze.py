@@ -216,9 +216,9 @@ def test_without_matplotlib_numbers_and_pictures_still_come(folder, without_matp
 @pytest.mark.parametrize(
     ("arguments", "code", "parts"),
     [
-        (("--size", 32), 2, ("--size is about the probe", "--probe")),
-        (("--view", "1,2"), 2, ("--view is about the probe",)),
-        (("--yaw", 3), 2, ("--yaw is about the probe",)),
+        (("--size", 32), 2, ("--size applies with --probe", "leave it out")),
+        (("--view", "1,2"), 2, ("--view applies with --probe",)),
+        (("--yaw", 3), 2, ("--yaw applies with --probe",)),
         (("--no-plots", "-o", "x"), 2, ("exclude each other",)),
         (("--eps", 1), 2, ("not between 0 and 1",)),
         (("--order-f", 513), 2, ("513",)),
@@ -234,7 +234,7 @@ def test_what_is_refused(folder, arguments, code, parts):
     assert snapshot(folder) == before
 
 
-def test_unknown_brdfs_and_tolerances_that_cannot_be_met_are_refused(folder):
+def test_unknwhy_no_brdfs_and_tolerances_that_cannot_be_met_are_refused(folder):
     assert_refused(run("analyze", "--brdf", "fong"), 1, "did you mean phong")
     assert_refused(run("analyze"), 2, "--brdf")
     refused = run("analyze", "--brdf", "phong:exponent=1e5")

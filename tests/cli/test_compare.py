@@ -10,12 +10,11 @@ import pytest
 
 from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb
+from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.irradiance.prefilter import bake_irradiance
-from shrm_cli.maps.read import read_map
+from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.splitsum.prefilter import bake_split_sum
-from shrm_cli.maps.write import write_map
+from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer, sphere_coverage
 from shrm_cli.render.sphere import render_sphere
@@ -96,7 +95,7 @@ def by_formula(name, other, view, size):
     weights = sphere_coverage(size, *np.meshgrid(right, right))[..., None]
     inside = weights[..., 0] > 0
     found, expected = (
-        (render_sphere(read_map(path), Viewer(*view), size) / np.maximum(weights, 1e-300))[inside]
+        (render_sphere(open_map(path), Viewer(*view), size) / np.maximum(weights, 1e-300))[inside]
         for path in (other, name)
     )
     weights = weights[inside] / weights.sum() / 3
@@ -143,9 +142,9 @@ def test_numbers_of_each_view(folder):
 
 
 def test_table(folder):
-    write_map("one.exr", furnace((1, 1, 1)), "float")
-    write_map("two.exr", furnace((1, 1, 1.5)), "float")
-    write_map("a.black.one.exr", furnace((0, 0, 0)), "float")
+    save("one.exr", furnace((1, 1, 1)), "float")
+    save("two.exr", furnace((1, 1, 1.5)), "float")
+    save("a.black.one.exr", furnace((0, 0, 0)), "float")
     views = ["--view", "0,0", "--view", "-33.5,10"]
     lines = done("compare", "one.exr", "two.exr", "a.black.one.exr", *views, *SMALL).splitlines()
     assert lines == [
@@ -176,7 +175,7 @@ def test_picture_has_a_row_for_each_view(folder):
     assert told("fine.map.exr", "coarse.map.exr", *options, "-o", "c.exr")["picture"] == "c.exr"
     linear, shown = read("c.exr"), read("compare.png").astype(int)
     assert np.abs(encode_srgb(linear).astype(int) - shown).max() <= 1
-    fine, coarse = read_map("fine.map.exr"), read_map("coarse.map.exr")
+    fine, coarse = open_map("fine.map.exr"), open_map("coarse.map.exr")
     for row, view in [(2, (0, 0)), (56, (90, 5))]:
         tiles = [linear[row : row + 32, left : left + 32] for left in (2, 36, 70)]
         first, second = (render_sphere(each, Viewer(*view), 32) for each in (fine, coarse))
@@ -190,7 +189,7 @@ def test_exr_remembers_what_was_compared(folder):
     info = MapInfo(0, 0, 0.03, 1.0, 0.0, chromaticities=P3)
     wide = Shrm(np.ones((24, 4, 1, 3), np.float32), "global", "reflection", info)
     (folder / "in").mkdir()
-    write_map("in/wide.exr", wide)
+    save("in/wide.exr", wide)
     view = ["--size", 16, "--view", "5,6"]
     done("compare", "in/wide.exr", "in/wide.exr", "-o", "one.exr", *view, "--amplify", 2)
     done("compare", "in/wide.exr", "fine.map.exr", "-o", "two.exr", *view)
@@ -211,7 +210,7 @@ def test_exr_remembers_what_was_compared(folder):
 def test_maps_of_the_same_name_have_labels_with_their_folders(folder, monkeypatch):
     for name in ("x", "y"):
         (folder / name).mkdir()
-        write_map(f"{name}/map.EXR", furnace((1, 1, 1)))
+        save(f"{name}/map.EXR", furnace((1, 1, 1)))
     found = []
 
     def note(self, first, names, *numbers):
@@ -262,7 +261,7 @@ def test_truth_obeys_the_options_of_the_probe(folder):
 
 def test_truth_against_brute_force(folder):
     """Black differs from the truth by all of the truth: its mean square over the disc."""
-    write_map("black.exr", furnace((0, 0, 0)))
+    save("black.exr", furnace((0, 0, 0)))
     options = ["--brdf", SPEC, "--view", "40,20", "--size", 48, "--no-picture"]
     found = told("black.exr", "--probe", "room.exr", *options)["summary"][0]
     azimuth, elevation = np.radians([40, 20])
@@ -327,10 +326,10 @@ def test_progress_of_the_truth(folder, monkeypatch):
 
     monkeypatch.setattr("shrm_cli.cli.compare.progress_bar", Bar)
     done("compare", "fine.map.exr", "--probe", "room.exr", *SMALL)
-    assert {total for _, total in seen} == {48}
-    steps = [rows for rows, _ in seen]
+    (total,) = {total for _, total in seen}
+    steps = [steps for steps, _ in seen]
     assert steps == sorted(steps)
-    assert steps[-1] == 48
+    assert steps[-1] == total
     assert len(set(steps)) > 6  # within views too
 
 
@@ -356,7 +355,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_refused_in_one_line_before_anything_is_written(folder, case):
     arguments, *parts = REFUSED[case]
-    write_map("plain.exr", furnace((1, 1, 1)))
+    save("plain.exr", furnace((1, 1, 1)))
     before = snapshot(folder)
     assert_refused(run("compare", *arguments), 1, *parts)
     assert snapshot(folder) == before
@@ -369,7 +368,7 @@ def test_folder_without_permission(folder, monkeypatch):
 
 
 def test_values_that_no_float_holds(folder):
-    write_map("bright.exr", furnace((5e37, 1, 1)), "float")
+    save("bright.exr", furnace((5e37, 1, 1)), "float")
     before = snapshot(folder)
     arguments = ["bright.exr", "fine.map.exr", "--size", 16, "-o", "x.exr"]
     assert_refused(run("compare", *arguments, "--exposure", 4), 1, "x.exr", "not finite in 32-bit")
@@ -389,9 +388,12 @@ def test_full_disk(folder, name):
 USAGE = {
     "nothing": ([], "MAP..."),
     "one map": (["fine.map.exr"], "name another, or give --probe"),
-    "BRDF alone": (["a", "b", "--brdf", "phong"], "--brdf is about the truth; give --probe"),
-    "height alone": (["a", "b", "--source-height", 9], "--source-height is about the truth"),
-    "yaw alone": (["a", "b", "--yaw", 0], "--yaw is about the truth; give --probe"),
+    "BRDF alone": (["a", "b", "--brdf", "phong"], "--brdf applies with --probe; leave it out"),
+    "height alone": (
+        ["a", "b", "--source-height", 9],
+        "--source-height applies with --probe; leave",
+    ),
+    "yaw alone": (["a", "b", "--yaw", 0], "--yaw applies with --probe; leave it out"),
     "two wishes": (["a", "b", "-o", "x.png", "--no-picture"], "--no-picture exclude each other"),
     "view": (["a", "b", "--view", "0"], "--view"),
     "elevation": (["a", "b", "--view", "0,91"], "--view"),
@@ -417,7 +419,7 @@ def test_wrong_usage(folder, case):
 
 def test_a_broken_picture_leaves_the_old_one(folder):
     write_image("compare.exr", noise())
-    write_map("bright.exr", furnace((5e37, 1, 1)), "float")
+    save("bright.exr", furnace((5e37, 1, 1)), "float")
     before = snapshot(folder)
     arguments = ["bright.exr", "fine.map.exr", "--size", 16, "--exposure", 4, "-o", "compare.exr"]
     assert_refused(run("compare", *arguments), 1, "compare.exr")
@@ -432,8 +434,8 @@ def engines(folder):
     """Maps of white light of radiance 2: a split sum, irradiance, and an SHRM of GGX."""
     write_exr("white.exr", np.full((16, 32, 3), 2, np.float32))
     probe = open_probe("white.exr")
-    write_map("white.splitsum.exr", bake_split_sum(probe, (0.5, 0.7, 1.0), size=8).map)
-    write_map("white.irradiance.exr", bake_irradiance(probe).map)
+    save("white.splitsum.exr", prefilter_split_sum(probe, (0.5, 0.7, 1.0), size=8).map)
+    save("white.irradiance.exr", prefilter_irradiance(probe).map)
     done("prefilter", "white.exr", "--brdf", "ggx:f0=1/0.5/0.04,roughness=0.7", "-o", "ggx.exr",
          "--order-f", 16, "--order-p", 8, "--quiet")  # fmt: skip
     return folder
@@ -499,13 +501,13 @@ def test_the_surface_is_in_the_recipe(engines):
 
 SURFACE = {
     "roughness of none": (["fine.map.exr", "coarse.map.exr", "--roughness", 0.5], "and no MAP is"),
-    "f0 of none": (["fine.map.exr", "coarse.map.exr", "--f0", 1], "--f0 is for split sums"),
-    "range": (["a", "b", "--roughness", "0.5..1"], "a range of --roughness is for --represent"),
+    "f0 of none": (["fine.map.exr", "coarse.map.exr", "--f0", 1], "--f0 applies to split sums"),
+    "range": (["a", "b", "--roughness", "0.5..1"], "--roughness applies as a range with --rep"),
     "falling": (["a", "b", "--roughness", "1..0.5"], "does not rise"),
     "smooth": (["a", "b", "--roughness", 0.01], "--roughness"),
     "f0": (["a", "b", "--f0", "2"], "f0=2 is outside 0 .. 1"),
-    "eps": (["a", "b", "--eps", 0.1], "--eps is for --representations"),
-    "steps": (["a", "b", "--steps", 3], "--steps is for --representations"),
+    "eps": (["a", "b", "--eps", 0.1], "--eps applies with --representations"),
+    "steps": (["a", "b", "--steps", 3], "--steps applies with --representations"),
 }
 
 

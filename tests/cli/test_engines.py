@@ -10,8 +10,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.read import read_map
-from shrm_cli.maps.representations import as_shrm, map_count
+from shrm_cli.maps.file import open_map
 from tests import oracles
 from tests.brute_force import sphere_rule
 from tests.cli.helpers import (
@@ -98,7 +97,7 @@ def test_json_says_what_the_file_holds(sound, kind):
     assert values["file"] == f"probe.{kind}.exr"
     assert values["bytes"] == os.path.getsize(values["file"])
     assert values["warnings"] == []
-    made = read_map(values["file"])
+    made = open_map(values["file"])
     assert made.representation == kind
     assert (made.info.probe, made.info.probe_sha256) == (values["probe"], values["probe_sha256"])
     assert values["precision"] == ("float" if kind == "she" else "half")
@@ -132,10 +131,10 @@ def test_two_runs_give_identical_bytes(folder, small, kind):
 
 @pytest.mark.parametrize(("kind", "count"), [("irradiance", 1), ("splitsum", 2), ("she", 0)])
 def test_what_engines_use_is_no_shrm(sound, kind, count):
-    made = read_map(f"probe.{kind}.exr")
-    assert map_count(made) == count
+    made = open_map(f"probe.{kind}.exr")
+    assert made.cube_count == count
     with pytest.raises(MapError, match=f"{kind} has no SHRM"):
-        as_shrm(made)
+        made.to_shrm()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -172,7 +171,7 @@ def test_a_black_probe_gives_a_black_map(folder, kind):
     result = run("prefilter", "black.exr", "--to", kind, *SMALL[kind])
     assert result.code == 0
     assert result.err == "Warning: black.exr: the probe is black\n"
-    made = read_map(f"black.{kind}.exr")
+    made = open_map(f"black.{kind}.exr")
     shown = made if kind == "irradiance" else made.shaded(0.7, (1.0, 1.0, 1.0))
     normals = oracles.random_directions(np.random.default_rng(0), 20)
     assert np.abs(shown.radiance(normals, normals)).max() < 1e-6
@@ -242,14 +241,14 @@ FOREIGN = [
 def test_options_that_say_nothing_are_refused(folder, kind, options, name, owner):
     before = snapshot(folder)
     result = run("prefilter", "probe.exr", "--to", kind, *options)
-    assert_refused(result, 2, f"Invalid value for '{name}': is for --to ", owner)
+    assert_refused(result, 2, f"Error: {name} applies with --to ", owner)
     assert snapshot(folder) == before
 
 
 @pytest.mark.parametrize("kind", ["shrm", "cabral", "kautz-mccool", "lightfield"])
 def test_other_representations_need_a_brdf(folder, kind):
     result = run("prefilter", "probe.exr", "--to", kind)
-    assert_refused(result, 2, "Missing option '--brdf'", f"--to {kind}", "shrm prefilter --help")
+    assert_refused(result, 2, "--brdf is missing", f"--to {kind} needs", "shrm prefilter --help")
 
 
 @pytest.mark.parametrize(
@@ -328,7 +327,7 @@ def test_coefficients_and_cube_are_the_integrals(folder):
 def test_any_order(folder, order):
     values = prefiltered("irradiance", "--order-f", order)
     assert (values["order_f"], values["coefficients"]) == (order, (order + 1) ** 2)
-    made = read_map("probe.irradiance.exr")
+    made = open_map("probe.irradiance.exr")
     assert made.coefficients.shape == ((order + 1) ** 2, 3)
     assert values["lighting_coefficients"] == made.coefficients.tolist()
     header, _ = read_exr("probe.irradiance.exr")
@@ -380,7 +379,7 @@ def test_what_a_window_costs_is_reported(folder):
     )
     text = done("prefilter", "probe.exr", "--to", "irradiance", "--window", "hann:4")
     assert "window         hann of width 4: takes " in text
-    made = read_map("probe.irradiance.exr")
+    made = open_map("probe.irradiance.exr")
     assert made.window.name == "hann"
     np.testing.assert_allclose(made.window.factors, [1, (1 + np.sqrt(0.5)) / 2, 0.5], atol=1e-12)
 
@@ -460,7 +459,7 @@ def test_mappings(folder, mapping):
         "unreal": [2 ** (-2 / 1.2), 2 ** (-1 / 1.2), 1],
     }[mapping]
     assert [level["roughness"] for level in values["levels"]] == pytest.approx(expected)
-    made = read_map("probe.splitsum.exr")
+    made = open_map("probe.splitsum.exr")
     assert made.mapping == mapping
     assert made.roughness == pytest.approx(expected, rel=1e-6)
 
@@ -498,7 +497,7 @@ def test_levels_that_cannot_be_made(folder):
 def test_orders_and_range_of_an_exponential(folder):
     values = prefiltered("she", "--p-order", 3, "--q-order", 1, "--roughness", "0.6..0.9")
     assert (values["p_order"], values["q_order"]) == (3, 1)
-    made = read_map("probe.she.exr")
+    made = open_map("probe.she.exr")
     assert (len(made.p_coefficients), len(made.q_coefficients)) == (16, 3)
     assert made.ggx_alpha == pytest.approx((0.36, 0.81), rel=1e-6)
     header, channels = read_exr("probe.she.exr")
@@ -524,7 +523,7 @@ def test_defaults_go_together(folder, kind):
 def test_sampling_of_the_written_cubes(folder, kind):
     for sampling in ("center", "border"):
         prefiltered(kind, *SMALL[kind], "--map-sampling", sampling)
-        assert read_map(f"probe.{kind}.exr").sampling == sampling
+        assert open_map(f"probe.{kind}.exr").sampling == sampling
         with OpenEXR.File(f"probe.{kind}.exr") as file:
             tagged = ["envmap" in part.header for part in file.parts]
         assert set(tagged) == {sampling == "border"}
@@ -601,7 +600,7 @@ def test_every_flipped_byte_is_survived(sound, kind):
         broken[position] ^= 1 << int(rng.integers(8))
         Path("b.exr").write_bytes(broken)
         try:
-            read_map("b.exr")
+            open_map("b.exr")
         except MapError as error:
             messages.append(str(error))
     assert len(messages) > 30

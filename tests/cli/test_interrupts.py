@@ -110,13 +110,13 @@ def test_sigint_while_it_computes(folder):
     code = f"""
 import signal, time, shrm_cli.maps.shrm.prefilter
 signal.signal(signal.SIGINT, signal.default_int_handler)
-def bake(*_, **__):
-    print("baking", flush=True)
+def prefilter_shrm(*_, **__):
+    print("prefiltering", flush=True)
     time.sleep(20)
-shrm_cli.maps.shrm.prefilter.bake = bake
+shrm_cli.maps.shrm.prefilter.prefilter_shrm = prefilter_shrm
 {MAIN}"""
     with start(*WRITE, code=code) as child:
-        assert child.stdout.readline() == "baking\n"
+        assert child.stdout.readline() == "prefiltering\n"
         child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=30)
     assert (child.returncode, out, err.strip()) == (130, "", "Error: interrupted")

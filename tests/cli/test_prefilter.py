@@ -7,7 +7,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from shrm_cli.maps.read import read_map
+from shrm_cli.maps.file import open_map
 from tests import brute_force, oracles
 from tests.cli.helpers import (
     assert_refused,
@@ -155,7 +155,7 @@ def test_half_is_the_rounded_float(folder, frame):
 def test_our_reader_finds_the_same_values(folder):
     done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", "out.exr", "--precision", "float")
     np.testing.assert_array_equal(
-        read_map("out.exr").coefficients, stacked(read_exr("out.exr")[1], 2)
+        open_map("out.exr").coefficients, stacked(read_exr("out.exr")[1], 2)
     )
 
 
@@ -391,4 +391,4 @@ def test_an_order_that_the_brdf_does_not_have_is_told(folder):
     result = run("prefilter", "probe.exr", "--brdf", "phong", "--order-p", 3, "-o", "m.exr")
     assert result.code == 0
     assert "phong does not depend on the view, so P = 0 only" in result.err
-    assert read_map("m.exr").order_p == 0
+    assert open_map("m.exr").order_p == 0

@@ -9,8 +9,9 @@ import pytest
 
 from shrm_cli.analysis import representations
 from shrm_cli.errors import OrderError
-from shrm_cli.maps.splitsum.prefilter import bake_split_sum
-from shrm_cli.maps.write import write_map
+from shrm_cli.maps.file import save
+from shrm_cli.maps.shrm import prefilter as shrm
+from shrm_cli.maps.splitsum import prefilter as splitsum
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, snapshot, write_exr
 from tests.oracles import latlong_pixels
 from tests.render.materials import furnace
@@ -23,19 +24,19 @@ TWO = [*QUICK, "--roughness", "0.6..1", "--steps", 2]
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Current folder with a smooth probe and a map; split sums of two levels are quick."""
-    quick = partial(bake_split_sum, levels=(0.5, 1.0), size=16)
-    monkeypatch.setattr(representations, "bake_split_sum", quick)
+    quick = partial(splitsum.prefilter, levels=(0.5, 1.0), size=16)
+    monkeypatch.setattr(splitsum, "prefilter", quick)
     directions = latlong_pixels(32, 16)
     write_exr(tmp_path / "room.exr", polynomial_light(directions).astype(np.float32))
-    write_map(tmp_path / "white.shrm.exr", furnace((1, 1, 1)))
+    save(tmp_path / "white.shrm.exr", furnace((1, 1, 1)))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def only_shrm(monkeypatch):
-    """For what does not depend on the other forms: they take a second."""
-    monkeypatch.setattr(representations, "FORMS", representations.FORMS[:1])
+    """For what does not depend on the other representations: they take a second."""
+    monkeypatch.setattr(representations, "COMPARED", ("shrm",))
 
 
 def told(*arguments):
@@ -118,7 +119,7 @@ def test_defaults(folder, monkeypatch):
         seen.append((surfaces, tolerance, viewers, size, height))
         raise OrderError("stop here")
 
-    monkeypatch.setattr(representations, "compare_forms", note)
+    monkeypatch.setattr(representations, "compare_representations", note)
     run("compare", "room.exr", "--representations")
     run("compare", "room.exr", "--representations", "-o", "x.png")
     (surfaces, tolerance, viewers, size, height), (*_, picture_size, _) = seen
@@ -130,7 +131,7 @@ def test_defaults(folder, monkeypatch):
 
 def test_the_sheet_has_a_row_for_each_roughness(folder):
     out = done("compare", "room.exr", *TWO, "-o", "sheet.exr", "--exposure", 1)
-    layout = representations.sheet_layout(2, 16)
+    layout = representations.table_layout(2, 16)
     assert layout.columns == 5
     height, width = layout.shape
     assert out.splitlines()[-1] == f"sheet.exr: {width} x {height}, half"
@@ -160,12 +161,11 @@ def test_sheets_have_the_same_bytes_twice(folder, only_shrm):
 
 
 def test_what_cannot_be_made_is_said(folder, monkeypatch):
-    def fail(probe, surfaces, tolerance):
+    def fail(*_, **__):
         raise OrderError("too sharp")
 
-    broken = representations.Form("shrm", "SHRM", fail, True)
-    forms = broken, representations.FORMS[-1]
-    monkeypatch.setattr(representations, "FORMS", forms)
+    monkeypatch.setattr(shrm, "prefilter", fail)
+    monkeypatch.setattr(representations, "COMPARED", ("shrm", "cabral"))
     result = run("compare", "room.exr", *TWO, "-o", "x.png")
     assert result.code == 0
     assert result.err.splitlines() == [
@@ -230,12 +230,21 @@ USAGE = {
     "map": (["white.shrm.exr", *QUICK], "white.shrm.exr is a map; --representations takes a light"),
     "two": (["room.exr", "room.exr", *QUICK], "takes a single light probe, not 2 files"),
     "nothing": (QUICK, "MAP..."),
-    "probe": (["room.exr", *QUICK, "--probe", "room.exr"], "leave --probe out"),
-    "brdf": (["room.exr", *QUICK, "--brdf", "phong"], "--brdf is for maps"),
-    "amplify": (["room.exr", *QUICK, "--amplify", 2], "--amplify is for maps"),
-    "no picture": (["room.exr", *QUICK, "--no-picture"], "--no-picture is for maps"),
-    "exposure": (["room.exr", *QUICK, "--exposure", 2], "--exposure is about the picture; give -o"),
-    "steps": (["room.exr", *QUICK, "--roughness", 1, "--steps", 2], "--steps is for a range"),
+    "probe": (
+        ["room.exr", *QUICK, "--probe", "room.exr"],
+        "--probe applies without --representations",
+    ),
+    "brdf": (["room.exr", *QUICK, "--brdf", "phong"], "--brdf applies to maps, without --rep"),
+    "amplify": (["room.exr", *QUICK, "--amplify", 2], "--amplify applies to maps, without --rep"),
+    "no picture": (
+        ["room.exr", *QUICK, "--no-picture"],
+        "--no-picture applies to maps, without --rep",
+    ),
+    "exposure": (
+        ["room.exr", *QUICK, "--exposure", 2],
+        "--exposure applies to the picture, with -o",
+    ),
+    "steps": (["room.exr", *QUICK, "--roughness", 1, "--steps", 2], "--steps applies to a range"),
     "one step": (["room.exr", *QUICK, "--steps", 1], "--steps"),
     "eps": (["room.exr", "--representations", "--eps", 1], "--eps"),
     "range": (["room.exr", *QUICK, "--roughness", "0.01..1"], "--roughness"),

@@ -2,10 +2,16 @@
 
 import numpy as np
 
+from shrm_cli.maps.explicit.cabral import Cabral
+from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
+from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from tests import oracles
 from tests.brute_force import unit
+
+EXPLICIT = {"cabral": Cabral, "kautz-mccool": KautzMcCool, "lightfield": LightField}
+"""The classes of explicit maps by the names of their representations."""
 
 
 def random_coefficients(rng, order_f, order_p):
@@ -23,11 +29,13 @@ def make_info(order_f, order_p):
 
 
 def make_shrm(order_f=4, order_p=2, size=8, center="reflection", seed=0, **options):
-    """A random band-limited SHRM; `options` as `Shrm.build` takes them."""
+    """A random band-limited SHRM; `options` as `Shrm.from_coefficients` takes them."""
     rng = np.random.default_rng(seed)
     lighting = rng.normal(size=((order_f + 1) ** 2, 3))
     brdf = random_coefficients(rng, order_f, order_p)
-    return Shrm.build(lighting, brdf, center, make_info(order_f, order_p), size=size, **options)
+    return Shrm.from_coefficients(
+        lighting, brdf, center, make_info(order_f, order_p), size=size, **options
+    )
 
 
 def normals_of(centers, views, center="reflection"):

@@ -52,9 +52,9 @@ def test_one_brdf_for_all():
         (
             [MICROFACET, LAMBERT],
             "1.exr: its BRDF is lambertian, but that of 0.exr is microfacet:sigma=0.1,ior=1.7; "
-            "give --brdf",
+            "give `brdf`",
         ),
-        ([{}], "0.exr: its BRDF, unknown, cannot be evaluated; give --brdf"),
+        ([{}], "0.exr: its BRDF, unknown, cannot be evaluated; give `brdf`"),
         ([{"name": "velvet", "parameters": {}}], "0.exr: its BRDF, velvet, cannot be"),
         ([{"name": "phong", "parameters": {"exponent": "x"}}], "phong:exponent=x, cannot be"),
         ([{"name": "phong", "parameters": {"exponent": None}}], "phong:exponent=None, cannot"),
@@ -81,7 +81,7 @@ def test_no_common_brdf(records, message):
 def test_what_a_file_says_runs_no_code(tmp_path, monkeypatch, record):
     (tmp_path / "evil.py").write_text("open('done', 'w').close()\n")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(BrdfError, match="cannot be evaluated; give --brdf"):
+    with pytest.raises(BrdfError, match="cannot be evaluated; give `brdf`"):
         common_brdf({"a.exr": info(record)})
     assert not (tmp_path / "done").exists()
 

@@ -9,7 +9,6 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.resample import resample
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from tests.brute_force import unit
 from tests.maps.scenes import make_shrm, normals_of, relative_rms, rms, uniform_points
@@ -30,10 +29,10 @@ def values_of(made):
 @pytest.mark.parametrize("name", MAKERS)
 def test_the_same_cube_is_the_same_map(name):
     made = MAKERS[name](make_shrm(size=4))
-    assert resample(made, None, None) is made
-    assert resample(made, 4, None) is made
-    assert resample(made, None, "center") is made
-    assert resample(made, 4, "center") is made
+    assert made.resampled(None, None) is made
+    assert made.resampled(4, None) is made
+    assert made.resampled(None, "center") is made
+    assert made.resampled(4, "center") is made
 
 
 @pytest.mark.parametrize(
@@ -50,7 +49,7 @@ def test_as_if_built_there(name, frame, sampling, size, to):
     """Degree F + P = 5 at 32 texels a face: the cubic filter's error."""
     source = MAKERS[name](make_shrm(order_f=3, size=32, sampling=sampling, frame=frame))
     truth = MAKERS[name](make_shrm(order_f=3, size=size, sampling=to, frame=frame))
-    found = resample(source, size, to)
+    found = source.resampled(size, to)
     assert type(found) is type(source)
     assert (found.size, found.sampling, found.frame) == (size, to, truth.frame)
     assert replace(found.info, added_error=0.0) == replace(source.info, added_error=0.0)
@@ -64,7 +63,7 @@ def test_as_if_built_there(name, frame, sampling, size, to):
 def test_errors_fall_with_the_third_power_of_the_size():
     errors = [
         relative_rms(
-            resample(make_shrm(order_f=3, size=size), 24, "center").coefficients,
+            make_shrm(order_f=3, size=size).resampled(24, "center").coefficients,
             make_shrm(order_f=3, size=24).coefficients,
         )
         for size in (10, 20, 40)
@@ -78,9 +77,14 @@ def test_errors_fall_with_the_third_power_of_the_size():
 def test_compressed_maps_keep_their_components(count, frame):
     shrm = make_shrm(order_f=3, size=32, frame=frame)
     made = CompressedShrm.from_shrm(shrm, count)
-    found = resample(made, 20, "border")
+    found = made.resampled(20, "border")
     assert isinstance(found, CompressedShrm)
-    assert (found.count, found.size, found.sampling, found.frame) == (count, 20, "border", frame)
+    assert (found.cube_count, found.size, found.sampling, found.frame) == (
+        count,
+        20,
+        "border",
+        frame,
+    )
     assert replace(found.info, added_error=0.0) == replace(made.info, added_error=0.0)
     centers, views = unit(np.random.default_rng(51), 500), unit(np.random.default_rng(52), 500)
     if frame == "local" and count < 9:
@@ -94,7 +98,7 @@ def test_compressed_maps_keep_their_components(count, frame):
 @pytest.mark.parametrize("name", MAKERS)
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_tiny_maps(name, size):
-    found = resample(MAKERS[name](make_shrm(order_f=1, order_p=1, size=4)), size, "border")
+    found = MAKERS[name](make_shrm(order_f=1, order_p=1, size=4)).resampled(size, "border")
     assert (found.size, found.sampling) == (size, "border")
     assert np.isfinite(found.radiance(*uniform_points(20))).all()
 
@@ -102,14 +106,14 @@ def test_tiny_maps(name, size):
 @pytest.mark.parametrize("name", MAKERS)
 def test_size_is_bounded_before_anything_is_allocated(name):
     made = MAKERS[name](make_shrm(size=2))
-    with pytest.raises(MapError, match="lower --size"):
-        resample(made, 3_000_000, None)
+    with pytest.raises(MapError, match="lower `size`"):
+        made.resampled(3_000_000, None)
 
 
 @pytest.mark.parametrize("name", MAKERS)
 def test_precision_is_kept(name):
     for dtype in (np.float32, np.float64):
-        made = resample(MAKERS[name](make_shrm(size=4, dtype=dtype)), 6, None)
+        made = MAKERS[name](make_shrm(size=4, dtype=dtype)).resampled(6, None)
         if isinstance(made, CompressedShrm):
             assert made.components.dtype == dtype
         else:

@@ -1,1 +1,1 @@
-"""The tables and figures of the paper's results, made anew with what `shrm` computes."""
+"""The tables and figures of the papers that `shrm` implements, made anew with its results."""

@@ -1,4 +1,4 @@
-"""`make tables`: the papers' tables and figures, made anew."""
+"""The program of `make tables`: it makes the papers' tables and figures anew."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ SOURCE_HEIGHT = 128
 
 
 def main(folder: Path) -> None:
-    """Write the page and its pictures into a folder."""
-    limit_libraries(1)  # both sides of every comparison have one thread
-    with settings.using(threads=1, cache=False):  # sampling the BRDF is part of what is timed
+    """Write the page, a Markdown file, and its pictures into a folder."""
+    limit_libraries(1)  # both sides of every comparison get one thread
+    with settings.using(threads=1, cache=False):  # the times include sampling the BRDF
         _write_page(folder)
 
 
@@ -58,7 +58,7 @@ def _write_page(folder: Path) -> None:
 
 
 def _pictures(folder: Path, interior: Probe, studio: Probe) -> list[str]:
-    """The parts of the page whose work is not timed."""
+    """Return the parts of the page whose work is not timed."""
     from shrm_cli.probe.probe import open_probe
     from tests.paper import exponentials, figures, page, page_engines, spheres
     from tests.paper.irradiance import irradiance_rows
@@ -85,7 +85,7 @@ def _pictures(folder: Path, interior: Probe, studio: Probe) -> list[str]:
 
 
 def _find(name: str) -> Path:
-    """A real probe, or the shipped studio where there is none."""
+    """Find a real probe, or take the shipped studio where there is none."""
     for folder in PROBES:
         if (folder / f"{name}.exr").exists():
             return folder / f"{name}.exr"
@@ -93,7 +93,7 @@ def _find(name: str) -> Path:
 
 
 def _real(names: Sequence[str]) -> list[Path]:
-    """The real probes that are there, or the shipped ones."""
+    """Find those of some real probes that are there, or take two shipped ones."""
     for folder in PROBES[:-1]:
         found = [folder / f"{name}.exr" for name in names if (folder / f"{name}.exr").exists()]
         if found:

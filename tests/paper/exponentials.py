@@ -1,7 +1,8 @@
 """SH exponentials and split sums beside the truth: spheres of twelve roughnesses and two f0.
 
-The test of Silvennoinen et al. 2025, section 5.1: eight probes, f0 of 1 and .04, twelve alphas
-``r^2`` with r evenly from .5 to 1, and the ratio of the mean squared errors of sphere pictures.
+This is the test of Silvennoinen et al. 2025, section 5.1. It has eight probes, f0 of 1 and .04, and
+twelve alphas ``r^2`` with r evenly from .5 to 1. Its results are ratios of mean squared errors of
+sphere pictures.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,22 +16,22 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
-from shrm_cli.maps.she.prefilter import bake_exponential
+from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import Probe
 from tests.paper.glossy_truth import Light, Sphere, light_of, mirror_means, reflect, sphere
 from tests.paper.split_sum import PaperSplitSum, source_of
 
 Array = NDArray[np.floating]
 Method = Callable[[int, float], Array]
-"""From a roughness' place and an f0 to radiance, shape (pixels, 3 * probes)."""
+"""A function of a roughness' index and an f0 that returns radiance, shape (pixels, 3 * probes)."""
 
 NAMES = "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset"
 F0 = 1.0, 0.04
 ROUGHNESSES = tuple(np.linspace(0.5, 1.0, 12).tolist())
 VIEWS = (0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 0, -1), (0, 1, 0), (0, -1, 0)
-"""The first is the front."""
+"""Directions to the viewer; the first is the front."""
 _FRONT_SIZE, _SIZE = 64, 32
-"""Of the pictures, in pixels."""
+"""Width and height in pixels of the picture from the front, and of the others."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,12 @@ class Scene:
     ----------
     probes : tuple of Probe
     roughnesses : tuple of float
-        Perceptual.
+        Perceptual roughnesses.
     spheres : tuple of Sphere
     light : Light
+        The probes as lights.
     truth : ndarray, shape (2, roughnesses, pixels of all spheres, 3 * probes)
-        E0 and E1 of `reflect`.
+        The integrals E0 and E1 of `reflect`.
     means : ndarray, shape (roughnesses, pixels of all spheres, 3 * probes)
         The exact first factor of the split sum, at the pixels' own R and for each roughness.
     """
@@ -78,11 +80,11 @@ class Scene:
         return np.concatenate([each.views for each in self.spheres])
 
     def exact(self, k: int, f0: float) -> Array:
-        """The truth, a `Method`."""
+        """Return the true radiance; this is a `Method`."""
         return np.asarray(f0 * self.truth[0, k] + (1 - f0) * self.truth[1, k])
 
     def errors(self, method: Method) -> Array:
-        """Mean squared errors over the pixels and channels of each picture.
+        """Compute a method's mean squared error over the pixels and channels of each picture.
 
         Returns
         -------
@@ -99,13 +101,13 @@ class Scene:
 
 
 def exponentials(scene: Scene, **options: Any) -> Method:
-    """SH exponentials of all probes, baked with some options."""
-    maps = [bake_exponential(probe, **options).map for probe in scene.probes]
+    """Fit SH exponentials to all probes, with options of `prefilter`."""
+    maps = [prefilter_exponential(probe, **options).map for probe in scene.probes]
     return evaluate(scene, maps)
 
 
 def evaluate(scene: Scene, maps: Sequence[SphericalHarmonicExponential]) -> Method:
-    """What `radiance` of the shaded maps is, with the geometry worked out once for all probes."""
+    """Return `radiance` of shaded maps as a method that computes the geometry only once."""
     normals, views = scene.normals, scene.views
     cosines = np.sum(normals * views, axis=-1)
     moments = [LobeMoments(roughness).at(cosines) for roughness in scene.roughnesses]
@@ -119,12 +121,12 @@ def evaluate(scene: Scene, maps: Sequence[SphericalHarmonicExponential]) -> Meth
 
 
 def exact_split_sum(scene: Scene) -> Method:
-    """Our split sum without noise, texels or levels between: the lobe's integral at each pixel."""
+    """Our split sum without noise, texels and levels: the lobe is integrated at each pixel."""
     return _split_sum(scene, lambda k: scene.means[k])
 
 
 def paper_split_sum(scene: Scene, filtered: bool) -> Method:
-    """The split sum as the paper and engines run it; see `split_sum`."""
+    """The split sum as the paper and engines run it; see the module `split_sum`."""
     source = source_of([probe.image() for probe in scene.probes])
     directions = np.concatenate([each.mirrored for each in scene.spheres])
     made = PaperSplitSum(source, directions, filtered)
@@ -132,7 +134,7 @@ def paper_split_sum(scene: Scene, filtered: bool) -> Method:
 
 
 def _split_sum(scene: Scene, means: Callable[[int], Array]) -> Method:
-    """A first factor, times the environment-BRDF."""
+    """Multiply a first factor by the environment-BRDF."""
     cosines = np.sum(scene.normals * scene.views, axis=-1)
     albedos = [DirectionalAlbedo(roughness).scale_bias(cosines) for roughness in scene.roughnesses]
 
@@ -145,13 +147,15 @@ def _split_sum(scene: Scene, means: Callable[[int], Array]) -> Method:
 
 @dataclass(frozen=True)
 class Contest:
-    """Mean squared errors of one method over those of another.
+    """The mean squared errors of one method, divided by those of another.
 
     Attributes
     ----------
     name : str
+        The heading of its columns.
     front, six : ndarray, shape (f0, roughnesses, probes)
-        Ratios of the picture from the front, and of the mean of six pictures.
+        The ratio of the errors of the picture from the front, and the ratio of the mean errors of
+        six pictures.
     """
 
     name: str
@@ -160,12 +164,12 @@ class Contest:
 
     @classmethod
     def of(cls, name: str, ours: Array, other: Array) -> "Contest":
-        """From two results of `Scene.errors`."""
+        """Compare two results of `Scene.errors`."""
         return cls(name, ours[..., 0] / other[..., 0], ours.mean(axis=-1) / other.mean(axis=-1))
 
 
 def share(ratios: Array) -> float:
-    """Part of the cases with the smaller error."""
+    """The part of the cases with a ratio below 1, where the first method has the smaller error."""
     return float(np.mean(ratios < 1))
 
 
@@ -175,20 +179,20 @@ def geometric_mean(ratios: Array) -> float:
 
 @dataclass(frozen=True)
 class Results:
-    """The three comparisons, and how the error falls.
+    """Three comparisons with split sums, and how the error falls with more coefficients.
 
     Attributes
     ----------
     names : tuple of str
-        Of the probes.
+        The names of the probes.
     paper : tuple of Contest
-        (a) The paper's fit against the split sum as it is run.
+        Comparison (a), the paper's fit against the split sum as the paper runs it.
     plain : tuple of Contest
-        (b) The paper's fit against the exact split sum.
+        Comparison (b), the paper's fit against the exact split sum.
     best : tuple of Contest
-        (c) Our fit against the exact split sum.
+        Comparison (c), our fit against the exact split sum.
     falls : Contest
-        Our fit with more coefficients against that with 33.
+        Our fit with more coefficients against our fit with 33.
     """
 
     names: tuple[str, ...]
@@ -199,14 +203,14 @@ class Results:
 
 
 def compare(probes: Sequence[Probe]) -> Results:
-    """All of it: about a minute for eight probes."""
+    """Make all comparisons, which takes about a minute for eight probes."""
     spheres = [sphere(v, _SIZE if k else _FRONT_SIZE) for k, v in enumerate(VIEWS)]
     scene = Scene.of(probes, ROUGHNESSES, spheres)
     exact = scene.errors(exact_split_sum(scene))
     noisy, filtered = (scene.errors(paper_split_sum(scene, each)) for each in (False, True))
     paper = scene.errors(exponentials(scene, law="paper"))
     ours = scene.errors(exponentials(scene))
-    more = scene.errors(exponentials(scene, order_p=6, order_q=4))
+    more = scene.errors(exponentials(scene, p_order=6, q_order=4))
     wide = scene.errors(exponentials(scene, roughness=(0.2, 1.0)))
     return Results(
         tuple(Path(probe.name).stem for probe in probes),

@@ -1,4 +1,8 @@
-"""Figures 5.5, 5.6, 5.8 and 5.9: curves, pictures, and the errors of the methods."""
+"""Figures 5.5, 5.6, 5.8 and 5.9: curves, pictures, and the errors of the methods.
+
+They are figures of chapter 5 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward
+and Inverse Rendering" (2002).
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,10 +15,10 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.picture import write_picture
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.representations import Map, map_count
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.orders import predicted_error
 from shrm_cli.probe.lighting import Lighting, project
@@ -25,7 +29,7 @@ from shrm_cli.render.comparison import compare_spheres
 
 ORDER_F = 30
 _HIGH_F, _HIGH_P = 48, 16
-"""Orders at which the reflected light counts as known."""
+"""The orders F and P to which the reflected light counts as known."""
 _PICTURE_SIZE = 128
 _SOURCE_HEIGHT = 128
 _VIEWERS = (Viewer(20, 15), Viewer(140, -10))
@@ -33,13 +37,13 @@ _VIEWERS = (Viewer(20, 15), Viewer(140, -10))
 
 @dataclass(frozen=True)
 class Method:
-    """What one method makes of one BRDF.
+    """The storage and the errors of one method for one BRDF.
 
     Attributes
     ----------
     name : str
     maps : int
-        RGB cubes that it stores.
+        The number of RGB cubes that it stores.
     expected : float
         Relative RMS error of the reflected light over all orientations and views, from the
         coefficients (Parseval), against light known to orders 48 and 16.
@@ -54,7 +58,7 @@ class Method:
 
 
 def figure_5_5(probe: Probe, folder: Path) -> str:
-    """Accuracy of Phong, s = 32, against F; the file's name."""
+    """Plot the accuracy for a Phong lobe, s = 32, against F, and return the file's name."""
     grid = energy_grid(parse_spec("phong:exponent=32"), [0.01], ORDER_F)
     lighting = project(probe, grid.coefficients.order_f)
     curve = accuracy_curve(lighting, grid.coefficients, ORDER_F, 0)
@@ -67,9 +71,10 @@ def figure_5_5(probe: Probe, folder: Path) -> str:
 
 
 def figure_5_6(probe: Probe, folder: Path) -> tuple[str, list[tuple[int, float, float, float]]]:
-    """Pictures for P = 0 .. 5 and the truth; the file's name, and for each P its numbers.
+    """Draw pictures for P = 0 .. 5 and the truth; return the file's name and the rows of a table.
 
-    These are P, the fraction of energy, the predicted and the pictured relative RMS error.
+    A row holds P, the captured fraction of the BRDF's energy, and the predicted and the pictured
+    relative RMS error.
     """
     brdf = parse_spec("microfacet:sigma=0.2")
     coefficients = compute_coefficients(brdf, 64, 8)
@@ -93,11 +98,11 @@ def figure_5_6(probe: Probe, folder: Path) -> tuple[str, list[tuple[int, float, 
 
 
 def figure_5_8(probe: Probe, folder: Path) -> tuple[str, list[Method]]:
-    """Kautz and McCool's 3D texture beside the SHRM with as many maps: microfacet, sigma .5."""
+    """Draw Kautz and McCool's 3D texture beside an SHRM of as many maps: microfacet, sigma .5."""
     brdf = parse_spec("microfacet:sigma=0.5")
     light, coefficients, whole = _known(probe, brdf)
     shrm = whole.truncated(5)
-    texture = KautzMcCool.from_shrm(whole, map_count(shrm))
+    texture = KautzMcCool.from_shrm(whole, shrm.cube_count)
     return _compare(folder / "figure-5.8.png", probe, brdf, [
         ("SHRM, P = 5", shrm, predicted_error(light.power(), coefficients, _HIGH_F, 5)),
         ("Kautz-McCool", texture, texture.info.added_error),
@@ -107,7 +112,7 @@ def figure_5_8(probe: Probe, folder: Path) -> tuple[str, list[Method]]:
 def figure_5_9(
     probe: Probe, folder: Path, brdf: Brdf, order_p: int, name: str
 ) -> tuple[str, list[Method]]:
-    """Cabral's icosahedral interpolation beside an SHRM with no more maps."""
+    """Draw Cabral's icosahedral interpolation beside an SHRM with no more maps."""
     light, coefficients, whole = _known(probe, brdf)
     shrm = whole.truncated(order_p)
     if coefficients.azimuth_free:
@@ -124,22 +129,22 @@ LOBES_5_9: tuple[tuple[Brdf, int, str], ...] = (
     (parse_spec("kajiya-kay:exponent=32"), 11, "figure-5.9-kajiya-kay.png"),
     (parse_spec("microfacet:sigma=0.2"), 2, "figure-5.9-microfacet.png"),
 )
-"""BRDF, P of an SHRM with twelve maps or less, and the picture's name."""
+"""The BRDFs of figure 5.9, each with P of an SHRM of twelve maps or less, and a picture's name."""
 
 
 def _known(probe: Probe, brdf: Brdf) -> tuple[Lighting, BrdfCoefficients, Shrm]:
-    """Light, BRDF and SHRM to orders at which nothing is missing that counts."""
+    """Compute light, BRDF and SHRM to orders beyond which nothing counts."""
     coefficients = compute_coefficients(brdf, _HIGH_F, _HIGH_P, accuracy=1e-3)
     lighting = project(probe, _HIGH_F)
     info = MapInfo(_HIGH_F, _HIGH_P, 0.0, 0.0, 0.0)
-    whole = Shrm.build(
+    whole = Shrm.from_coefficients(
         lighting.coefficients, coefficients.values, brdf.center, info, 64, dtype=np.float32
     )
     return lighting, coefficients, whole
 
 
 def _without_azimuth(shrm: Shrm) -> Shrm:
-    """The P + 1 local maps with q = 0, of a BRDF that has no others but by rounding."""
+    """Keep the P + 1 local maps with q = 0, for a BRDF whose other maps are rounding alone."""
     local = shrm.to_frame("local")
     zonal = [q == 0 for p in range(local.order_p + 1) for q in range(-p, p + 1)]
     return replace(local, coefficients=local.coefficients * np.array(zonal)[:, None])
@@ -151,10 +156,10 @@ def _compare(
     truth = Reference(probe, brdf, _SOURCE_HEIGHT)
     maps = [each for _, each, _ in methods]
     comparison = compare_spheres(truth, maps, _VIEWERS, _PICTURE_SIZE)
-    names = [f"{name}, {map_count(each)} maps" for name, each, _ in methods]
+    names = [f"{name}, {each.cube_count} maps" for name, each, _ in methods]
     peak = np.percentile(comparison.baseline.max(axis=-1), 97)
     write_picture(path, comparison.picture("exact", names, float(-np.log2(max(peak, 1e-6)))))
     return path.name, [
-        Method(name, map_count(each), expected, comparison.difference(k).relative_rmse)
+        Method(name, each.cube_count, expected, comparison.difference(k).relative_rmse)
         for k, (name, each, expected) in enumerate(methods)
     ]

@@ -1,8 +1,8 @@
-"""What spheres of GGX reflect, by brute force.
+"""The light that spheres of GGX reflect, by brute force.
 
-Nothing here is shared with `shrm_cli` but the reading and averaging of probes. With Schlick's
-Fresnel term the reflected light is ``f0 E0 + (1 - f0) E1``: two integrals serve every f0, and one
-matrix of a sphere's pixels and a probe's serves all probes.
+Nothing here is shared with `shrm_cli` except the reading and averaging of probes. With Schlick's
+Fresnel term the reflected light is ``f0 E0 + (1 - f0) E1``, so that two integrals serve every f0.
+One matrix, over the pixels of a sphere and of a probe, serves all probes.
 """
 
 from collections.abc import Sequence
@@ -19,20 +19,24 @@ from tests.paper.irradiance import latlong_pixels
 Array = NDArray[np.floating]
 
 SOURCE_ROWS = 128
-"""Probes are averaged down to 256 x 128. At alpha = .25 that is within 1 % RMS of the truth from
-512 x 256 (2 % in Fresnel's tail under the lamps of a night), a small part of any method's error."""
+"""Probes are averaged down to this height, 256 x 128. At alpha = .25 the result is within 1 % RMS
+of that from 512 x 256 (2 % for Fresnel's tail under the lamps of a night), which is a small part of
+any method's error."""
 _AT_ONCE = 2**17
-"""Pairs of a pixel and a light: what stays in a processor's cache takes a quarter of the time."""
+"""Pairs of a pixel and a light that are computed at a time. Because they stay in the processor's
+cache, the sums take a quarter of the time."""
 _RINGS = 20000
+"""Rings about N that the integral of a lobe is summed over."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """Several probes as the same lights.
+    """Several probes as lights of the same directions.
 
     Attributes
     ----------
     directions : ndarray, shape (m, 3)
+        Unit vectors to the lights.
     power : ndarray, shape (m, 3 * probes)
         Radiance times solid angle.
     """
@@ -43,13 +47,14 @@ class Light:
 
 @dataclass(frozen=True)
 class Sphere:
-    """Pixels of a sphere that a distant viewer sees, row by row.
+    """The n pixels of a sphere that a distant viewer sees, row by row.
 
     Attributes
     ----------
     normals, views : ndarray, shape (n, 3)
+        Unit vectors in world axes; views point to the viewer.
     inside : ndarray, shape (size, size)
-        Which pixels of the picture they are.
+        Whether each pixel of the picture shows the sphere.
     """
 
     normals: Array
@@ -58,13 +63,13 @@ class Sphere:
 
     @property
     def mirrored(self) -> Array:
-        """R, shape (n, 3)."""
+        """The mirror directions R, shape (n, 3)."""
         cosines = np.sum(self.normals * self.views, axis=1, keepdims=True)
         return 2 * cosines * self.normals - self.views
 
 
 def light_of(probes: Sequence[Probe], rows: int = SOURCE_ROWS) -> Light:
-    """Probes averaged to as many rows."""
+    """Turn probes into lights, averaged down to a number of rows."""
     directions, solid = latlong_pixels(rows)
     power = [to_grid(probe, LatLong(rows)) * solid[..., None] for probe in probes]
     return Light(
@@ -74,7 +79,7 @@ def light_of(probes: Sequence[Probe], rows: int = SOURCE_ROWS) -> Light:
 
 
 def sphere(view: ArrayLike, size: int) -> Sphere:
-    """A sphere that fills a picture of as many pixels across; V points to the viewer."""
+    """Make a sphere that fills a picture of `size` x `size` pixels; `view` points to the viewer."""
     view = np.asarray(view, dtype=float)
     middles = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = np.meshgrid(middles, -middles)
@@ -89,9 +94,9 @@ def sphere(view: ArrayLike, size: int) -> Sphere:
 
 
 def reflect(pixels: Sphere, light: Light, alphas: Sequence[float]) -> Array:
-    """E0 and E1 for each of GGX's alphas, shape (2, len(alphas), n, channels).
+    """Integrate E0 and E1 for each of GGX's alphas, shape (2, len(alphas), n, channels).
 
-    Heights' correlation after Smith: Heitz 2014, eq. 99.
+    The masking and shadowing term is Smith's with correlated heights, eq. 99 of Heitz 2014.
     """
     result = np.empty((2, len(alphas), len(pixels.normals), light.power.shape[1]))
     directions = light.directions.T
@@ -99,7 +104,7 @@ def reflect(pixels: Sphere, light: Light, alphas: Sequence[float]) -> Array:
         normals, views = (each[part].astype(np.float32) for each in (pixels.normals, pixels.views))
         n_v = np.sum(normals * views, axis=1)[:, None]
         n_l = normals @ directions
-        length = np.sqrt(np.maximum(2 + 2 * (views @ directions), 1e-12))  # of L + V
+        length = np.sqrt(np.maximum(2 + 2 * (views @ directions), 1e-12))  # the length of L + V
         n_h2 = ((n_l + n_v) / length) ** 2
         tail = (1 - length / 2) ** 5  # V.H is half the length
         n_l = np.maximum(n_l, 0)
@@ -115,12 +120,15 @@ def reflect(pixels: Sphere, light: Light, alphas: Sequence[float]) -> Array:
 
 
 def mirror_means(mirrored: Array, light: Light, alphas: Sequence[float]) -> Array:
-    """The split sum's first factor: means of the light by GGX's lobe for N = V = R.
+    """Compute the split sum's first factor: means of the light by GGX's lobe for N = V = R.
 
     Parameters
     ----------
     mirrored : ndarray, shape (n, 3)
-        R.
+        Mirror directions R.
+    light : Light
+    alphas : sequence of float
+        GGX's alphas.
 
     Returns
     -------
@@ -143,12 +151,12 @@ def _parts(count: int, light: Light) -> list[slice]:
 
 
 def _distribution(n_h2: Array, a2: float) -> Array:
-    """GGX's D of N.H squared."""
+    """Compute GGX's distribution D from the square of N.H."""
     return a2 / (np.pi * (1 - (1 - a2) * n_h2) ** 2)
 
 
 def _lobe(cosines: Array, alpha: float) -> Array:
-    """``f_DV N.L`` for N = V at cosines of L."""
+    """Compute ``f_DV N.L`` for N = V from the cosines N.L."""
     a2 = alpha * alpha
     n_l = np.maximum(cosines, 0)
     return (

@@ -1,4 +1,8 @@
-"""Chapter 4's claim: nine coefficients are within 1 % of the light on average, and 5 % at most."""
+"""The claim that the irradiance of nine coefficients has an error of 1 % on average, 5 % at most.
+
+It is made in chapter 4 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward and
+Inverse Rendering" (2002). Equations 4.x are those of that chapter.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,44 +11,48 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.irradiance.prefilter import bake_irradiance
+from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe, open_probe
 
 Array = NDArray[np.floating]
 
 CLAIMED = 0.01, 0.05
-"""Average and maximum error, as fractions of the light's total intensity (section 4.3.1)."""
+"""The claimed average and maximum error, as fractions of the light's total intensity (section 4.3.1
+of the thesis)."""
 PROVEN = 0.0307, 0.094
-"""The same for any light whatever: the mean and the largest error of order 2 for one distant
-light, of which all others are sums. The thesis rounds to 3 % and 9 %."""
+"""Proven bounds of the same errors for any light: the mean and the largest error of order 2 for one
+distant light. All other lights are sums of such lights. The thesis rounds to 3 % and 9 %."""
 
 _NORMALS = 2000
-_BLOCK = 4  # pixels along an edge that are taken together
+"""The number of normals where irradiance is compared."""
+_BLOCK = 4
+"""Blocks of pixels with this many along an edge are taken together as one light."""
 _AT_ONCE = 2**13
+"""The number of lights that are summed over at a time."""
 
 
 @dataclass(frozen=True)
 class IrradianceRow:
     """How far the irradiance of nine coefficients is from the truth under one probe.
 
-    Errors are fractions of the light's total intensity (the integral of the radiance), of the
-    worst channel.
+    Errors are fractions of the light's total intensity, which is the integral of the radiance. They
+    are those of the worst channel.
 
     Attributes
     ----------
     name : str
-        Of the probe.
+        The name of the probe.
     average, maximum : float
-        Over the normals, without a window.
+        The errors over the normals, without a window.
     minimum : float
-        Least irradiance of any normal and channel, as such a fraction.
+        Least irradiance of any normal and channel, as a fraction of the total intensity.
     window : str
-        The factors of the degrees that `auto` chose.
+        The factors of the degrees that the window ``auto`` chose.
     auto_average, auto_maximum, auto_minimum : float
-        The same with it.
+        The same as `average`, `maximum` and `minimum`, with this window.
     auto_change : float
-        Relative RMS difference of the irradiance with it and without.
+        Relative RMS difference of the irradiance with this window and without.
     degree_4 : float
         Amplitude of the light's degree 4 over that of its mean, ``sqrt(sum_m L_4m^2) / L_00``:
         the first degree that is left out, and most of the error. A single distant light has 3.
@@ -67,16 +75,16 @@ class IrradianceRow:
 
 
 def irradiance_rows(probes: Sequence[Path]) -> list[IrradianceRow]:
-    """The claim under each of several center-sampled lat-longs."""
+    """Test the claim under each of several probes, which must be center-sampled lat-longs."""
     return [irradiance_row(open_probe(path)) for path in probes]
 
 
 def irradiance_row(probe: Probe) -> IrradianceRow:
-    """The claim under one probe."""
+    """Test the claim under one probe."""
     directions, light = small_lights(probe.image())
     normals = _spread(_NORMALS)
     truth, total = integrate(normals, directions, light), light.sum(axis=0)
-    plain, windowed = bake_irradiance(probe), bake_irradiance(probe, window="auto")
+    plain, windowed = prefilter_irradiance(probe), prefilter_irradiance(probe, window="auto")
     found, damped = plain.map.irradiance(normals), windowed.map.irradiance(normals)
     errors, damped_errors = (np.abs(each - truth) / total for each in (found, damped))
     window, power = windowed.map.window, project(probe, 4).power().sum(axis=1)
@@ -95,7 +103,7 @@ def irradiance_row(probe: Probe) -> IrradianceRow:
 
 
 def irradiance_table(rows: Sequence[IrradianceRow]) -> tuple[list[str], list[list[str]]]:
-    """Head and body of the page's table."""
+    """Return head and body of the page's table."""
     head = [
         "probe", "average", "maximum", "claim kept", "least E", "window auto", "average",
         "maximum", "least E", "RMS change by the window", "degree 4 of the light over its mean",
@@ -113,9 +121,9 @@ def irradiance_table(rows: Sequence[IrradianceRow]) -> tuple[list[str], list[lis
 
 
 def small_lights(image: Array) -> tuple[Array, Array]:
-    """A lat-long as lights: unit directions and radiance times solid angle, shape (n, 3) each.
+    """Turn a lat-long into n lights: unit directions and radiance times solid angle, both (n, 3).
 
-    Neighbouring pixels are taken together, in the direction that their light comes from.
+    Neighbouring pixels are taken together as one light, in the mean direction of their light.
     """
     directions, solid = latlong_pixels(image.shape[0])
     light = image.astype(float) * solid[..., None]
@@ -125,7 +133,10 @@ def small_lights(image: Array) -> tuple[Array, Array]:
 
 
 def latlong_pixels(height: int) -> tuple[Array, Array]:
-    """Directions of a lat-long's pixels, (height, 2 height, 3), and solid angles, (height, 1)."""
+    """Return directions and solid angles of a lat-long's pixels.
+
+    Their shapes are (height, 2 height, 3) and (height, 1).
+    """
     width = 2 * height
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (edges[:-1] - edges[1:])[:, None] * (2 * np.pi / width)
@@ -141,7 +152,7 @@ def latlong_pixels(height: int) -> tuple[Array, Array]:
 
 
 def integrate(normals: Array, directions: Array, light: Array) -> Array:
-    """Irradiance by the sum over all lights (eq. 4.1), shape (len(normals), 3)."""
+    """Compute irradiance by the sum over all lights (eq. 4.1), shape (len(normals), 3)."""
     result = np.zeros((len(normals), 3))
     facing, lights = normals.astype(np.float32), directions.astype(np.float32).T
     power = light.astype(np.float32)
@@ -153,14 +164,14 @@ def integrate(normals: Array, directions: Array, light: Array) -> Array:
 
 
 def _blocks(values: Array) -> Array:
-    """Sums over blocks of neighbours, in one row, shape (n, channels)."""
+    """Sum over blocks of neighbours, and list the sums, shape (n, channels)."""
     rows, columns, channels = values.shape
     split = values.reshape(rows // _BLOCK, _BLOCK, columns // _BLOCK, _BLOCK, channels)
     return split.sum(axis=(1, 3)).reshape(-1, channels)
 
 
 def _spread(count: int) -> Array:
-    """Normals spread evenly: the golden angle's spiral."""
+    """Spread normals evenly along the spiral of the golden angle."""
     z = (2 * np.arange(count) + 1) / count - 1
     turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
     return np.stack(

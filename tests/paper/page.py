@@ -1,4 +1,4 @@
-"""The page that puts the paper's numbers beside ours, as Markdown."""
+"""The page that puts the thesis' numbers beside ours, as Markdown."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ from tests.paper.timings import ANGULAR_TOLERANCE, VIEW_COUNT, Timing
 
 
 def introduction(processor: str, numpy: str) -> str:
-    """What the page is."""
+    """Write the title, and what the page is."""
     return f"""# The paper's tables and figures, made anew
 
 Ramamoorthi, *A Signal-Processing Framework for Forward and Inverse Rendering* (2002), chapter 5.
@@ -23,7 +23,7 @@ and the lobe cut where it holds all but {ANGULAR_TOLERANCE:g} of its light (eq. 
 
 
 def table_5_4(rows: Sequence[Timing]) -> str:
-    """Of Phong lobes."""
+    """Write table 5.4, the times for Phong lobes."""
     size = rows[0].size
     body = [
         (
@@ -46,7 +46,7 @@ F = 1 + sqrt(6 s). {_texels(size)}
 
 
 def table_5_5(rows: Sequence[Timing]) -> str:
-    """Of microfacet lobes."""
+    """Write table 5.5, the times for microfacet lobes."""
     size = rows[0].size
     body = [
         (
@@ -73,7 +73,7 @@ random, and scaled. {_texels(size)}
 
 
 def figure_5_5(file: str, probe: str) -> str:
-    """Accuracy against F."""
+    """Write the part on figure 5.5, the accuracy against F."""
     return f"""
 ## Figure 5.5: accuracy against the order F
 
@@ -85,7 +85,7 @@ conservative; the one by the BRDF's error alone is what `--eps` uses.
 
 
 def figure_5_6(file: str, rows: Sequence[tuple[int, float, float, float]]) -> str:
-    """Pictures for P = 0 .. 5."""
+    """Write the part on figure 5.6, pictures for P = 0 .. 5."""
     body = [
         (f"{p}", f"{captured:.1%}", f"{predicted:.1%}", f"{pictured:.1%}")
         for p, captured, predicted, pictured in rows
@@ -102,7 +102,7 @@ The paper: P = 2 suffices for eps < .03. Differences are not amplified.
 
 
 def figure_5_8(file: str, methods: Sequence[Method]) -> str:
-    """Kautz and McCool's method."""
+    """Write the part on figure 5.8, Kautz and McCool's method."""
     return f"""
 ## Figure 5.8: the SHRM and Kautz and McCool's 3D texture at equal storage
 
@@ -115,7 +115,7 @@ dependence on the azimuth the 3D texture leaves out. Differences are not amplifi
 
 
 def figure_5_9(file: str, brdf: str, methods: Sequence[Method]) -> str:
-    """Cabral's method."""
+    """Write the part on figure 5.9, Cabral's method."""
     return f"""
 ## Figure 5.9: the SHRM and Cabral's icosahedral interpolation, {brdf}
 
@@ -158,6 +158,6 @@ def _verdict(row: Timing) -> str:
 
 
 def table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
+    """Write a table in Markdown."""
     lines = [head, ["---"] * len(head), *body]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)

@@ -1,4 +1,4 @@
-"""The page's part on what engines use: irradiance, split sums and SH exponentials."""
+"""The page's part on the maps that engines use: irradiance, split sums and SH exponentials."""
 
 from collections.abc import Callable, Sequence
 from textwrap import fill
@@ -14,13 +14,16 @@ from tests.paper.split_sum import SAMPLES, SIZES
 Array = NDArray[np.floating]
 
 _PAPER_SHARE = 0.95
-"""Of the paper's 192 cases, those in which its fit is nearer to the truth than the split sum."""
+"""The part of the paper's 192 cases in which its fit is nearer to the truth than the split sum.
+
+The paper is Silvennoinen et al. 2025.
+"""
 _WANTED = 0.75, 0.55
-"""Least share of cases, and largest geometric mean, that our fit is to reach."""
+"""The least share of cases, and the largest geometric mean of ratios, that our fit must reach."""
 
 
 def irradiance(rows: Sequence[IrradianceRow]) -> str:
-    """Chapter 4's claim."""
+    """Write the part on the claim of chapter 4 of Ramamoorthi's thesis."""
     broken = [row for row in rows if not row.keeps_claim]
     bounds = all(row.average < PROVEN[0] and row.maximum < PROVEN[1] for row in rows)
     alike = np.corrcoef([row.degree_4 for row in rows], [row.average for row in rows])[0, 1]
@@ -44,7 +47,7 @@ with a correlation of {alike:.2f}.
 
 
 def exponentials(results: Results, picture: str, pictured: Sequence[str]) -> str:
-    """The three comparisons of SH exponentials and split sums."""
+    """Write the part on the three comparisons of SH exponentials and split sums."""
     cases = results.best[0].front.size
     noisy, filtered = results.paper
     plain, best = results.plain[0], results.best[0]
@@ -108,7 +111,7 @@ errors. The split sum is the exact one. Differences are not amplified; each F0 h
 
 
 def _contests(contests: Sequence[Contest], names: Sequence[str]) -> str:
-    """Rows: all cases, each f0, alpha and probe."""
+    """Write a table with rows for all cases, and for each f0, alpha and probe."""
     picks: list[tuple[str, Callable[[Array], Array]]] = [("**all**", lambda ratios: ratios)]
     picks += [(f"F0 {f0:g}", lambda ratios, i=i: ratios[i]) for i, f0 in enumerate(F0)]
     picks += [
@@ -149,14 +152,14 @@ def _verdict(contest: Contest) -> str:
 
 
 def _ahead_from(ratios: Array) -> str:
-    """The least alpha from which all geometric means are below 1."""
+    """Find the least alpha from which on all geometric means are below 1."""
     behind = [geometric_mean(ratios[:, k]) >= 1 for k in range(len(ROUGHNESSES))]
     first = max((k + 1 for k, each in enumerate(behind) if each), default=0)
     return f"{ROUGHNESSES[first] ** 2:.2f}" if first < len(ROUGHNESSES) else "none"
 
 
 def _filled(page: str) -> str:
-    """Paragraphs broken into lines anew: how long their numbers are is not known before."""
+    """Break paragraphs into lines anew, because the length of their numbers is not known before."""
     blocks = [
         block if block.startswith(("|", "#", "!")) else fill(block, 100)
         for block in page.strip().split("\n\n")

@@ -21,10 +21,10 @@ _FILE = "exponentials.png"
 
 
 def spheres(probes: Sequence[Probe], folder: Path) -> str:
-    """Draw the sheet, a method in each row, and for every probe its own rows; the file's name.
+    """Draw a sheet of spheres, and return its file's name.
 
-    Labels give alpha, f0, and the relative RMS error. Pictures of one probe and f0 have one
-    exposure.
+    Each probe has a row for every method. Labels give alpha and f0, or the relative RMS error.
+    Pictures of one probe and f0 have the same exposure.
     """
     scene = Scene.of(probes, np.sqrt(ALPHAS).tolist(), [sphere((0, 0, 1), _SIZE)])
     methods = {

@@ -1,13 +1,14 @@
-"""The split sum as engines run it, and as the SH exponentials' paper compares with.
+"""The split sum as engines run it, which the paper on SH exponentials compares with too.
 
-Octahedral maps, one for each of some roughnesses; each texel a mean of 1024 directions that GGX's
-distribution chooses for N = V = R, weighted by N.L. (That lobe is ``D N.L``; the exact one has
-Smith's term too.) It shares no code with `shrm_cli`.
+It has an octahedral map for each of some roughnesses. A texel is the mean of the light from 1024
+directions, which GGX's distribution chooses for N = V = R, weighted by N.L. (The lobe of such means
+is ``D N.L``; the exact lobe has Smith's term too.) This module shares no code with `shrm_cli`.
 
 References
 ----------
-Karis 2013, Real shading in Unreal Engine 4 (PrefilterEnvMap); Krivanek & Colbert 2008, Real-time
-shading with filtered importance sampling; Cigolle et al. 2014 for the octahedral map.
+Silvennoinen et al. 2025, Spherical harmonic exponentials for efficient glossy reflections.
+Karis 2013, Real shading in Unreal Engine 4 (PrefilterEnvMap). Krivanek and Colbert 2008, Real-time
+shading with filtered importance sampling. Cigolle et al. 2014, for the octahedral map.
 """
 
 from collections.abc import Sequence
@@ -21,22 +22,26 @@ Array = NDArray[np.floating]
 Indices = NDArray[np.intp]
 
 SAMPLES = 1024
+"""Directions for each texel."""
 SIZES = (128, 64, 32, 32, 32, 32)
-"""Texels along an edge: no less than 32, as in the paper. A first map of 256 changes the errors by
-a few percent, or by the noise that there is."""
+"""Texels along an edge of each map; none has less than 32, as in the paper. A first map of 256
+would change the errors by a few percent, or by no more than their noise."""
 ROUGHNESSES = tuple(np.linspace(np.sqrt(0.2), 1.0, len(SIZES)).tolist())
-"""Of the levels, perceptual: alpha from .2 to 1, the same range that the exponentials have."""
+"""Perceptual roughnesses of the maps: alpha goes from .2 to 1, as for the exponentials."""
 _TEXELS_AT_ONCE = 128
+"""The number of texels that are computed at a time."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Several lat-longs and their mips, each half as high as the one before.
+    """Several lat-longs of one size and their mips, each half as high as the one before.
 
     Attributes
     ----------
     heights : tuple of int
+        The height of each mip.
     pixels : ndarray, shape (pixels of all mips, 3 * probes)
+        The pixels of one mip after the other.
     """
 
     heights: tuple[int, ...]
@@ -44,7 +49,7 @@ class Source:
 
 
 def source_of(images: Sequence[Array]) -> Source:
-    """Of lat-longs of one size, (h, 2h, 3) each."""
+    """Make the mips of lat-longs of one size, shape (h, 2h, 3) each."""
     mips = [np.concatenate(list(images), axis=-1).astype(np.float32)]
     while mips[-1].shape[0] > 1:
         above = mips[-1]
@@ -56,13 +61,13 @@ def source_of(images: Sequence[Array]) -> Source:
 
 
 class PaperSplitSum:
-    """The first factor of the split sum, of several probes at once.
+    """The first factor of the split sum, for several probes at once.
 
     Parameters
     ----------
     source : Source
     directions : ndarray, shape (n, 3)
-        Mirror directions R that will be asked for. Only texels beside them are made.
+        The mirror directions R that `at` returns light for. Only texels beside them are made.
     filtered : bool
         Whether a sample reads the mip whose pixels are as large as the part of the lobe that it
         stands for, or always the lat-long itself. Both are filtered between pixels.
@@ -75,7 +80,7 @@ class PaperSplitSum:
         ]
 
     def at(self, roughness: float) -> Array:
-        """Light about each R, mixed linearly from two levels: (n, 3 * probes)."""
+        """Return the light about each R, mixed linearly from two levels, shape (n, 3 * probes)."""
         position = float(np.interp(roughness, ROUGHNESSES, np.arange(len(SIZES))))
         low = min(int(position), len(SIZES) - 2)
         weight = position - low
@@ -93,7 +98,7 @@ class PaperSplitSum:
 
 
 def prefilter(source: Source, normals: Array, alpha: float, filtered: bool) -> Array:
-    """Means of the light for N = V = R at some normals, shape (n, 3 * probes)."""
+    """Compute means of the light for N = V = R at some normals, shape (n, 3 * probes)."""
     lights, weights, lods = _samples(alpha, source.heights[0])
     lods = lods if filtered else np.zeros_like(lods)
     result = np.empty((len(normals), source.pixels.shape[1]))
@@ -105,24 +110,25 @@ def prefilter(source: Source, normals: Array, alpha: float, filtered: bool) -> A
 
 
 def _samples(alpha: float, height: int) -> tuple[Array, Array, Array]:
-    """Directions L about the normal, their weights, and the mips to read, of a lat-long."""
+    """Return directions L about the normal, their weights, and the mips of a lat-long to read."""
     count = np.arange(SAMPLES)
     first = (count + 0.5) / SAMPLES
     second = np.array([int(f"{k:010b}"[::-1], 2) for k in count]) / SAMPLES
-    cosine2 = (1 - second) / (1 + (alpha**2 - 1) * second)  # of H
+    cosine2 = (1 - second) / (1 + (alpha**2 - 1) * second)  # the square of N.H
     n_l = 2 * cosine2 - 1
     across = np.sqrt(np.maximum(1 - n_l**2, 0))
     turn = 2 * np.pi * first
     lights = np.stack([across * np.cos(turn), across * np.sin(turn), n_l], axis=1)
     distribution = alpha**2 / (np.pi * (1 + (alpha**2 - 1) * cosine2) ** 2)
-    # The density of L is D N.H / (4 V.H), and N = V. A pixel at the equator is (pi / height)^2.
+    # The density of L is D N.H / (4 V.H), which is D / 4 for N = V. The solid angle of a pixel at
+    # the equator is (pi / height)^2.
     lods = 0.5 * np.log2(4 / (SAMPLES * distribution) / (np.pi / height) ** 2)
     above = n_l > 0
     return lights[above], n_l[above] / n_l[above].sum(), np.maximum(lods[above], 0)
 
 
 def _read(source: Source, lights: Array, weights: Array, lods: Array, frames: Array) -> Array:
-    """Weighted sums over all samples about each of some frames (n, 3, 3)."""
+    """Sum over all weighted samples about each of some frames, shape (n, 3, 3)."""
     columns: list[Indices] = []
     values: list[Array] = []
     offset = 0
@@ -143,7 +149,7 @@ def _read(source: Source, lights: Array, weights: Array, lods: Array, frames: Ar
 
 
 def latlong_corners(directions: Array, height: int) -> tuple[Indices, Array]:
-    """The four pixels about each direction, of a flat lat-long, and their weights: (..., 4)."""
+    """Find the four pixels of a flat lat-long about each direction, and their weights: (..., 4)."""
     x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
     across = (0.5 - np.arctan2(x, z) / np.float32(2 * np.pi)) * 2 * height - 0.5
     down = np.arccos(np.clip(y, -1, 1)) * np.float32(height / np.pi) - 0.5
@@ -159,7 +165,7 @@ def latlong_corners(directions: Array, height: int) -> tuple[Indices, Array]:
 
 
 def octahedral_directions(texels: Indices, size: int) -> Array:
-    """Unit vectors at the middles of some texels, shape (n, 3)."""
+    """Return unit vectors to the middles of some texels, shape (n, 3)."""
     rows, columns = np.divmod(texels, size)
     u, v = (2 * (each + 0.5) / size - 1 for each in (columns, rows))
     z = 1 - np.abs(u) - np.abs(v)
@@ -169,7 +175,7 @@ def octahedral_directions(texels: Indices, size: int) -> Array:
 
 
 def octahedral_corners(directions: Array, size: int) -> tuple[Indices, Array]:
-    """The four texels about each direction, also across edges, and their weights: (n, 4)."""
+    """Find the four texels about each direction, also across edges, and their weights: (n, 4)."""
     x, y, z = (directions / np.abs(directions).sum(axis=1, keepdims=True)).T
     folded_x, folded_y = _fold(x, y)
     across = (np.where(z < 0, folded_x, x) + 1) / 2 * size - 0.5
@@ -179,7 +185,7 @@ def octahedral_corners(directions: Array, size: int) -> tuple[Indices, Array]:
     rows = np.stack([top, top, top + 1, top + 1], axis=1)
     h, v = across - left, down - top
     weights = np.stack([(1 - h) * (1 - v), h * (1 - v), (1 - h) * v, h * v], axis=1)
-    # Beyond an edge of the square is the same edge, the other way round.
+    # Each edge of the square is joined to itself, the other way round.
     beyond_sides, beyond_ends = (np.isin(each, (-1, size)) for each in (columns, rows))
     columns, rows = np.clip(columns, 0, size - 1), np.clip(rows, 0, size - 1)
     turned_rows = np.where(beyond_sides, size - 1 - rows, rows)
@@ -188,12 +194,12 @@ def octahedral_corners(directions: Array, size: int) -> tuple[Indices, Array]:
 
 
 def _fold(x: Array, y: Array) -> tuple[Array, Array]:
-    """The lower half of the octahedron, turned outwards about the square's inner diamond."""
+    """Turn the lower half of the octahedron outwards about the square's inner diamond."""
     return (1 - np.abs(y)) * np.where(x < 0, -1, 1), (1 - np.abs(x)) * np.where(y < 0, -1, 1)
 
 
 def _frames(normals: Array) -> Array:
-    """Rows tangent, bitangent, normal, as Karis chooses them: (n, 3, 3)."""
+    """Return frames of tangent, bitangent and normal as rows, as Karis 2013 has them: (n, 3, 3)."""
     upright = np.abs(normals[:, 2:]) < 0.999
     up = np.where(upright, np.array([0.0, 0, 1]), np.array([1.0, 0, 0]))
     tangents = np.cross(up, normals)

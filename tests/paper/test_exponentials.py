@@ -1,10 +1,10 @@
-"""What `make tables` says of SH exponentials, on a small part of its cases; and its tools."""
+"""Tests of what `make tables` says of SH exponentials, on few of its cases, and of its tools."""
 
 import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.she.prefilter import bake_exponential
+from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -45,13 +45,13 @@ def test_our_fit_wins_against_the_exact_split_sum(scene):
 
 def test_more_coefficients_bring_the_error_down(scene):
     ours = scene.errors(exponentials.exponentials(scene))
-    more = scene.errors(exponentials.exponentials(scene, order_p=6, order_q=4))
+    more = scene.errors(exponentials.exponentials(scene, p_order=6, q_order=4))
     assert exponentials.geometric_mean(more / ours) < 0.9
 
 
 def test_exponentials_of_all_probes_at_once_are_those_of_each(scene):
     found = exponentials.exponentials(scene)(1, 0.04)
-    single = bake_exponential(scene.probes[2]).map.shaded(ROUGHNESSES[1], (0.04,) * 3)
+    single = prefilter_exponential(scene.probes[2]).map.shaded(ROUGHNESSES[1], (0.04,) * 3)
     expected = single.radiance(scene.normals, scene.views)
     np.testing.assert_allclose(found[:, 6:], expected, rtol=1e-9)
 
@@ -74,7 +74,8 @@ def test_page_says_what_the_results_are():
     results = exponentials.Results(PROBES, (contest,) * 2, (contest,), (contest,) * 3, contest)
     page = exponentials_page(results, "picture.png", PROBES)
     assert "| studio | 100%, 0.50 | 0%, 2.00 |" in page
-    assert "**not reached**" in " ".join(page.split())  # by the six pictures
+    # The ratios of the six pictures are too large.
+    assert "**not reached**" in " ".join(page.split())
     assert max(len(line) for line in page.split("\n") if not line.startswith(("|", "!"))) <= 100
 
 
@@ -103,7 +104,7 @@ def test_mirror_means_are_reflections_seen_along_the_normal(shipped):
 
 @pytest.mark.parametrize("filtered", [False, True])
 def test_samples_of_the_papers_split_sum_have_the_mean_of_their_lobe(filtered):
-    """Of light that changes linearly, a lobe D N.L keeps the part that its mean cosine says."""
+    """The mean of light 1 + a.L over a lobe D N.L is 1 + c a.N, with c the lobe's mean cosine."""
     alpha, axis = 0.5, np.array([0.2, -0.3, 0.6])
     directions, _ = latlong_pixels(64)
     source = source_of([np.repeat(1 + directions @ axis[:, None], 3, axis=-1)])
@@ -123,12 +124,13 @@ def test_levels_of_the_papers_split_sum_are_mixed():
     roughness = 0.75 * LEVELS[2] + 0.25 * LEVELS[3]
     found = PaperSplitSum(source, wanted, True).at(roughness)
     np.testing.assert_allclose(found, 0.75 * levels[0] + 0.25 * levels[1], atol=0.01)
-    smooth = PaperSplitSum(source, wanted, True).at(0.1)  # no level is that smooth
+    # No level is as smooth as roughness 0.1, so the first level is taken.
+    smooth = PaperSplitSum(source, wanted, True).at(0.1)
     np.testing.assert_allclose(smooth, prefilter(source, wanted, LEVELS[0] ** 2, True), atol=0.01)
 
 
 def test_octahedral_maps_are_filtered_across_their_edges():
-    """Where four texels lie about a direction, their mean does, with no seam at -Z or the rim."""
+    """The weighted mean of the four texels is the direction itself, even at -Z and at the rim."""
     around = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     rim = np.stack([np.cos(around), np.sin(around), np.full(24, -1e-3)], axis=1)
     seams = np.concatenate([rim, [[0.01, 0.0, -1.0], [0, -1, -3], [2, 0, -1], [0, 0, 1]]])

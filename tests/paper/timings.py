@@ -1,7 +1,8 @@
 """Tables 5.4 and 5.5: prefiltering in the angular and in the frequency domain, timed together.
 
-Both sides take the same small probe from memory, are given one thread, and make the same texels.
-The frequency side starts without any table that it could keep from an earlier run.
+They are tables of chapter 5 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward and
+Inverse Rendering" (2002). Both sides take the same small probe from memory, are given one thread,
+and make the same texels. The frequency side starts without any table kept from an earlier run.
 """
 
 import statistics
@@ -25,29 +26,33 @@ from shrm_cli.sphere import double_fourier, rotation
 from shrm_cli.sphere.cube import cube_directions
 
 SIZES = (128, 52)
-"""Texels along a face's edge: faces of 128 x 128, and six faces with 128 x 128 texels in all."""
+"""Texels along a face's edge. Six faces of 52 x 52 have about as many texels as 128 x 128."""
 ANGULAR_TOLERANCE = 0.05
+"""The part of a lobe's energy that the angular side may leave out."""
 VIEW_COUNT = 10
+"""The number T of a light field of T x T views."""
 _REPEATS = 15
+"""How often the frequency side is timed."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """One row.
+    """One row of a table.
 
     Attributes
     ----------
     value : float
-        Exponent s or roughness sigma.
+        The exponent s of a Phong lobe, or the roughness sigma of a microfacet lobe.
     size : int
         Texels along a face's edge.
     order_f, order_p : int
+        The orders F and P of the frequency side.
     angular, frequency : float
-        Seconds.
+        Seconds that each side takes.
     shrm : float
-        Seconds of the frequency side for the SHRM alone.
+        Seconds that the frequency side takes for the SHRM alone.
     paper_angular, paper_frequency, paper_shrm : float
-        The paper's, on a Pentium IV.
+        The seconds in the thesis, on a Pentium IV.
     """
 
     value: float
@@ -79,6 +84,7 @@ PAPER_5_4 = {
     256: (3.55, 0.461),
     512: (2.28, 0.686),
 }
+"""The seconds of table 5.4 in the thesis for each exponent: angular, frequency."""
 PAPER_5_5 = {
     0.1: (923, 2.70, 1.55),
     0.2: (2744, 1.55, 0.72),
@@ -86,11 +92,12 @@ PAPER_5_5 = {
     0.4: (9034, 1.47, 0.65),
     0.5: (12580, 1.45, 0.64),
 }
+"""The seconds of table 5.5 in the thesis for each sigma: angular, frequency, SHRM."""
 
 
 @dataclass(frozen=True)
 class _Held:
-    """Pixels in memory, in place of a probe's file."""
+    """Pixels in memory, which take the place of a probe's file."""
 
     pixels: np.ndarray
     row_multiple: int = 1
@@ -100,14 +107,14 @@ class _Held:
 
 
 def in_memory(probe: Probe) -> Probe:
-    """The same probe, whose pixels need not be read from its file."""
-    pixels = probe.image()  # clean: what is read again need not be changed
+    """Return the same probe with its pixels in memory, so that its file is not read again."""
+    pixels = probe.image()  # already clean, so reading it again need not change it
     pixels.flags.writeable = False
     return replace(probe, files=(_Held(pixels),))
 
 
 def table_5_4(probe: Probe, size: int) -> list[Timing]:
-    """Phong lobes: one map, F = 1 + sqrt(6 s)."""
+    """Time prefiltering for Phong lobes, one map each, with F = 1 + sqrt(6 s)."""
     rows = []
     for exponent, paper in PAPER_5_4.items():
         brdf = parse_spec(f"phong:exponent={exponent}")
@@ -129,14 +136,17 @@ def table_5_4(probe: Probe, size: int) -> list[Timing]:
 
 
 def table_5_5(probe: Probe, size: int, rng: np.random.Generator) -> list[Timing]:
-    """Microfacet lobes, T x T = 100 maps; on the angular side one of them, at random, is timed."""
+    """Time prefiltering for microfacet lobes, T x T = 100 maps each.
+
+    On the angular side a random one of the maps is timed, and its time multiplied by 100.
+    """
     rows = []
     for sigma, (paper_angular, paper_frequency, paper_shrm) in PAPER_5_5.items():
         brdf = parse_spec(f"microfacet:sigma={sigma}")
         orders = choose_orders(brdf, 0.03)[0]
 
         def shrm(brdf=brdf):
-            # Sampling of the BRDF until it has converged is part of the work.
+            # The BRDF is sampled here, until it has converged, because this is part of the work.
             orders, coefficients = choose_orders(brdf, 0.03)
             lighting = project(probe, orders.order_f)
             values = coefficients.truncated(orders.order_f, orders.order_p)
@@ -164,7 +174,7 @@ def table_5_5(probe: Probe, size: int, rng: np.random.Generator) -> list[Timing]
 
 def _build(lighting, values, size) -> Shrm:
     info = MapInfo(values.shape[0] - 1, values.shape[1] - 1, 0.0, 0.0, 0.0)
-    return Shrm.build(lighting, values, "reflection", info, size, dtype=np.float32)
+    return Shrm.from_coefficients(lighting, values, "reflection", info, size, dtype=np.float32)
 
 
 def _seconds(function: Callable[[], object]) -> float:
@@ -174,7 +184,10 @@ def _seconds(function: Callable[[], object]) -> float:
 
 
 def _median_seconds(function: Callable[[], object]) -> float:
-    """Of some runs, after one that counts as warming up, each without kept tables."""
+    """Return the median seconds of some runs, after one run to warm up.
+
+    Before each run the tables that were kept are deleted.
+    """
     seconds = []
     for _ in range(_REPEATS + 1):
         for module in (rotation, double_fourier):

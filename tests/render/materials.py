@@ -26,7 +26,7 @@ def spot(direction, order=24):
     """A glossy SHRM that is lit from one direction: radiance falls off around R = direction."""
     light = real_harmonics(order, np.asarray(direction, dtype=float))
     gloss = np.exp(-((np.arange(order + 1) / (order / 2.5)) ** 2))[:, None, None, None]
-    return Shrm.build(
+    return Shrm.from_coefficients(
         np.repeat(light[:, None], 3, axis=1),
         np.broadcast_to(gloss, (order + 1, 1, 1, 3)),
         "reflection",
@@ -38,7 +38,7 @@ def spot(direction, order=24):
 def furnace(radiance, size=8):
     """An SHRM that reflects the same radiance everywhere."""
     light = np.sqrt(4 * np.pi) * np.array([radiance])
-    return Shrm.build(light, np.ones((1, 1, 1, 3)), "reflection", INFO, size=size)
+    return Shrm.from_coefficients(light, np.ones((1, 1, 1, 3)), "reflection", INFO, size=size)
 
 
 def under_random_light(spec="microfacet:sigma=.3", frame="global", order_f=6, order_p=2):
@@ -47,4 +47,4 @@ def under_random_light(spec="microfacet:sigma=.3", frame="global", order_f=6, or
     rng = np.random.default_rng(4)
     light = rng.normal(size=((order_f + 1) ** 2, 3))
     coefficients = compute_coefficients(brdf, order_f, order_p).values
-    return Shrm.build(light, coefficients, brdf.center, INFO, size=32, frame=frame)
+    return Shrm.from_coefficients(light, coefficients, brdf.center, INFO, size=32, frame=frame)

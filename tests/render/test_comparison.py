@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
-from shrm_cli.render.comparison import Comparison, compare_spheres, measure, sheet_layout
+from shrm_cli.render.comparison import Comparison, compare_spheres, comparison_layout, measure
 from shrm_cli.render.sheet import PAPER
 from tests.render.materials import Painted, furnace
 
@@ -126,11 +126,13 @@ def test_differences_of_one_view_and_of_all():
 def test_all_are_seen_from_the_same_places():
     """Painted by the world's axes: what faces the viewer is the direction to the viewer."""
     doubled = Painted(lambda n: 2 * n)
-    rows = []
-    comparison = compare_spheres(Painted(lambda n: n), [doubled, doubled], VIEWERS, 25, rows.append)
+    told = []
+    comparison = compare_spheres(
+        Painted(lambda n: n), [doubled, doubled], VIEWERS, 25, lambda *what: told.append(what)
+    )
     assert comparison.baseline.shape == (2, 25, 25, 3)
     assert comparison.others.shape == (2, 2, 25, 25, 3)
-    assert sum(rows) == 3 * 2 * 25
+    assert told == [(pictures, 3 * 2) for pictures in range(1, 7)]
     for k, viewer in enumerate(VIEWERS):
         middle = comparison.baseline[k, 12, 12]
         np.testing.assert_allclose(middle, viewer.direction, atol=1e-6)
@@ -152,7 +154,7 @@ def tile(sheet, layout, index, below=False):
 def test_a_row_holds_the_baseline_and_each_map_with_its_difference(exposure, amplification):
     comparison = Comparison(VIEWERS, disc(noise(1, 2)), disc(noise(2, 3, 2, low=-1)))
     sheet = comparison.picture("truth", ["a", "b", "c"], exposure, amplification)
-    layout = sheet_layout(3, 2, SIZE)
+    layout = comparison_layout(3, 2, SIZE)
     assert layout.columns == 7
     assert sheet.shape == (*layout.shape, 3)
     gain = 2**exposure
@@ -199,7 +201,7 @@ def test_labels_are_drawn_beside_each_other(size):
     comparison = Comparison(VIEWERS, flat, np.stack([2 * flat] * 2))
     names = ["a.very.long.name.of.a.probe." * 9, "W" * 200]
     sheet = comparison.picture("an.even.longer.name." * 9, names, 0, 123.456)
-    layout = sheet_layout(2, 2, size)
+    layout = comparison_layout(2, 2, size)
     beside = np.ones(sheet.shape[:2], dtype=bool)
     for index in range(10):
         top, left = layout.origin(index)
@@ -210,6 +212,6 @@ def test_labels_are_drawn_beside_each_other(size):
 
 
 def test_sheets_have_a_largest_size():
-    sheet_layout(2, 3, 2048)
-    with pytest.raises(OutputError, match="smaller --size or fewer maps"):
-        sheet_layout(9, 3, 2048)
+    comparison_layout(2, 3, 2048)
+    with pytest.raises(OutputError, match="smaller `size` or fewer maps"):
+        comparison_layout(9, 3, 2048)

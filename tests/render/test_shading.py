@@ -1,6 +1,6 @@
 """Which maps take a surface, which surface they get, and the range that they were made for."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,23 +11,12 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.provenance import record_of, same_brdf
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.render.shading import ggx_surface, needs_surface, outside_range, shade
+from shrm_cli.render.shading import ggx_surface, outside_range
 from tests.render.materials import furnace
 
 INFO = MapInfo(0, 0, 0.0, 1.0, 0.0)
 NORMALS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
 VIEW = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass
-class Recorder:
-    """A map that notes the surface it is told."""
-
-    told: list = field(default_factory=list)
-
-    def shaded(self, roughness, f0):
-        self.told.append((roughness, f0))
-        return furnace((1, 2, 3))
 
 
 def split_sum(roughness):
@@ -53,22 +42,21 @@ def test_the_surface_is_ggx_with_its_defaults():
 
 
 def test_only_maps_that_need_a_surface_get_one():
-    recorder, white = Recorder(), furnace((1, 1, 1))
-    assert needs_surface(recorder)
-    assert needs_surface(split_sum((0.5,)))
-    assert needs_surface(exponential(0.25, 1.0))
-    assert not needs_surface(white)
-    surface = ggx_surface(0.3, (1.0, 0.5, 0.25))
-    assert shade(white, surface) is white
-    shade(recorder, surface)
-    shade(recorder, ggx_surface())
-    assert recorder.told == [(0.3, (1.0, 0.5, 0.25)), (0.4, (1.0, 1.0, 1.0))]
+    white, asked = furnace((1, 1, 1)), (0.3, (1.0, 0.5, 0.25))
+    assert not white.needs_surface
+    assert white.shaded(*asked) is white
+    for light in (split_sum((0.5,)), exponential(0.25, 1.0)):
+        assert light.needs_surface
+        shown = light.shaded(*asked)
+        assert shown.light is light
+        assert (shown.roughness, shown.f0) == asked
 
 
 def test_a_shaded_map_remembers_the_surface_as_an_shrm_does():
     for spec in ("ggx:roughness=0.3,f0=0.04", "ggx:roughness=0.7,f0=gold"):
         surface = parse_spec(spec)
-        info = shade(split_sum((0.0, 1.0)), surface).info
+        shown = split_sum((0.0, 1.0)).shaded(surface.number("roughness"), surface.color("f0"))
+        info = shown.info
         assert same_brdf(info.brdf, record_of(surface))
         other = replace(info, brdf={"name": "ggx", "parameters": {"roughness": 0.3, "f0": 1.0}})
         assert not same_brdf(other.brdf, record_of(surface))
@@ -76,7 +64,7 @@ def test_a_shaded_map_remembers_the_surface_as_an_shrm_does():
 
 def test_white_light_shows_the_albedo():
     """Of a smooth surface Schlick's: 0.04 + 0.96 (1 - N.V)^5."""
-    shown = shade(split_sum((0.05, 1.0)), ggx_surface(0.05, (0.04, 1.0, 0.5)))
+    shown = split_sum((0.05, 1.0)).shaded(0.05, (0.04, 1.0, 0.5))
     albedo = np.array([0.04, 1, 0.5]) + (1 - np.array([0.04, 1, 0.5])) * 0.2**5
     expected = np.array([2, 1, 0.5]) * np.array([[0.04, 1, 0.5], albedo])
     np.testing.assert_allclose(shown.radiance(NORMALS, VIEW), expected, rtol=2e-3)

@@ -102,5 +102,5 @@ def test_shortening_leaves_out_the_middle(room, expected):
 
 def test_sheets_have_a_largest_size():
     arrange(2, 7000)
-    with pytest.raises(OutputError, match="smaller --size"):
+    with pytest.raises(OutputError, match="smaller `size`"):
         arrange(4, 8000)

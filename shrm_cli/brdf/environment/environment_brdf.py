@@ -1,12 +1,11 @@
 """The environment BRDF of GGX: what it reflects of a white, uniform environment."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments, lobe_moments
 from shrm_cli.errors import MapError
+from shrm_cli.progress import Progress
 
 Array = NDArray[np.floating]
 
@@ -46,7 +45,7 @@ def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array
 
 
 def environment_table(
-    size: int, multiscatter: bool = False, progress: Callable[[int, int], object] | None = None
+    size: int, multiscatter: bool = False, progress: Progress | None = None
 ) -> Array:
     """Compute the environment BRDF of every roughness: the split sum's table, or "DFG".
 
@@ -79,7 +78,7 @@ def environment_table(
     return table
 
 
-def moments_table(size: int, progress: Callable[[int, int], object] | None = None) -> Array:
+def moments_table(size: int, progress: Progress | None = None) -> Array:
     """Compute the moments of the lobe of every roughness: the table of SH exponentials.
 
     Parameters

@@ -1,13 +1,14 @@
-"""The environment-BRDF tables of split sums and SH exponentials -> a file."""
+"""Files of the environment-BRDF tables that split sums and SH exponentials are used with."""
 
 import os
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.files.exr import Part, write_parts
+from shrm_cli.files.parts import Part, peek, write_parts
+from shrm_cli.vocabulary import Precision
 
 Array = NDArray[np.floating]
 Kind = Literal["scale-bias", "multiscatter", "moments"]
@@ -15,18 +16,18 @@ Kind = Literal["scale-bias", "multiscatter", "moments"]
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a kind of table holds, as its attributes say it.
+    """The texts that say in a file's attributes what a kind of table holds.
 
     Attributes
     ----------
     names : tuple of str
-        Of the channels.
+        The names of the channels.
     channels : str
-        What they are.
+        What the channels hold.
     reflectance : str
-        What a surface reflects of a uniform environment of radiance 1.
+        The formula of what a surface reflects of a uniform environment of radiance 1.
     mean : str, optional
-        The mean direction of what it reflects there.
+        The formula of the mean direction that this reflected light comes from.
     """
 
     names: tuple[str, ...]
@@ -51,20 +52,23 @@ MEANINGS: dict[Kind, Meaning] = {
 
 
 def write_dfg(
-    path: str | os.PathLike[str], table: Array, kind: Kind, precision: str = "auto"
+    path: str | os.PathLike[str], table: Array, kind: Kind, precision: Precision = "auto"
 ) -> str:
     """Write a table of `environment_table` or `moments_table`, whole or not at all.
 
-    It carries ``shrm:table``, and what its axes and channels are; it is no map. Where there are
-    only R and G, B is 0, for readers that expect three channels.
+    The file is an image with the attribute ``shrm:table`` and others that say what its axes and
+    channels are; it is not a map. A table of the channels R and G gets a channel B of zeros, for
+    readers that expect three channels.
 
     Parameters
     ----------
     path : path-like
-    table : ndarray, shape (N, N, 2), or (N, N, 6) of moments
+    table : ndarray, shape (N, N, 2), or (N, N, 6) for moments
+        Indexed [perceptual roughness, N.V, channel].
     kind : {"scale-bias", "multiscatter", "moments"}
         Which table it is.
     precision : {"auto", "half", "float"}
+        The pixel type to write.
 
     Returns
     -------
@@ -74,7 +78,7 @@ def write_dfg(
     Raises
     ------
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     meaning = MEANINGS[kind]
     header = {
@@ -92,3 +96,34 @@ def write_dfg(
     if "R" in planes:
         planes["B"] = np.zeros(table.shape[:2])
     return write_parts(path, [Part(planes, header)], precision)
+
+
+def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what a file of `write_dfg` says about its table, without the table's numbers.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    dict or None
+        The items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
+        ``reflectance``, and for moments ``mean_direction``. None if the file is anything else.
+    """
+    found = peek(path)
+    if found is None or found.first.text("shrm:table") != "dfg":
+        return None
+    part = found.first
+    multiscatter = part.attribute("shrm:multiscatter") not in (None, 0)
+    moments = part.attribute("shrm:moments") not in (None, 0)
+    meaning = MEANINGS["moments" if moments else "multiscatter" if multiscatter else "scale-bias"]
+    facts = {
+        "width": part.width,
+        "height": part.height,
+        "multiscatter": multiscatter,
+        "moments": moments,
+        "channels": meaning.channels,
+        "reflectance": meaning.reflectance,
+    }
+    return {**facts, "mean_direction": meaning.mean} if moments else facts

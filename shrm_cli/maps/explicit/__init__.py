@@ -1,1 +1,1 @@
-"""Explicit (tabular) maps: Cabral, Kautz and McCool, light fields."""
+"""Explicit (tabular) maps: Cabral's maps, Kautz and McCool's texture, and light fields."""

@@ -1,4 +1,7 @@
-"""Prefiltering in the angular domain, as it was done before: the baseline of the paper."""
+"""Prefiltering in the angular domain, the older method that the frequency domain is compared with.
+
+Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
+"""
 
 from dataclasses import replace
 
@@ -7,11 +10,12 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.lobe import lobe_tail
+from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.explicit.tabulate import tabulate
-from shrm_cli.maps.prefiltered import Baked, check_memory, provenance
-from shrm_cli.maps.representations import EXPLICIT
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.size import choose_size
+from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import choose_orders, truncated_lobe_error
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
@@ -20,22 +24,25 @@ from shrm_cli.reference import Reference
 from shrm_cli.vocabulary import Sampling
 
 _TEXELS_TO_MEASURE = 16
+"""The most texels along a face's edge of the SHRM from which the added error is measured."""
 _ORDER_TO_MEASURE = 10
+"""The order P of the coefficients from which the errors are measured."""
 _FINEST_GRID = 0.01
-"""Tolerance below which the angular domain makes no finer grid: some BRDFs have no orders."""
+"""The least tolerance from which size and number of views are chosen. A smaller tolerance makes no
+finer grid, because some BRDFs have no orders that meet it."""
 
 
-def bake_angular(
+def prefilter_angular(
     probe: Probe,
     brdf: Brdf,
     tolerance: float,
-    representation: str,
+    kind: type[ExplicitMap],
     view_count: int | None = None,
     size: int | None = None,
     sampling: Sampling = "center",
     source_height: int | None = None,
     progress: Progress | None = None,
-) -> Baked:
+) -> Prefiltered:
     """Prefilter a probe for a BRDF in the angular domain: one integral for each texel and view.
 
     Parameters
@@ -43,28 +50,29 @@ def bake_angular(
     probe : Probe
     brdf : Brdf
     tolerance : float
-        The part of the lobe, about its centre, that may be left out (eq. 5.30). It chooses size
-        and number of views too, by the orders that it asks for.
-    representation : str
-        One of `EXPLICIT`.
+        The fraction of the lobe that may be left out, far from its centre (eq. 5.30). The orders
+        that meet this tolerance also determine the default size and number of views.
+    kind : type of ExplicitMap
     view_count, size, sampling
-        As `tabulate` takes them.
+        The form of the map, as `tabulate` takes it.
     source_height : int, optional
-        Average the probe down to a lat-long of this height first.
+        The height of a lat-long that the probe is averaged down to first.
     progress : callable, optional
-        Called with images done and images in all.
+        Called with the number of images that are done, and of all images.
 
     Raises
     ------
     OrderError, ProbeError, BrdfError, MapError
+        If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
+        too large.
     """
-    kind = EXPLICIT[representation]
     orders, _ = choose_orders(brdf, max(tolerance, _FINEST_GRID))
     _, coefficients = choose_orders(brdf, orders.tolerance, order_p=_ORDER_TO_MEASURE)
     orders = replace(orders, tolerance=tolerance)
     size = choose_size(orders.order_f) if size is None else size
     view_count = kind.default_view_count(orders.order_p) if view_count is None else view_count
-    check_memory(orders, size, representation, view_count)
+    check_size(orders.order_f, orders.order_p, size)
+    kind.check_images(size, kind.image_count(view_count))
     integral = Reference(probe, brdf, source_height, tolerance)
     lighting = project(probe, coefficients.order_f)
     tail = _tail_coefficients(brdf, integral.angle, coefficients)
@@ -75,17 +83,21 @@ def bake_angular(
         predicted_error=truncated_lobe_error(lighting.power(), coefficients, tail),
         domain="angular",
     )
-    # What lies between the views is known from the frequency domain at once; some texels will do.
-    smooth = Shrm.build(
+    # The error of interpolating between views is measured in the frequency domain, where it takes
+    # little time. A few texels suffice for that.
+    smooth = Shrm.from_coefficients(
         lighting.coefficients,
         coefficients.values, brdf.center, info,
         min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
     )  # fmt: skip
     info = replace(info, added_error=kind.from_shrm(smooth, view_count).info.added_error)
     built = tabulate(kind, integral, brdf.center, info, size, view_count, sampling, progress)
-    return Baked(built, orders, None)
+    return Prefiltered(built, {"error_bound": None})
 
 
 def _tail_coefficients(brdf: Brdf, angle: float, whole: BrdfCoefficients) -> BrdfCoefficients:
-    """Of what a lobe truncated at an angle lacks; it is small, so a percent of it will do."""
+    """Compute the coefficients of what a lobe truncated at `angle` (radians) lacks.
+
+    They are small, so that an accuracy of one percent suffices.
+    """
     return compute_coefficients(lobe_tail(brdf, angle), whole.order_f, whole.order_p, 1e-2)

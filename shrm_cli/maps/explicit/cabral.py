@@ -7,11 +7,14 @@ from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
 from shrm_cli.sphere.harmonics import real_harmonics
 
 _COUNT = 12
-_NEIGHBOUR = 0.5
-"""Vertices of one edge have the cosine 1/sqrt(5); the next ones -1/sqrt(5)."""
+"""The number of vertices of an icosahedron."""
+_MARGIN = 0.25
+"""The margin for the cosine between the vertices of one edge, which is 1/sqrt(5). The cosine
+between the vertices that come next is -1/sqrt(5), well below."""
 
 
 def _vertices() -> Array:
+    """Return the vertices of an icosahedron as unit vectors, shape (12, 3)."""
     golden = (1 + np.sqrt(5)) / 2
     corners = [(0.0, a, b * golden) for a in (1, -1) for b in (1, -1)]
     cyclic = [np.roll(corner, turn) for turn in range(3) for corner in corners]
@@ -19,8 +22,11 @@ def _vertices() -> Array:
 
 
 def _triangles(vertices: Array) -> NDArray[np.intp]:
-    """The twenty faces as indices of their vertices, counter-clockwise from outside."""
-    near = vertices @ vertices.T > 1 / np.sqrt(5) - _NEIGHBOUR / 2
+    """Return the twenty faces as indices of their vertices, shape (20, 3).
+
+    The vertices of a face are in counter-clockwise order as seen from outside.
+    """
+    near = vertices @ vertices.T > 1 / np.sqrt(5) - _MARGIN
     faces = [
         (a, b, c) if np.linalg.det(vertices[[a, b, c]]) > 0 else (a, c, b)
         for a in range(_COUNT)
@@ -32,18 +38,21 @@ def _triangles(vertices: Array) -> NDArray[np.intp]:
 
 
 VERTICES = _vertices()
+"""The views of the maps as unit vectors in world axes, shape (12, 3)."""
 TRIANGLES = _triangles(VERTICES)
+"""The spherical triangles between the views as indices of `VERTICES`, shape (20, 3)."""
 
 
 class Cabral(ExplicitMap):
     """Reflection maps for twelve distant views, interpolated in the spherical triangle of V.
 
-    Each is a global map over the mirror direction (eq. 5.35), so that the warping of the
-    original method is not needed.
+    Each image is a global map over the central direction, so that the warping of the original
+    method is not needed.
 
     References
     ----------
-    Cabral, Olano and Nemec 1999, Reflection space image based rendering.
+    Cabral, Olano and Nemec 1999, Reflection space image based rendering. The maps for distant
+    views are those of eq. 5.35 of chapter 5 of Ramamoorthi's thesis.
     """
 
     representation = "cabral"
@@ -58,12 +67,16 @@ class Cabral(ExplicitMap):
             raise ValueError(f"{count} images, not {_COUNT}")
 
     @classmethod
+    def part_names(cls, count: int) -> list[str]:
+        return [f"view{k:02d}" for k in range(count)]
+
+    @classmethod
     def sample_views(cls, count: int) -> Array:
         return VERTICES
 
     @classmethod
     def view_weights(cls, count: int) -> Array:
-        # The vertices are a spherical 5-design.
+        # The vertices are a spherical 5-design: equal weights are exact to degree 5.
         return np.full(_COUNT, 4 * np.pi / _COUNT)
 
     @classmethod
@@ -72,7 +85,10 @@ class Cabral(ExplicitMap):
 
     @classmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
-        """The triangle that holds a view, and the solid angles opposite to its corners."""
+        """Return the corners of the triangle that holds a view, and their weights.
+
+        The weight of a corner is the share of the triangle's solid angle that lies opposite to it.
+        """
         inverses = np.linalg.inv(VERTICES[TRIANGLES].transpose(0, 2, 1))
         inside = np.einsum("fij,...j->...fi", inverses, views).min(axis=-1)
         indices = TRIANGLES[np.argmax(inside, axis=-1)]
@@ -83,7 +99,12 @@ class Cabral(ExplicitMap):
 
 
 def _solid_angle(a: Array, b: Array, c: Array) -> Array:
-    """Of the spherical triangle of unit vectors (..., 3) (Van Oosterom and Strackee 1983)."""
+    """Return the solid angles of the spherical triangles of unit vectors, shape (..., 3) each.
+
+    References
+    ----------
+    Van Oosterom and Strackee 1983, The solid angle of a plane triangle.
+    """
     volume = np.sum(a * np.cross(b, c), axis=-1)
     sides = np.sum(a * b, axis=-1) + np.sum(b * c, axis=-1) + np.sum(c * a, axis=-1)
     return np.asarray(2 * np.arctan2(volume, 1 + sides))

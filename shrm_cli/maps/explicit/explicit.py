@@ -1,12 +1,15 @@
-"""Explicit (tabular) maps: one cube of reflected light for each of some views (section 5.3.2).
+"""What explicit (tabular) maps have in common: one cube of reflected light for each of some views.
 
-What they have in common: an image belongs to a sample of the view, and what lies between the
-samples is interpolated linearly. As the SHRM is linear in the harmonics of the view too, each of
-them is a matrix away from it: the harmonics at the samples lead to the images (section 5.6.2),
-and a least-squares fit leads back.
+Each image belongs to a sample of the view, and the light between the samples is interpolated
+linearly (section 5.3.2). Because the SHRM is linear in the harmonics of the view, a matrix leads
+from it to the images of every such map: the harmonics at the samples (section 5.6.2). A
+least-squares fit leads back.
+
+Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
@@ -15,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.sphere.cube import cube_solid_angles
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
@@ -28,14 +32,16 @@ Array = NDArray[np.floating]
 Indices = NDArray[np.intp]
 
 _RANK_TOLERANCE = 1e-6
+"""Singular values of the harmonics at the samples below this one count as zero."""
 _VIEWS = 4096
-"""At which the error of interpolating is measured."""
+"""The number of views over which the error of interpolating is measured."""
 _NOISE = 0.02
-"""Part of an error that rounding the images to half can feign."""
+"""The fraction of an added error that the images' rounding to half can imitate. A remainder below
+it counts as zero."""
 
 
 @dataclass(frozen=True)
-class ExplicitMap(ABC):
+class ExplicitMap(Map):
     """Reflected light tabulated over the central direction and samples of the view.
 
     Attributes
@@ -45,7 +51,9 @@ class ExplicitMap(ABC):
     center : {"reflection", "normal", "tangent"}
         What the central direction is.
     info : MapInfo
+        How the map was made.
     sampling : {"center", "border"}
+        Where the edge texels of the cubes lie.
     """
 
     images: Array
@@ -58,7 +66,7 @@ class ExplicitMap(ABC):
 
     representation: ClassVar[str]
     frame: ClassVar[Frame] = "global"
-    """Axes of the samples of the view: the world's, or those of each central direction."""
+    """The axes of the samples of the view: those of the world, or of each central direction."""
 
     def __post_init__(self) -> None:
         shape = self.images.shape
@@ -68,97 +76,203 @@ class ExplicitMap(ABC):
 
     @property
     def count(self) -> int:
-        """Images K."""
+        """The number K of images."""
         return len(self.images)
+
+    @property
+    def cube_count(self) -> int:
+        return self.count
+
+    def planes(self) -> list[Array]:
+        """Return the images, shape (6N, N, 3) each."""
+        return list(self.images)
+
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Self:
+        """Return the same map with other images."""
+        return replace(self, images=np.stack(planes), sampling=sampling, info=info)
 
     @property
     def size(self) -> int:
         return self.images.shape[2]
 
-    # ---- what a representation states --------------------------------------------------------
+    # ---- what each representation defines ----------------------------------------------------
 
     @classmethod
     @abstractmethod
     def image_count(cls, view_count: int) -> int:
-        """Images of a map with so many samples along an axis of the view."""
+        """Return the number of images of a map with `view_count` samples along an axis of the view.
+
+        Cabral's maps have twelve images whatever the number.
+        """
 
     @classmethod
     @abstractmethod
     def check_count(cls, count: int) -> None:
-        """Raise ValueError unless there are maps of so many images."""
+        """Check that a map can have `count` images.
+
+        Raises
+        ------
+        ValueError
+            If it cannot.
+        """
 
     @classmethod
     @abstractmethod
     def sample_views(cls, count: int) -> Array:
-        """Unit views of the images, shape (K, 3), in the axes that `frame` says."""
+        """Return the views of the images as unit vectors in the axes of `frame`, shape (K, 3)."""
 
     @classmethod
     @abstractmethod
     def view_weights(cls, count: int) -> Array:
-        """Weights, shape (K,), of the samples in an integral over the view."""
+        """Return the weights of the samples in an integral over the view, shape (K,)."""
 
     @classmethod
     @abstractmethod
     def basis(cls, order_p: int, count: int) -> Array:
-        """Harmonics that a map can hold, at its samples, shape (K, (P+1)^2)."""
+        """Return the harmonics of the view at the samples, shape (K, (P+1)^2).
+
+        Harmonics that the map cannot hold are zero.
+        """
 
     @classmethod
     @abstractmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
-        """Images between which a view lies, and their weights.
+        """Return the images between which a view lies, and their weights.
 
         Parameters
         ----------
         centers, views : ndarray, shape (..., 3), broadcastable
-            World axes.
+            Unit vectors in world axes.
         count : int
+            The number of images of the map.
 
         Returns
         -------
         indices, weights : ndarray, shape (..., k)
-            The weights sum to 1.
+            The images, and weights that sum to 1.
         """
 
-    # ---- from and to SHRMs -------------------------------------------------------------------
+    @classmethod
+    @abstractmethod
+    def part_names(cls, count: int) -> list[str]:
+        """Return the names of the parts of a file that hold the images."""
+
+    @classmethod
+    def view_attributes(cls, count: int) -> list[dict[str, Any]]:
+        """Return, for each image, the attributes of its part that say which view it belongs to."""
+        return [{"shrm:view": tuple(map(float, view))} for view in cls.sample_views(count)]
+
+    # ---- from and to other maps --------------------------------------------------------------
+
+    @classmethod
+    def from_map(
+        cls,
+        source: Map,
+        order_p: int | None = None,
+        frame: Frame | None = None,
+        slices: int | None = None,
+        views: int | None = None,
+        **options: Any,
+    ) -> Map:
+        """Make the map that tabulates another map.
+
+        Parameters
+        ----------
+        source : Map
+        order_p : int, optional
+            The order P of the SHRM that is tabulated. By default it is the order that the source
+            has or determines. A sum of terms is tabulated as it is.
+        slices, views : int, optional
+            Samples along an axis of the view, as `view_count` takes them.
+
+        Raises
+        ------
+        MapError, ArgumentError
+            If the source has no such SHRM, the map would be too large, or an argument does not
+            apply.
+        """
+        from shrm_cli.maps.explicit.tabulate import tabulate_sum
+        from shrm_cli.maps.shrm.summed import SummedShrm
+
+        refuse_arguments(f"explicit maps such as {cls.representation}", frame=frame, **options)
+        count = cls.view_count(slices, views)
+        if isinstance(source, SummedShrm):
+            refuse_arguments("a sum of terms", order_p=order_p)
+            return tabulate_sum(cls, source, count)
+        return cls.from_shrm(source.to_shrm(order_p, "global"), count)
+
+    @classmethod
+    def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
+        """Return the samples along an axis of the view that this kind of map is asked for.
+
+        Parameters
+        ----------
+        slices, views : int, optional
+            The arguments of Kautz and McCool's maps and of light fields. Each kind of map takes
+            its own argument or none.
+
+        Returns
+        -------
+        int or None
+            None where the number is not given.
+
+        Raises
+        ------
+        ArgumentError
+            If the argument of another kind is given.
+        """
+        refuse_arguments(f"maps of representation {cls.representation}", slices=slices, views=views)
+        return None
 
     @classmethod
     def default_view_count(cls, order_p: int) -> int:
-        """Samples along an axis of the view: T about 10 P (section 5.5.2)."""
+        """Return the default samples along an axis of the view, T = 10 P (section 5.5.2)."""
         return max(10 * order_p, 1)
 
+    def check_memory(self, size: int) -> None:
+        """Check that the map could be kept in memory at another size; see `check_images`."""
+        self.check_images(size, self.count)
+
     @classmethod
-    def check_memory(cls, size: int, count: int) -> None:
-        """Check that a map of so many images can be kept in memory.
+    def check_images(cls, size: int, count: int) -> None:
+        """Check that a map of `count` images can be kept in memory.
+
+        Parameters
+        ----------
+        size : int
+            Texels along a face's edge.
+        count : int
 
         Raises
         ------
         MapError
+            If the map would be too large.
         """
         values = 18 * size**2 * count
         if values > MAX_VALUES:
             raise MapError(
                 f"a {cls.representation} map of {count} images of size {size} holds {values:,} "
-                f"values, more than {MAX_VALUES:,}; lower --size or the number of views"
+                f"values, more than {MAX_VALUES:,}; lower `size` or the number of views"
             )
 
     @classmethod
     def from_shrm(cls, shrm: Shrm, view_count: int | None = None) -> Self:
-        """The map that tabulates an SHRM (eq. 5.25, 5.35), exactly at its samples.
+        """Make the map that tabulates an SHRM (eq. 5.25, 5.35); it is exact at its samples.
 
         Parameters
         ----------
         shrm : Shrm
         view_count : int, optional
-            Samples along an axis of the view; `default_view_count` of its order.
+            Samples along an axis of the view; `default_view_count` of the SHRM's order by default.
 
         Raises
         ------
         MapError
-            If it would be too large.
+            If the map would be too large.
         """
         view_count = cls.default_view_count(shrm.order_p) if view_count is None else view_count
         count = cls.image_count(view_count)
-        cls.check_memory(shrm.size, count)
+        cls.check_images(shrm.size, count)
         source = shrm.to_frame(cls.frame)
         planes = np.moveaxis(source.coefficients, (2, 3), (0, 1))
         basis = cls.basis(shrm.order_p, count).astype(planes.dtype)
@@ -168,16 +282,18 @@ class ExplicitMap(ABC):
         info = replace(shrm.info, added_error=float(added))
         return cls(images, shrm.center, info, shrm.sampling)
 
-    def to_shrm(self, order_p: int | None = None) -> Shrm:
-        """The SHRM that fits the images best, weighted as an integral over the view.
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
+        """Return the SHRM that fits the images best, weighted as an integral over the view.
 
         Its `info` holds the residual: the relative RMS of what the fit leaves of the images.
 
         Parameters
         ----------
         order_p : int, optional
-            Of the SHRM. By default that of the map's own BRDF, as far as the samples determine
-            it.
+            The order P of the SHRM. By default it is that of the map's `info`, as far as the
+            samples determine it.
+        frame : {"global", "local"}, optional
+            The frame of the SHRM; that of the samples by default.
 
         Raises
         ------
@@ -201,21 +317,22 @@ class ExplicitMap(ABC):
         )
         shaped = coefficients.reshape(-1, *planes.shape[1:]).transpose(2, 3, 0, 1)
         fitted = Shrm(shaped, self.frame, self.center, info, self.sampling)
-        # A fit to the map's own order takes back what interpolating added, but nothing else.
+        # A fit to the map's own order removes the error that interpolating added, but no other.
         total = self.info.added_error
         is_own = order_p is None or fitted.order_p >= self.info.order_p
         own = self._added_error(fitted if is_own else self.to_shrm(), self.count)
         left = np.sqrt(max(total**2 - own**2, 0.0))
         added = float(left) if left > _NOISE * total else 0.0
-        return replace(fitted, info=replace(info, added_error=added))
+        fitted = replace(fitted, info=replace(info, added_error=added))
+        return fitted.to_frame(frame or self.frame)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance, interpolated between the samples of the view.
+        """Evaluate the reflected radiance, interpolated between the samples of the view.
 
         Parameters
         ----------
         normals, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes; views point to the viewer.
+            Unit vectors in world axes; views point to the viewer.
 
         Returns
         -------
@@ -225,7 +342,7 @@ class ExplicitMap(ABC):
         return self.central_radiance(central_directions(self.center, normals, views), views)
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Radiance by central directions instead of normals; the rest as `radiance`."""
+        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         shape = np.broadcast_shapes(centers.shape, views.shape)[:-1]
         centers = np.broadcast_to(centers, (*shape, 3)).reshape(-1, 3)
@@ -243,7 +360,7 @@ class ExplicitMap(ABC):
             np.add.at(result, points, weights[pairs, None] * values)
         return result.reshape(*shape, 3)
 
-    # ---- inside ------------------------------------------------------------------------------
+    # ---- private parts -----------------------------------------------------------------------
 
     def _sampler(self, index: int) -> CubeSampler:
         if index not in self._samplers:
@@ -251,7 +368,11 @@ class ExplicitMap(ABC):
         return self._samplers[index]
 
     def _fit_basis(self, order_p: int | None) -> Array:
-        """Harmonics to an order, by default to the map's own as far as its samples tell them."""
+        """Return the `basis` to an order P, which the samples must determine.
+
+        By default it is the order of the map's `info`, or the highest below that the samples
+        determine.
+        """
         wanted = self.info.order_p if order_p is None else order_p
         for order in range(wanted, -1, -1):
             basis = self.basis(order, self.count)
@@ -260,23 +381,29 @@ class ExplicitMap(ABC):
                 if order < wanted and order_p is not None:
                     raise MapError(
                         f"{self.count} {self.representation} images determine orders up to "
-                        f"P = {order}, not {order_p}; lower --order-p"
+                        f"P = {order}, not {order_p}; lower `order_p`"
                     )
                 return basis
         raise AssertionError("a single image determines P = 0")
 
     def _norm(self, planes: Array) -> float:
-        """Root of the integral of the squares over views and texels, planes (K, 3, 6N, N)."""
+        """Return the root of the integral of the squares over views, texels and channels.
+
+        Parameters
+        ----------
+        planes : ndarray, shape (K, 3, 6N, N)
+        """
         texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
         squares = np.einsum("kcij,kcij,ij->k", planes, planes, texels, dtype=float)
         return float(np.sqrt(squares @ self.view_weights(self.count)))
 
     @classmethod
     def _added_error(cls, source: Shrm, count: int) -> float:
-        """Relative RMS, over all views and texels, of what interpolating adds to an SHRM.
+        """Return the relative RMS error, over all views and texels, of interpolating an SHRM.
 
-        The interpolated harmonics differ by ``e(V)`` from the true ones, and the light by their
-        product with the coefficients, of which only the second moments over the texels matter.
+        The interpolated harmonics differ by ``e(V)`` from the true ones, and the light differs by
+        the product of ``e(V)`` and the coefficients. The mean square of that product depends only
+        on the second moments of the coefficients over the texels.
         """
         views = spiral_directions(_VIEWS)
         indices, shares = cls.blend(np.array([0.0, 0.0, 1.0]), views, count)
@@ -287,12 +414,3 @@ class ExplicitMap(ABC):
         wrong = np.sum((error @ moments) * error)
         whole = np.sum((exact @ moments) * exact)
         return float(np.sqrt(max(wrong, 0.0) / whole)) if whole > 0 else 0.0
-
-
-def second_moments(shrm: Shrm) -> Array:
-    """Integrals over the texels of the products of coefficients, shape ((P+1)^2, (P+1)^2)."""
-    planes = np.moveaxis(shrm.coefficients, (2, 3), (0, 1)).astype(float)
-    texels = np.sqrt(np.tile(cube_solid_angles(shrm.size, shrm.sampling), (6, 1)))
-    flat = (planes * texels).reshape(len(planes), -1)
-    result: Any = flat @ flat.T
-    return result

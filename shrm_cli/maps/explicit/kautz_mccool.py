@@ -1,4 +1,6 @@
-"""Kautz and McCool's 3D texture: the view as its angle from the central direction alone."""
+"""Kautz and McCool's 3D texture, which depends on the view by its angle from the center only."""
+
+from typing import Any
 
 import numpy as np
 
@@ -9,15 +11,16 @@ from shrm_cli.sphere.quadrature import colatitude_weights
 
 
 class KautzMcCool(ExplicitMap):
-    """Slices ``B(alpha, beta, theta_o)`` of the part without azimuth, q = 0 (eq. 5.25).
+    """Slices ``B(alpha, beta, theta_o)`` of the part of the light without azimuth, q = 0.
 
-    Slice k of T belongs to the angle ``theta_o = pi k / (T - 1)`` between the view and the
-    central direction, so that both ends of the range are slices.
+    The slice with index k of T belongs to the angle ``theta_o = pi k / (T - 1)`` between the view
+    and the central direction, so that both ends of the range are slices.
 
     References
     ----------
     Kautz and McCool 2000, Approximation of glossy reflection with prefiltered environment maps:
-    the BRDF is approximated by ``u(theta_i', theta_o')``.
+    the BRDF is approximated by ``u(theta_i', theta_o')``. The slices are those of eq. 5.25 of
+    chapter 5 of Ramamoorthi's thesis.
     """
 
     representation = "kautz-mccool"
@@ -34,8 +37,30 @@ class KautzMcCool(ExplicitMap):
 
     @classmethod
     def view_angles(cls, count: int) -> Array:
-        """Angles theta_o of the slices, radians; of a single slice any."""
+        """Return the angles theta_o of the slices, radians, shape (count,).
+
+        The angle of a single slice does not matter, and is 0.
+        """
         return np.linspace(0.0, np.pi, count) if count > 1 else np.zeros(1)
+
+    @classmethod
+    def part_names(cls, count: int) -> list[str]:
+        return [f"slice{k:02d}" for k in range(count)]
+
+    @classmethod
+    def view_attributes(cls, count: int) -> list[dict[str, Any]]:
+        return [{"shrm:theta_o": float(theta)} for theta in cls.view_angles(count)]
+
+    @property
+    def turns_with_texels(self) -> bool:
+        """False, because the slices do not depend on how the local frames are turned."""
+        return False
+
+    @classmethod
+    def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
+        """Return the number of slices that is asked for."""
+        super().view_count(views=views)
+        return slices
 
     @classmethod
     def sample_views(cls, count: int) -> Array:
@@ -55,7 +80,7 @@ class KautzMcCool(ExplicitMap):
 
     @classmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
-        """The slices on both sides of the view's angle."""
+        """Return the slices on both sides of the view's angle, and their linear weights."""
         sine = np.linalg.norm(np.cross(centers, views), axis=-1)
         theta = np.arctan2(sine, np.sum(centers * views, axis=-1))
         position = theta * ((count - 1) / np.pi)

@@ -1,4 +1,7 @@
-"""A full light field: T x T reflection maps on a grid of views (section 5.6.2)."""
+"""A full light field: T x T reflection maps on a grid of views.
+
+It is that of section 5.6.2 of Ramamoorthi's thesis.
+"""
 
 from math import isqrt
 
@@ -13,9 +16,9 @@ from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 class LightField(ExplicitMap):
     """Global reflection maps for T x T distant views, interpolated bilinearly.
 
-    Image ``T j + k`` belongs to the view ``theta = pi (j + 1/2) / T`` from +Z,
-    ``phi = 2 pi (k + 1/2) / T - pi``: the polar axis of the harmonics and Fejer's nodes, so that
-    integrals over the views find every coefficient with 2 P < T exactly.
+    Image ``T j + k`` belongs to the view with the angle ``theta = pi (j + 1/2) / T`` from +Z and
+    ``phi = 2 pi (k + 1/2) / T - pi``. +Z is the polar axis of the harmonics, and the rows are
+    Fejer's nodes, so that integrals over the views find every coefficient with 2 P < T exactly.
     """
 
     representation = "lightfield"
@@ -28,6 +31,17 @@ class LightField(ExplicitMap):
     def check_count(cls, count: int) -> None:
         if count < 1 or isqrt(count) ** 2 != count:
             raise ValueError(f"{count} images are no grid of T x T")
+
+    @classmethod
+    def part_names(cls, count: int) -> list[str]:
+        side = range(isqrt(count))
+        return [f"view{j:02d}_{k:02d}" for j in side for k in side]
+
+    @classmethod
+    def view_count(cls, slices: int | None = None, views: int | None = None) -> int | None:
+        """Return the number T that is asked for, of a light field of T x T views."""
+        super().view_count(slices=slices)
+        return views
 
     @classmethod
     def sample_views(cls, count: int) -> Array:
@@ -46,7 +60,10 @@ class LightField(ExplicitMap):
 
     @classmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:
-        """Two rows and two columns; beyond a pole the grid goes on half a turn away."""
+        """Return the images in two rows and two columns around a view, and their bilinear weights.
+
+        Beyond a pole the grid continues half a turn away.
+        """
         side = isqrt(count)
         theta, phi = to_angles(views)
         down = theta * (side / np.pi) - 0.5

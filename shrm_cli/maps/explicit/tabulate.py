@@ -1,5 +1,6 @@
-"""Explicit maps made image by image in the angular domain, as they were before SHRMs."""
+"""Making explicit maps image by image, by evaluating an integral or another map at every texel."""
 
+from dataclasses import replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -7,23 +8,50 @@ from numpy.typing import NDArray
 
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import to_angles
+from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import Center, Sampling
 
 Array = NDArray[np.floating]
 Kind = TypeVar("Kind", bound=ExplicitMap)
 
+_PAIRS = 4096
+"""The pairs of central directions and views at which the error of a tabulated sum is measured."""
+
 
 class Integral(Protocol):
-    """What is asked of an integration in the angular domain."""
+    """What `tabulate` needs of an integral in the angular domain, or of another map."""
 
     def central_radiance(self, centers: Array, views: Array) -> Array:
-        """Radiance, shape (..., 3), by central directions and views, unit, world axes."""
+        """Evaluate the radiance for central directions and views.
+
+        Parameters
+        ----------
+        centers, views : ndarray, shape (..., 3), broadcastable
+            Unit vectors in world axes.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
 
     def zonal_radiance(self, centers: Array, view_theta: float) -> Array:
-        """Its mean over the views at an angle (radians) from central directions (..., 3)."""
+        """Average the radiance over the azimuth of the view about central directions.
+
+        Parameters
+        ----------
+        centers : ndarray, shape (..., 3)
+            Unit vectors in world axes.
+        view_theta : float
+            The angle between the view and the central direction, radians.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
 
 
 def tabulate(
@@ -36,7 +64,7 @@ def tabulate(
     sampling: Sampling = "center",
     progress: Progress | None = None,
 ) -> Kind:
-    """A map of a kind, by one integral for each texel of each image.
+    """Make an explicit map of a given kind, by one integral for each texel of each image.
 
     Parameters
     ----------
@@ -49,15 +77,15 @@ def tabulate(
     view_count : int
         Samples along an axis of the view.
     progress : callable, optional
-        Called with images done and images in all.
+        Called with the number of images that are done, and of all images.
 
     Raises
     ------
     MapError
-        If it would be too large.
+        If the map would be too large.
     """
     count = kind.image_count(view_count)
-    kind.check_memory(size, count)
+    kind.check_images(size, count)
     images = np.empty((count, 3, 6 * size, size), dtype=np.float32)
     texels = cube_directions(size, sampling)
     for index, view in enumerate(kind.sample_views(count)):
@@ -69,3 +97,33 @@ def tabulate(
         if progress is not None:
             progress(index + 1, count)
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
+
+
+def tabulate_sum(kind: type[Kind], summed: SummedShrm, view_count: int | None = None) -> Kind:
+    """Tabulate a sum of terms as an explicit map over the mirror direction.
+
+    Parameters
+    ----------
+    kind : type of ExplicitMap
+    summed : SummedShrm
+    view_count : int, optional
+        Samples along an axis of the view; `ExplicitMap.default_view_count` of the largest P by
+        default.
+
+    Raises
+    ------
+    MapError
+        If the map would be too large.
+    """
+    if view_count is None:
+        view_count = kind.default_view_count(max(summed.info.order_p, 1))
+    made = tabulate(
+        kind, summed, "reflection", summed.info, summed.size, view_count, summed.sampling
+    )
+    centers = spiral_directions(_PAIRS)
+    views = np.random.default_rng(0).permutation(centers)
+    exact = summed.central_radiance(centers, views)
+    error = np.sum((made.central_radiance(centers, views) - exact) ** 2)
+    added = np.sqrt(error / max(float(np.sum(exact**2)), 1e-300))
+    info = replace(summed.info, added_error=float(np.hypot(summed.info.added_error, added)))
+    return replace(made, info=info)

@@ -1,1 +1,1 @@
-"""Irradiance environment maps (chapter 4): a few lighting coefficients."""
+"""Irradiance environment maps: the light on diffuse surfaces, in a few lighting coefficients."""

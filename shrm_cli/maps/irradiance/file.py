@@ -1,36 +1,41 @@
-"""Irradiance maps <-> the one part of a file: the coefficients are the map, the cube shows it."""
+"""Writing irradiance maps to files of one part, and reading them again.
+
+The lighting coefficients among the part's attributes are the map. The pixels are a cube that shows
+the irradiance that they make. Eq. 4.15 is one of chapter 4 of Ramamoorthi's thesis, "A
+Signal-Processing Framework for Forward and Inverse Rendering" (2002).
+"""
 
 import json
 import math
-import os
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr import Part, has_channels, read_channels
-from shrm_cli.maps.arrangement import Arrangement, stored_arrangement
-from shrm_cli.maps.attributes import common_header, map_info, read_attributes
+from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.maps.attributes import common_header
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.window import FAMILIES, Window, window_factors
-from shrm_cli.maps.names import COLOURS
+from shrm_cli.maps.stored import COLORS, StoredImage, image_channels
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.sphere.quadrature import nodes, spiral_directions
 
 Array = NDArray[np.floating]
 
 _CHECKED_TEXELS = 256
+"""The number of texels all over the cube that are compared with the coefficients."""
 _PIXEL_TOLERANCE = 2e-3, 1e-7
-"""Of the largest irradiance, four times what half's 11 bits leave; and half's smallest step."""
+"""How far a pixel may be from what the coefficients make: a part of the largest irradiance, plus an
+absolute irradiance. The part is four times the rounding of 16-bit floats, which have 11 bits; the
+absolute part is their smallest step."""
 
 
 def encode(irradiance: Irradiance) -> list[Part]:
-    """One part: the RGB cube of E(N), and what it was made from as attributes.
+    """Make the part of a file: the RGB cube of E(N), with the coefficients as attributes.
 
     ``shrm:lighting_coefficients`` is JSON, ``[[r, g, b], ...]`` by index l(l+1)+m, in double
-    precision; ``shrm:irradiance_matrices``, up to order 2, the 4 x 4 matrices of R, G and B
-    (eq. 4.15); ``shrm:window`` what the coefficients were multiplied with.
+    precision. ``shrm:irradiance_matrices``, which is there up to order 2, holds the 4 x 4 matrices
+    of R, G and B (eq. 4.15). ``shrm:window`` says what the coefficients were multiplied with.
     """
     window = irradiance.window
     header = common_header(irradiance, irradiance.order_p)
@@ -47,70 +52,51 @@ def encode(irradiance: Irradiance) -> list[Part]:
     if irradiance.order_f <= POLYNOMIAL_ORDER:
         header["shrm:irradiance_matrices"] = _json(irradiance.matrices())
     cube = irradiance.cube()
-    return [Part({name: cube[..., k] for k, name in enumerate(COLOURS)}, header)]
+    return [Part(image_channels(cube), header)]
 
 
-def decode(path: str | os.PathLike[str], source: Any, specs: list[Any]) -> Irradiance:
-    """The map of an opened file.
-
-    Parameters
-    ----------
-    path : path-like
-        For messages.
-    source
-        OpenImageIO's ImageInput.
-    specs : list
-        Specifications of its parts.
+def decode(file: StoredFile) -> Irradiance:
+    """Return the map that a file holds.
 
     Raises
     ------
     MapError
-        If an attribute is missing or wrong, they contradict each other, or the pixels are not
-        those of the coefficients.
+        If an attribute is missing or wrong, if attributes contradict each other, or if the pixels
+        are not those of the coefficients.
     """
-    spec = specs[0]
-    attributes = read_attributes(path, spec)
-    if len(specs) != 1:
-        raise MapError(f"{path}: an irradiance map has one part, not {len(specs)}; make it again")
+    path, count = file.path, len(file.parts)
+    if count != 1:
+        raise MapError(f"{path}: an irradiance map has one part, not {count}; make it again")
+    image = StoredImage.of(file.first)
     for name, only in (("frame", "global"), ("center", "normal"), ("P", 0)):
-        if attributes[name] != only:
+        if image.attributes[name] != only:
             raise MapError(f"{path}: the shrm:{name} of an irradiance map is {only}; make it again")
-    arrangement, size = _arrangement(path, spec, attributes)
-    order_f = attributes["F"]
-    coefficients = _numbers(spec, "lighting_coefficients", ((order_f + 1) ** 2, 3))
+    image.check_channels(COLORS, "an irradiance map")
+    order_f = image.attributes["F"]
+    coefficients = _numbers(image.part, "lighting_coefficients", ((order_f + 1) ** 2, 3))
     if coefficients is None:
         raise _wrong(path, f"lighting_coefficients is not {(order_f + 1) ** 2} x 3 finite numbers")
+    common = image.common()
     made = Irradiance(
-        coefficients, map_info(attributes, spec), size, arrangement.sampling,
-        _window(path, spec, order_f),
-    )  # fmt: skip
-    _check_matrices(path, spec, made)
-    _check_pixels(path, source, arrangement, made)
+        coefficients, common["info"], image.size, common["sampling"], _window(image.part, order_f)
+    )
+    _check_matrices(image.part, made)
+    _check_pixels(image, made)
     return made
 
 
 def _json(values: Array) -> str:
-    """Nested lists of numbers, each as many digits as make the same double again."""
+    """Write nested lists of numbers with so many digits that readers get the same doubles."""
     return json.dumps(values.tolist())
 
 
-def _wrong(path: str | os.PathLike[str], what: str) -> MapError:
+def _wrong(path: str, what: str) -> MapError:
     return MapError(f"{path}: its attribute shrm:{what}; make it again")
 
 
-def _arrangement(
-    path: str | os.PathLike[str], spec: Any, attributes: dict[str, Any]
-) -> tuple[Arrangement, int]:
-    """How the image is laid out, and the texels along an edge of its cube."""
-    arrangement, size = stored_arrangement(path, spec, attributes)
-    if not has_channels(spec, COLOURS):
-        raise MapError(f"{path}: its channels are not those of an irradiance map")
-    return arrangement, size
-
-
-def _numbers(spec: Any, name: str, shape: tuple[int, ...]) -> Array | None:
-    """An attribute of nested lists of finite numbers; None if it is anything else."""
-    text = spec.getattribute(f"shrm:{name}")
+def _numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:
+    """Read an attribute of nested lists of finite numbers; None if it is anything else."""
+    text = part.attribute(f"shrm:{name}")
     try:
         values = np.array(json.loads(text))
     except (ValueError, TypeError, RecursionError, OverflowError):
@@ -120,10 +106,11 @@ def _numbers(spec: Any, name: str, shape: tuple[int, ...]) -> Array | None:
     return values.astype(float) if np.isfinite(values).all() else None
 
 
-def _window(path: str | os.PathLike[str], spec: Any, order_f: int) -> Window:
-    """The window, whose factors are those of its name and width, where it has one."""
+def _window(part: StoredPart, order_f: int) -> Window:
+    """Read the window, and check that its factors are those of its name and width, if any."""
+    path = part.path
     try:
-        found = json.loads(spec.getattribute("shrm:window"))
+        found = json.loads(part.attribute("shrm:window"))
         name, width, factors = found["name"], found["width"], found["factors"]
         costs = float(found["energy_lost"]), float(found["change"])
         is_width = type(width) in (int, float) and math.isfinite(width) and width > 0
@@ -146,10 +133,11 @@ def _window(path: str | os.PathLike[str], spec: Any, order_f: int) -> Window:
     return Window(name, float(width), tuple(expected.tolist()), *costs)
 
 
-def _factors(found: Any, order_f: int) -> Array | None:
-    """A list of a number for each degree; None if it is anything else."""
-    is_list = isinstance(found, list) and len(found) == order_f + 1
-    if not is_list or any(type(factor) not in (int, float) for factor in found):
+def _factors(found: object, order_f: int) -> Array | None:
+    """Turn a list of one number for each degree into an array; None if it is anything else."""
+    if not isinstance(found, list) or len(found) != order_f + 1:
+        return None
+    if any(type(factor) not in (int, float) for factor in found):
         return None
     try:
         return np.array(found, dtype=float)
@@ -157,42 +145,41 @@ def _factors(found: Any, order_f: int) -> Array | None:
         return None
 
 
-def _check_matrices(path: str | os.PathLike[str], spec: Any, made: Irradiance) -> None:
-    """Refuse matrices that are not those of the coefficients, or that there can be none of."""
+def _check_matrices(part: StoredPart, made: Irradiance) -> None:
+    """Refuse matrices that are not those of the coefficients, and any matrices above order 2."""
+    path = part.path
     if made.order_f > POLYNOMIAL_ORDER:
-        if spec.getattribute("shrm:irradiance_matrices") is not None:
+        if part.attribute("shrm:irradiance_matrices") is not None:
             raise _wrong(path, f"irradiance_matrices has no meaning at order F = {made.order_f}")
         return
-    found, expected = _numbers(spec, "irradiance_matrices", (3, 4, 4)), made.matrices()
+    found, expected = _numbers(part, "irradiance_matrices", (3, 4, 4)), made.matrices()
     if found is None:
         raise _wrong(path, "irradiance_matrices is not 3 x 4 x 4 finite numbers")
     if not np.allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max()):
         raise _wrong(path, "irradiance_matrices does not belong to the coefficients")
 
 
-def _check_pixels(
-    path: str | os.PathLike[str], source: Any, arrangement: Arrangement, made: Irradiance
-) -> None:
-    """Refuse a cube that shows something else than its coefficients, as after an edit of either.
+def _check_pixels(image: StoredImage, made: Irradiance) -> None:
+    """Refuse a cube that does not show its coefficients, because one of them was edited.
 
-    A lat-long is resampled, and only checked to be whole.
+    The pixels of a lat-long were resampled, so they are only read, which refuses damaged ones.
     """
-    pixels = read_channels(path, source, 0, COLOURS)
-    if arrangement.layout == "latlong":
+    cube = image.stack(COLORS)
+    if image.arrangement.layout == "latlong":
         return
-    cube = arrangement.undo(pixels)
     rows, columns, normals = _some_texels(made)
     expected = made.irradiance(normals)
     relative, absolute = _PIXEL_TOLERANCE
     tolerance = relative * float(np.abs(expected).max()) + absolute
     if not np.allclose(cube[rows, columns], expected, rtol=0, atol=tolerance):
         raise MapError(
-            f"{path}: its pixels are not those of its shrm:lighting_coefficients; make it again"
+            f"{image.path}: its pixels are not those of its shrm:lighting_coefficients; "
+            "make it again"
         )
 
 
 def _some_texels(made: Irradiance) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Rows and columns of texels all over the cube, and their normals, (n, 3)."""
+    """Choose texels all over the cube: their rows, columns and normals, shape (n, 3)."""
     at = nodes(made.size, made.sampling)
     face, s, t = cube_coordinates(spiral_directions(_CHECKED_TEXELS))
     column, row = (np.abs(at[:, None] - x).argmin(axis=0) for x in (s, t))

@@ -1,7 +1,13 @@
-"""Irradiance environment maps (chapter 4): a few lighting coefficients, and E of the normal."""
+"""The irradiance map: a few lighting coefficients, and the irradiance E(N) that they make.
 
-from dataclasses import dataclass, field
+Equations 4.x are those of chapter 4 of Ramamoorthi's thesis, "A Signal-Processing Framework for
+Forward and Inverse Rendering" (2002).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,25 +15,28 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.light_map import EngineMap
+from shrm_cli.maps.light_map import LightMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.sphere.extremes import lowest, series_values
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.synthesis import synthesize_cube
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, Sampling
 
 Array = NDArray[np.floating]
 
 POLYNOMIAL_ORDER = 2
-"""Up to which E is a quadratic polynomial of the normal (eq. 4.14 to 4.16)."""
+"""The largest order at which E is a quadratic polynomial of the normal (eq. 4.14 to 4.16)."""
 
 
 def lambert_factors(order: int) -> Array:
-    """``A_l`` of the clamped cosine: ``E_lm = A_l L_lm``; pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
+    """Return the factors A_l of the clamped cosine, with which ``E_lm = A_l L_lm``.
+
+    They are pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
     Parameters
     ----------
     order : int
+        The largest degree l.
 
     Returns
     -------
@@ -35,7 +44,8 @@ def lambert_factors(order: int) -> Array:
 
     References
     ----------
-    Eq. 4.11; its factorials ``l! / (2^l (l/2)!^2)`` by their ratio ``(l - 1) / l``.
+    Eq. 4.11. Its factorials ``l! / (2^l (l/2)!^2)`` are computed by the ratio ``(l - 1) / l`` of
+    one to the one before.
     """
     factors = np.zeros(order + 1)
     central = 1.0
@@ -50,29 +60,34 @@ def lambert_factors(order: int) -> Array:
 
 
 def irradiance_energies(power: ArrayLike) -> Array:
-    """``A_l^2 sum_m L_lm^2``, which sum to the integral of E^2 over the sphere (Parseval).
+    """Return ``A_l^2 sum_m L_lm^2``, whose sum over l is the integral of E^2 (Parseval).
 
     Parameters
     ----------
     power : array_like, shape (order+1, 3)
         ``sum_m L_lm^2`` of each degree and channel.
+
+    Returns
+    -------
+    ndarray, shape (order+1, 3)
     """
     power = np.asarray(power)
     return lambert_factors(len(power) - 1)[:, None] ** 2 * power
 
 
 def matrix_constants() -> tuple[float, float, float, float, float]:
-    """The constants c1 .. c5 of eq. 4.15: products of A_l and of the harmonics of eq. 4.5."""
+    """Return c1 .. c5 of eq. 4.15: products of A_l and constants of the harmonics (eq. 4.5)."""
     a0, a1, a2 = lambert_factors(2).tolist()
     constant, linear = np.sqrt(1 / (4 * np.pi)), np.sqrt(3 / (4 * np.pi))
     mixed, zonal = np.sqrt(15 / (4 * np.pi)), np.sqrt(5 / (16 * np.pi))
-    # Y_22 is mixed / 2 (x^2 - y^2), Y_20 zonal (3 z^2 - 1); M holds products of x, y, z twice.
+    # Y_22 is mixed / 2 (x^2 - y^2) and Y_20 is zonal (3 z^2 - 1). The matrix is symmetric, so
+    # products of two different coordinates occur twice.
     c1, c2, c3 = a2 * mixed / 2, a1 * linear / 2, 3 * a2 * zonal
     return float(c1), float(c2), float(c3), float(a0 * constant), float(a2 * zonal)
 
 
 @dataclass(frozen=True)
-class Irradiance(EngineMap):
+class Irradiance(LightMap):
     """The irradiance of a surface as a function of its normal.
 
     Attributes
@@ -80,12 +95,14 @@ class Irradiance(EngineMap):
     coefficients : ndarray, shape ((F+1)^2, 3)
         Lighting coefficients L_lm (eq. 4.13) times the window's factors, index l(l+1)+m.
     info : MapInfo
+        How the map was made.
     size : int, optional
-        Texels along an edge of the cube that is written with them; `choose_size` by default.
+        Texels along a face's edge of the cube that is written with the coefficients;
+        `choose_size` chooses it by default.
     sampling : {"center", "border"}
-        Of that cube.
+        Where the samples of that cube lie.
     window : Window
-        What the coefficients were multiplied with.
+        The factors that the coefficients were multiplied with.
     """
 
     coefficients: Array
@@ -111,16 +128,16 @@ class Irradiance(EngineMap):
 
     @property
     def order_p(self) -> int:
-        """0: a diffuse surface looks the same from everywhere."""
+        """The order P is 0, because a diffuse surface looks the same from everywhere."""
         return 0
 
     def irradiance(self, normals: ArrayLike) -> Array:
-        """E(N), without 1/pi (eq. 4.10).
+        """Return the irradiance E(N), without a factor 1/pi (eq. 4.10).
 
         Parameters
         ----------
         normals : array_like, shape (..., 3)
-            Unit, world axes.
+            Unit vectors in world axes.
 
         Returns
         -------
@@ -131,12 +148,12 @@ class Irradiance(EngineMap):
         return values.reshape(normals.shape)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Radiance of a white Lambertian surface, E / pi.
+        """Return the radiance of a white Lambertian surface, E / pi.
 
         Parameters
         ----------
         normals, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes; the views change nothing.
+            Unit vectors in world axes. The views change nothing.
 
         Returns
         -------
@@ -147,25 +164,82 @@ class Irradiance(EngineMap):
         return np.broadcast_to(self.irradiance(normals) / np.pi, shape)
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Radiance by central directions, which are the normals; the rest as `radiance`."""
+        """Return `radiance`; the central directions of this map are the normals."""
         return self.radiance(centers, views)
 
     def cube(self) -> Array:
-        """E(N) at the texels of an OpenEXR cube, shape (6N, N, 3)."""
+        """Return E(N) at the texels of an OpenEXR cube, shape (6N, N, 3)."""
         planes = synthesize_cube(self.series, self.size, self.sampling)
         return np.moveaxis(planes, 0, -1)
 
-    def images(self) -> tuple[Array]:
-        """The cube alone."""
+    @property
+    def cube_count(self) -> int:
+        """The number of cubes is 1: the one that shows E(N)."""
+        return 1
+
+    def planes(self) -> tuple[Array]:
+        """Return the cube of E(N), which is made from the coefficients."""
         return (self.cube(),)
 
-    def matrices(self) -> Array:
-        """M of each channel, shape (3, 4, 4): ``E = (x y z 1) M (x y z 1)`` (eq. 4.14, 4.15).
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "Irradiance":
+        """Return the same coefficients with the size and the sampling of another cube.
+
+        The cube's texels are not kept, because the coefficients make them.
+        """
+        (cube,) = planes
+        return replace(self, size=cube.shape[1], sampling=sampling, info=info)
+
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "Irradiance":
+        """Return the map with another size or sampling; the coefficients make its cube anew.
 
         Raises
         ------
         MapError
-            Above order 2, where E is no quadratic polynomial.
+            If the cube would be too large.
+        """
+        if size is not None and size > MAX_CUBE_SIZE:
+            raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
+        return replace(self, size=size or self.size, sampling=sampling or self.sampling)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told of the map, without the numbers of `details`."""
+        return {
+            **super().summary(),
+            "size": self.size,
+            "sampling": self.sampling,
+            "order_f": self.order_f,
+            "coefficients": len(self.coefficients),
+        }
+
+    def details(self) -> dict[str, Any]:
+        """Return the window, the coefficients, and what is known of their errors."""
+        return {
+            "window": self.window.summary(self.order_f),
+            "minimum_irradiance": self.minimum(),
+            **self.numbers(),
+            "predicted_error": self.info.predicted_error,
+            "added_error": self.info.added_error,
+        }
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the coefficients, and up to order 2 the matrices of eq. 4.15, for JSON."""
+        is_polynomial = self.order_f <= POLYNOMIAL_ORDER
+        return {
+            "lighting_coefficients": self.coefficients.tolist(),
+            "irradiance_matrices": self.matrices().tolist() if is_polynomial else None,
+        }
+
+    def matrices(self) -> Array:
+        """Return the matrix M of each channel, shape (3, 4, 4).
+
+        ``E = (x y z 1) M (x y z 1)^T`` for a unit normal (eq. 4.14, 4.15).
+
+        Raises
+        ------
+        MapError
+            If the map's order is above 2, where E is not a quadratic polynomial.
         """
         c1, c2, c3, c4, c5 = matrix_constants()
         l00, l1_1, l10, l11, l2_2, l2_1, l20, l21, l22 = self.nine()
@@ -178,28 +252,28 @@ class Irradiance(EngineMap):
         return np.moveaxis(np.array(rows), -1, 0)
 
     def nine(self) -> Array:
-        """The coefficients up to order 2, shape (9, 3); those beyond the map's order are 0.
+        """Return nine coefficients, shape (9, 3); those beyond the map's order are 0.
 
         Raises
         ------
         MapError
-            Above order 2.
+            If the map's order is above 2.
         """
         if self.order_f > POLYNOMIAL_ORDER:
             raise MapError(
                 f"an irradiance map of order F = {self.order_f} is no quadratic polynomial of the "
-                "normal; matrices and shaders need --order-f 2 or less"
+                "normal; matrices and shaders need `order_f` 2 or less"
             )
         result = np.zeros(((POLYNOMIAL_ORDER + 1) ** 2, 3))
         result[: len(self.coefficients)] = self.coefficients
         return result
 
     def minimum(self) -> float:
-        """The least irradiance of any normal and channel."""
+        """Return the least irradiance of any normal and channel."""
         return float(lowest(self.series)[1].min())
 
     @cached_property
     def series(self) -> Array:
-        """``E_lm = A_l L_lm`` (eq. 4.8), shape ((F+1)^2, 3)."""
+        """The coefficients of the irradiance, ``E_lm = A_l L_lm`` (eq. 4.8), shape ((F+1)^2, 3)."""
         factors = lambert_factors(self.order_f)[degrees(self.order_f)]
         return factors[:, None] * self.coefficients

@@ -1,14 +1,16 @@
-"""Prefiltering for diffuse surfaces: the lighting coefficients, windowed (section 4.3.1)."""
+"""Prefiltering for diffuse surfaces: a probe's first lighting coefficients, windowed on request.
 
-from dataclasses import dataclass, replace
-from typing import Any
+Section 4.3.1 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward and Inverse
+Rendering" (2002), describes the method. Eq. 5.18 is one of its chapter 5.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.errors import MapError, OrderError
-from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import (
     POLYNOMIAL_ORDER,
     Irradiance,
@@ -16,7 +18,8 @@ from shrm_cli.maps.irradiance.irradiance import (
     lambert_factors,
 )
 from shrm_cli.maps.irradiance.window import make_window, parse_window
-from shrm_cli.maps.prefiltered import provenance
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
@@ -27,88 +30,48 @@ from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 Array = NDArray[np.floating]
 
 _HIGH_ORDER = 64
-"""Up to which the light is projected at least, for the error of what is left out."""
+"""The light is projected to this order at least, to know the error of the degrees left out."""
 _LAST_DEGREES = 16
+"""The mean power of this many last degrees tells how the light goes on beyond them."""
 
 
-@dataclass(frozen=True)
-class BakedIrradiance:
-    """An irradiance map, and what is known of it.
-
-    Attributes
-    ----------
-    map : Irradiance
-    asked_window : str
-        As it was asked for.
-    minimum_before, minimum : float
-        Least irradiance of any normal and channel, without and with the window.
-    """
-
-    map: Irradiance
-    asked_window: str
-    minimum_before: float
-    minimum: float
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers that users and scripts ask for."""
-        made, info = self.map, self.map.info
-        is_polynomial = made.order_f <= POLYNOMIAL_ORDER
-        return {
-            "representation": made.representation,
-            "frame": made.frame,
-            "center": made.center,
-            "size": made.size,
-            "sampling": made.sampling,
-            "order_f": made.order_f,
-            "coefficients": len(made.coefficients),
-            "brdf_energy_captured": info.captured,
-            "predicted_error": info.predicted_error,
-            "added_error": info.added_error,
-            "window": {
-                "asked": self.asked_window,
-                "name": made.window.name,
-                "width": made.window.width,
-                "factors": list(made.window.factors) or [1.0] * (made.order_f + 1),
-                "energy_lost": made.window.energy_lost,
-                "change": made.window.change,
-            },
-            "minimum_irradiance": self.minimum,
-            "minimum_without_window": self.minimum_before,
-            "lighting_coefficients": made.coefficients.tolist(),
-            "irradiance_matrices": made.matrices().tolist() if is_polynomial else None,
-            "brdf": info.brdf,
-            "probe": info.probe,
-            "probe_sha256": info.probe_sha256,
-        }
-
-
-def bake_irradiance(
+def prefilter(
     probe: Probe,
     order_f: int = POLYNOMIAL_ORDER,
     window: str = "none",
     size: int | None = None,
     sampling: Sampling = "center",
     progress: Progress | None = None,
-) -> BakedIrradiance:
-    """Project a probe, and keep what a diffuse surface reflects of it.
+) -> Prefiltered:
+    """Make the irradiance map of a probe.
 
     Parameters
     ----------
     probe : Probe
     order_f : int
-        Largest degree to keep; 2 makes nine coefficients.
+        The largest degree to keep; 2 makes nine coefficients.
     window : str
-        As `make_window` takes it.
+        A window's name, or ``NAME:WIDTH``, as `make_window` takes it.
     size : int, optional
-        Texels along an edge of the cube; from the order by default.
+        Texels along a face's edge of the cube; the order decides by default.
     sampling : {"center", "border"}
-        Of the cube.
+        Where the samples of the cube lie.
     progress : callable, optional
-        Called with rows read and rows in all.
+        Called with the number of rows read, and of all rows.
+
+    Returns
+    -------
+    Prefiltered
+        The map, and a warning if its irradiance is negative somewhere.
 
     Raises
     ------
-    OrderError, MapError, ProbeError
+    OrderError
+        If the order is outside 0 .. 512.
+    MapError
+        If the window is unknown, the cube is too large, or the light is beyond 32-bit floats.
+    ProbeError
+        If the probe cannot be read.
     """
     if not 0 <= order_f <= MAX_ORDER_F:
         raise OrderError(f"order F = {order_f} is outside 0 .. {MAX_ORDER_F}")
@@ -128,19 +91,30 @@ def bake_irradiance(
     return _windowed(whole, window)
 
 
-def _windowed(whole: Irradiance, spec: str) -> BakedIrradiance:
-    """A map with a window, and its least irradiance before and after."""
-    before = whole.minimum()
-    window = make_window(spec, whole.series)
-    if not window.factors:
-        return BakedIrradiance(whole, spec, before, before)
-    info: MapInfo = replace(whole.info, added_error=window.change)
-    made = replace(whole, coefficients=window.apply(whole.coefficients), info=info, window=window)
-    return BakedIrradiance(made, spec, before, made.minimum())
+def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
+    """Apply a window to a map, and tell its least irradiance without and with the window."""
+    before = least = whole.minimum()
+    made, window = whole, make_window(spec, whole.series)
+    if window.factors:
+        info = replace(whole.info, added_error=window.change)
+        windowed = window.apply(whole.coefficients)
+        made = replace(whole, coefficients=windowed, info=info, window=window)
+        least = made.minimum()
+    facts = {
+        "brdf_energy_captured": made.info.captured,
+        "predicted_error": made.info.predicted_error,
+        "added_error": made.info.added_error,
+        "window": {"asked": spec, **made.window.summary(made.order_f)},
+        "minimum_irradiance": least,
+        "minimum_without_window": before,
+        **made.numbers(),
+    }
+    dark = f"the irradiance falls to {least:.3g} on some side; `window` auto keeps it non-negative"
+    return Prefiltered(made, facts, warnings=(dark,) if least < 0 else ())
 
 
 def _missing(lighting: Lighting, order_f: int) -> float:
-    """Relative RMS of what degrees above an order would add to the irradiance (Parseval)."""
+    """Relative RMS error of the irradiance without the degrees above an order (Parseval)."""
     energies = irradiance_energies(lighting.power()).sum(axis=1)
     beyond = _unknown(lighting)
     whole = energies.sum() + beyond
@@ -148,22 +122,23 @@ def _missing(lighting: Lighting, order_f: int) -> float:
 
 
 def _unknown(lighting: Lighting) -> float:
-    """The energy of the irradiance of what the light holds beyond its expansion.
+    """Estimate the energy of the irradiance that the light beyond its expansion makes.
 
-    The light goes on as white light does, ``(2l+1)`` times the mean power of the last degrees;
-    or all the energy that is left is in the next degree, if that is less.
+    Two estimates are made, and the smaller one counts. In the first, the light goes on as white
+    light does, with ``(2l+1)`` times the mean power of the last degrees. In the second, all energy
+    of the light that is left is in one of the next two degrees, the one with the larger A_l.
     """
     power = lighting.power().sum(axis=1)
-    known = int(np.flatnonzero(power).max(initial=0)) + 1  # beyond the pixels' it is 0
+    known = int(np.flatnonzero(power).max(initial=0)) + 1  # the pixels may hold no more degrees
     rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
     last = slice(max(known - _LAST_DEGREES, 0), known)
     density = power[last].sum() / (2 * np.arange(known) + 1)[last].sum()
     white = density * 4 * np.pi * (2 * np.pi / 3) * (1 - _captured(known - 1))
-    following = lambert_factors(known + 1)[known:]  # one of two is 0
+    following = lambert_factors(known + 1)[known:]  # above degree 1, one of the two is 0
     return float(min(white, rest * np.max(following**2)))
 
 
 def _captured(order_f: int) -> float:
-    """The part of the clamped cosine's energy, 2 pi / 3, up to an order (eq. 5.18)."""
+    """The part of the clamped cosine's energy, 2 pi / 3, that lies up to an order (eq. 5.18)."""
     measure = (2 * np.arange(order_f + 1) + 1) / (4 * np.pi)
     return float(lambert_factors(order_f) ** 2 @ measure / (2 * np.pi / 3))

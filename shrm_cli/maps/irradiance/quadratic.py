@@ -1,4 +1,4 @@
-"""The shortest vector within linear bounds: a quadratic program, by non-negative least squares."""
+"""Finding the shortest vector within linear bounds, by non-negative least squares."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,22 +6,23 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating]
 
 _TINY = 1e-13
+"""Residuals, gains and coefficients that are smaller than this, relatively, count as rounding."""
 
 
 def shortest_within(rows: Array, bounds: Array) -> Array | None:
-    """The x of least ``|x|^2`` with ``rows @ x <= bounds``.
+    """Find the x of least ``|x|^2`` with ``rows @ x <= bounds``.
 
     Parameters
     ----------
     rows : ndarray, shape (m, n)
-        Of about unit length each, so that all are kept with the same precision.
+        Each row must be of about unit length, so that all bounds are kept with the same precision.
     bounds : ndarray, shape (m,)
-        No smaller than about -1, for the same reason.
+        They must not be much smaller than -1, for the same reason.
 
     Returns
     -------
     ndarray, shape (n,), or None
-        None if no x is within the bounds.
+        The vector x, or None if no x is within the bounds.
 
     References
     ----------
@@ -39,10 +40,10 @@ def shortest_within(rows: Array, bounds: Array) -> Array | None:
 
 
 def non_negative_least_squares(matrix: Array, target: Array) -> Array:
-    """The u >= 0 of least ``|matrix @ u - target|``.
+    """Find the u >= 0 of least ``|matrix @ u - target|``.
 
-    Columns that lower the residual join the set of free ones, one at a time; those that would
-    turn negative leave it.
+    Columns that lower the residual join the set of free columns, one at a time. Columns whose
+    coefficient would turn negative leave it, and their coefficient is 0.
 
     Parameters
     ----------
@@ -80,19 +81,22 @@ def non_negative_least_squares(matrix: Array, target: Array) -> Array:
 
 
 def _join(matrix: Array, target: Array, free: NDArray[np.bool_], gain: Array) -> Array | None:
-    """Let the column that gains most join the free ones, and solve for them; None if none can."""
+    """Let the column that gains most join the free ones, and solve for all free ones.
+
+    The result is None if no column can join.
+    """
     while gain.any():
         joining = int(np.argmax(gain))
         free[joining] = True
         solved = _solved(matrix, target, free)
         if solved[joining] > 0:
             return solved
-        free[joining], gain[joining] = False, 0.0  # it gains by rounding alone
+        free[joining], gain[joining] = False, 0.0  # its gain is rounding alone
     return None
 
 
 def _solved(matrix: Array, target: Array, free: NDArray[np.bool_]) -> Array:
-    """Least squares over the free columns; 0 for the others."""
+    """Solve least squares over the free columns; the coefficients of the others are 0."""
     result = np.zeros(matrix.shape[1])
     if free.any():
         result[free] = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]

@@ -1,4 +1,8 @@
-"""Irradiance as source code: the polynomial of eq. 4.16 with its numbers in place."""
+"""Irradiance as source code: the quadratic polynomial of the normal, with its numbers in place.
+
+Eq. 4.16 is one of chapter 4 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward
+and Inverse Rendering" (2002).
+"""
 
 import re
 from collections.abc import Sequence
@@ -15,27 +19,29 @@ LANGUAGES = ("glsl", "hlsl", "c")
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 _MOST_NAME = 100
+"""The most characters of a probe's name or digest in the code's comment."""
 
 
 def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
-    """A function ``shrm_irradiance(normal)`` for a shader or a program.
+    """Write the function ``shrm_irradiance(normal)`` for a shader or a program.
 
     Parameters
     ----------
     irradiance : Irradiance
-        Of order 2 at most.
+        A map of order 2 at most.
     language : {"glsl", "hlsl", "c"}
-        C99 computes in double precision.
+        The code in C is C99 and computes in double precision.
 
     Returns
     -------
     str
-        Lines, the last one ended too.
+        The code; its last line ends with a newline too.
 
     Raises
     ------
     MapError
-        Above order 2, or if a number does not fit into the language's type.
+        If the language is unknown, the map's order is above 2, or a number does not fit into the
+        language's type.
     """
     if language not in LANGUAGES:
         raise MapError(f"shader language {language!r}: take one of {', '.join(LANGUAGES)}")
@@ -47,7 +53,7 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
 
 
 def _terms(irradiance: Irradiance) -> list[tuple[str, Array]]:
-    """Monomials of the normal, and the colour that each is multiplied with (eq. 4.16)."""
+    """List monomials of the normal, and the color that each is multiplied with (eq. 4.16)."""
     c1, c2, c3, c4, c5 = matrix_constants()
     l00, l1_1, l10, l11, l2_2, l2_1, l20, l21, l22 = irradiance.nine()
     terms = [
@@ -65,7 +71,7 @@ def _terms(irradiance: Irradiance) -> list[tuple[str, Array]]:
 
 
 def _comment(irradiance: Irradiance) -> list[str]:
-    """What the numbers are, and where they come from."""
+    """Write the comment that says what the numbers are, and where they come from."""
     info, window = irradiance.info, irradiance.window
     width = "" if window.width is None else f", width {window.width:.6g}"
     return [
@@ -80,12 +86,12 @@ def _comment(irradiance: Irradiance) -> list[str]:
 
 
 def _harmless(text: str) -> str:
-    """Text that cannot end a comment, start one, or continue a line."""
+    """Replace characters that could end a comment, start one, or continue a line."""
     return re.sub(r"[^A-Za-z0-9 ._+,()-]", "_", text)[:_MOST_NAME]
 
 
 def _shader(terms: Sequence[tuple[str, Array]], language: str) -> list[str]:
-    """Of GLSL or HLSL."""
+    """Write the function in GLSL or HLSL."""
     vector = {"glsl": "vec3", "hlsl": "float3"}[language]
     sums = [
         f"{vector}({', '.join(_number(c, 9) for c in rgb.tolist())})" + (f" * {by}" if by else "")
@@ -102,7 +108,7 @@ def _shader(terms: Sequence[tuple[str, Array]], language: str) -> list[str]:
 
 
 def _c(terms: Sequence[tuple[str, Array]]) -> list[str]:
-    """Of C99."""
+    """Write the function in C99."""
     lines = [
         "static inline void shrm_irradiance(const double normal[3], double irradiance[3])",
         "{",
@@ -118,7 +124,7 @@ def _c(terms: Sequence[tuple[str, Array]]) -> list[str]:
 
 
 def _number(value: float, digits: int) -> str:
-    """A number with a decimal point, as every language reads it; negative ones in brackets."""
+    """Write a number with a decimal point, for every language; negative ones in brackets."""
     text = f"{value:.{digits}g}"
     if not set(text) & set(".e"):
         text += ".0"

@@ -1,6 +1,10 @@
-"""Windows that damp the high degrees of the irradiance, so that a sun leaves no negative side."""
+"""Windows: factors that damp the high degrees of an irradiance map.
+
+Without them, a sun or another small bright light may leave a side where the irradiance is negative.
+"""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +21,15 @@ FAMILIES = ("hann", "lanczos")
 NAMES = ("none", *FAMILIES, "auto")
 
 MARGIN = 1e-5
-"""Of the mean irradiance: the least value that `auto` leaves, above what 32-bit floats round."""
+"""The least irradiance that the window ``auto`` aims at, as a part of the mean irradiance. It is
+above the rounding of 32-bit floats."""
 
 _ROUNDS = 60
+"""How often `least_window` seeks the factors, at most."""
 _FIRST_DIRECTIONS = 256
+"""The number of directions, evenly spread, where the first factors are sought."""
 _MOST_PLACES = 64
+"""The most directions of each channel that are added after a round."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +39,13 @@ class Window:
     Attributes
     ----------
     name : {"none", "hann", "lanczos", "least"}
+        The kind of the window; ``least`` is what `least_window` makes.
     width : float, optional
-        The degree at and beyond which the factors are 0; None where that does not tell them.
+        The degree at and beyond which the factors are 0; None for ``none`` and ``least``.
     factors : tuple of float
-        Of the degrees 0 .. F; empty where all are 1.
+        The factors of the degrees 0 .. F; the tuple is empty where all are 1.
     energy_lost : float
-        ``1 - |E_w|^2 / |E|^2`` over the sphere and all channels.
+        ``1 - |E_w|^2 / |E|^2`` over the sphere and all channels, with E_w the windowed irradiance.
     change : float
         Relative RMS change of the irradiance, over the sphere and all channels.
     """
@@ -49,7 +58,10 @@ class Window:
 
     @classmethod
     def of(cls, name: str, width: float | None, series: Array) -> "Window":
-        """The window of a family and width, and what it costs a series, shape ((F+1)^2, 3)."""
+        """Make the window of a family and a width, and measure its costs for a series.
+
+        The series has the shape ((F+1)^2, 3).
+        """
         if name == "none" or width is None:
             return cls()
         factors = window_factors(name, width, order_of(len(series)))
@@ -57,7 +69,7 @@ class Window:
 
     @classmethod
     def least(cls, factors: Array, series: Array) -> "Window":
-        """The window of some factors, and what it costs a series."""
+        """Make the window of given factors, and measure its costs for a series."""
         return cls._with_costs("least", None, factors, series)
 
     @classmethod
@@ -70,8 +82,18 @@ class Window:
             change = float(np.sqrt(np.sum((1 - factors) ** 2 * squares) / whole))
         return cls(name, width, tuple(factors.tolist()), lost, change)
 
+    def summary(self, order: int) -> dict[str, Any]:
+        """Return the window as JSON holds it, with a factor for each degree up to an order."""
+        return {
+            "name": self.name,
+            "width": self.width,
+            "factors": list(self.factors) or [1.0] * (order + 1),
+            "energy_lost": self.energy_lost,
+            "change": self.change,
+        }
+
     def apply(self, series: Array) -> Array:
-        """A series, shape ((F+1)^2, ...), times the factors of its degrees."""
+        """Multiply a series, shape ((F+1)^2, ...), by the factors of its degrees."""
         if not self.factors:
             return series
         by_index = np.array(self.factors)[degrees(len(self.factors) - 1)]
@@ -79,15 +101,20 @@ class Window:
 
 
 def window_factors(name: str, width: float, order: int) -> Array:
-    """Factors of the degrees 0 .. order: 1 at 0, and 0 at and beyond the width.
+    """Return the factors of the degrees 0 .. order: 1 at 0, and 0 at and beyond the width.
 
     Parameters
     ----------
     name : {"hann", "lanczos"}
         ``(1 + cos(pi l / w)) / 2`` or ``sin(pi l / w) / (pi l / w)``.
     width : float
-        w, positive; it need not be whole.
+        The width w, a positive number that need not be whole.
     order : int
+        The largest degree.
+
+    Returns
+    -------
+    ndarray, shape (order+1,)
 
     References
     ----------
@@ -99,7 +126,7 @@ def window_factors(name: str, width: float, order: int) -> Array:
 
 
 def parse_window(spec: str) -> tuple[str, float | None]:
-    """Name and width of a window, as `NAME` or `NAME:WIDTH`; no width where none is said.
+    """Split `NAME` or `NAME:WIDTH` into name and width; the width is None where none is given.
 
     Raises
     ------
@@ -123,19 +150,20 @@ def parse_window(spec: str) -> tuple[str, float | None]:
 
 
 def make_window(spec: str, series: Array) -> Window:
-    """The window that a specification asks for.
+    """Make the window that a specification asks for.
 
     Parameters
     ----------
     spec : str
-        As `parse_window` takes it; the width is order + 1 where none is said. ``auto`` is
-        `least_window`.
+        ``NAME`` or ``NAME:WIDTH``, as `parse_window` takes it; the width is F + 1 where none is
+        given. ``auto`` asks for `least_window`.
     series : ndarray, shape ((F+1)^2, 3)
-        Of the irradiance, ``A_l L_lm``.
+        The coefficients of the irradiance, ``A_l L_lm``.
 
     Raises
     ------
     MapError
+        If the name is unknown, or the width is not a positive number.
     """
     name, width = parse_window(spec)
     if name == "auto":
@@ -146,20 +174,22 @@ def make_window(spec: str, series: Array) -> Window:
 
 
 def least_window(series: Array) -> Window:
-    """The window that changes a series least, of those that leave it non-negative everywhere.
+    """Find the window that changes a series least and leaves it non-negative everywhere.
 
-    Each degree has a factor of its own, 1 for the mean and within 0 .. 1 for the others; they
-    need not fall with the degree. Of all such that keep every channel at or above `MARGIN` times
-    its mean, these change the series least, as RMS over all channels, which share them: their
-    hue stays. A series that is nowhere negative gets no window.
+    Each degree has a factor of its own, which is 1 for the mean and within 0 .. 1 for the others;
+    the factors need not fall with the degree. Of all factors that keep every channel at or above
+    `MARGIN` times its mean, these are the ones that change the series least, as RMS over all
+    channels. The channels share the factors. A series that is nowhere negative gets no window.
 
-    The factors are sought over some directions alone, where what each degree adds is known; the
-    lowest directions of the series that they give join these, until they are not too low either.
+    The factors are sought for a set of directions, where the value that each degree adds is known.
+    Then the lowest directions of the windowed series join the set, and the factors are sought
+    anew, until the windowed series is not too low anywhere.
 
     Parameters
     ----------
     series : ndarray, shape ((F+1)^2, 3)
-        With a mean, which is coefficient 0, that is not negative in any channel.
+        The coefficients of the irradiance. The mean, which is coefficient 0, must not be negative
+        in any channel.
     """
     directions, values = lowest(series)
     if values.min() >= 0:
@@ -179,17 +209,18 @@ def least_window(series: Array) -> Window:
 
 
 def _least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:
-    """The factors for some directions, from the values of their degrees, shape (n, F+1, 3).
+    """Find the factors that keep a series at its floor in some directions.
 
-    With t = 1 - factor and p the RMS of a degree, the least ``|p t|^2`` is sought with
-    ``sum_l t_l value_l <= sum_l value_l - floor`` in every direction, and t within 0 .. 1.
+    `by_degree`, shape (n, F+1, 3), holds the value that each degree adds there. With t = 1 - factor
+    and p the relative RMS of a degree, the least ``|p t|^2`` is sought with ``sum_l t_l value_l <=
+    sum_l value_l - floor`` in every direction, and t within 0 .. 1.
     """
     used = np.flatnonzero(squares[1:] > 0) + 1
     share = np.sqrt(squares[used] / squares.sum())
     values = by_degree.transpose(0, 2, 1).reshape(-1, len(squares))
     rows, bounds = values[:, used] / share, values.sum(axis=1) - np.tile(floor, len(by_degree))
     lengths = np.linalg.norm(rows, axis=1)
-    binding = bounds < lengths  # |p t| is 1 at most: other rows cannot be too large
+    binding = bounds < lengths  # |p t| is 1 at most, so other rows always keep their bounds
     lengths = lengths[binding]
     rows, bounds = rows[binding] / lengths[:, None], bounds[binding] / lengths
     box = np.eye(len(used))
@@ -202,7 +233,7 @@ def _least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:
 
 
 def _faded(factors: Array, values: Array, floor: Array) -> Array:
-    """Factors nearer to 0, so that the lowest values rise to the floor; the mean stays."""
+    """Bring factors nearer to 0, so that the lowest values rise to the floor; the mean stays."""
     mean = floor / MARGIN
     is_low = values < floor
     kept = ((mean - floor)[is_low] / (mean - values)[is_low]).min(initial=1.0)
@@ -210,6 +241,6 @@ def _faded(factors: Array, values: Array, floor: Array) -> Array:
 
 
 def _squares(series: Array) -> Array:
-    """The square of each degree, over all its coefficients and channels, shape (F+1,)."""
+    """Sum the squares of each degree's coefficients over all channels, shape (F+1,)."""
     starts = np.arange(order_of(len(series)) + 1) ** 2
     return np.add.reduceat(np.sum(series**2, axis=1), starts)

@@ -5,21 +5,25 @@ exponential of a spherical harmonic series whose degrees roughness attenuates::
 
     E = albedo(N.V) exp(sum_lm a_l p_lm Y_lm(d) + sum_lm b_l q_lm Y_lm(h) - c)
 
-Two laws say what d, h, a and b are:
+The first sum is the logarithm of the factor P, the second that of the factor Q. The coefficients
+p_lm and q_lm are fitted to the light. A law says what d, h, a, b, c and the albedo are; there are
+two:
 
 ``paper``
-    That of Silvennoinen et al.: d = R, h half way between R and N, ``a_l = b_l =
-    exp(-l (l+1) alpha / 2)``, a von Mises-Fisher distribution of ``kappa = 1 / alpha`` (eq. 12).
-    The coefficients hold the albedo too, so c = 0 and only Fresnel's tail (eq. 15) is multiplied:
-    ``f0 + (1 - f0) bias``.
+    The law of Silvennoinen et al.: d is the mirror direction R, and h is half way between R and N.
+    The degrees are attenuated by a von Mises-Fisher distribution of ``kappa = 1 / alpha``, ``a_l =
+    b_l = exp(-l (l+1) alpha / 2)`` (eq. 12). The coefficients hold the albedo for f0 = 1 too, so
+    c = 0, and only the factor for Fresnel's tail (eq. 15) is multiplied: ``f0 + (1 - f0) bias``.
 ``lobe``
-    The von Mises-Fisher distribution takes after the lobe: d is the lobe's mean direction, and
-    ``1 / kappa = -ln |mean|``, which makes its first moment the lobe's own, for any roughness,
-    view and f0. The half vector h of d and N turns half as far, so ``b_l = exp(-l (l+1) /
+    The von Mises-Fisher distribution takes after the lobe of GGX: d is the lobe's mean direction,
+    and ``1 / kappa = -ln |mean|``, which gives it the lobe's own first moment for any roughness,
+    view and f0. The half vector h of d and N turns half as far as d, so ``b_l = exp(-l (l+1) /
     (8 kappa))``. The albedo is the environment-BRDF, so that a uniform light is reflected exactly.
-    Blurring keeps the mean of the light, but not that of its logarithm: ``c = sum_l>0 (a_l^2
-    |p_l|^2 + b_l^2 |q_l|^2) / (8 pi)``, half the variance of the exponent over the sphere, keeps
-    the mean of its exponential, to second order.
+    Blurring keeps the mean of the light, but not the mean of its logarithm. Therefore ``c =
+    sum_l>0 (a_l^2 |p_l|^2 + b_l^2 |q_l|^2) / (8 pi)``, half the variance of the exponent over the
+    sphere, which keeps the mean of the exponential to second order.
+
+Equations here are those of Silvennoinen et al. 2025.
 
 References
 ----------
@@ -27,9 +31,10 @@ Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic expone
 efficient glossy reflections, eq. 5, 9-12 and 15.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,18 +42,19 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments, mean_vectors, whole_lobe
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.light_map import EngineMap, Shaded
+from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.vocabulary import Law, Sampling
 
 Array = NDArray[np.floating]
 
-_LARGEST_EXPONENT = 80.0  # exp() of it is still a number in single precision
+_LARGEST_EXPONENT = 80.0
+"""Larger exponents count as this one, whose exponential is still finite in single precision."""
 
 
-class Form(Protocol):
-    """What decides on the rows: the orders of the factors, and the law."""
+class FactorOrders(Protocol):
+    """The orders of the two factors, and the law, which decide what `exponent_series` returns."""
 
     @property
     def order_p(self) -> int: ...
@@ -59,20 +65,23 @@ class Form(Protocol):
 
 
 @dataclass(frozen=True)
-class SphericalHarmonicExponential(EngineMap):
-    """Factors P and Q of the light that GGX reflects.
+class SphericalHarmonicExponential(SurfaceLightMap):
+    """The light that GGX surfaces reflect, as the logarithms of two factors P and Q.
 
     Attributes
     ----------
     p_coefficients : ndarray, shape ((P+1)^2, 3)
-        Of the logarithm of P, index l(l+1)+m.
+        Coefficients of the logarithm of P, index l(l+1)+m.
     q_coefficients : ndarray, shape ((Q+1)^2 - 1, 3)
-        Of the logarithm of Q, without its constant, which P has; index l(l+1)+m - 1.
+        Coefficients of the logarithm of Q without its constant, which is part of that of P; index
+        l(l+1)+m - 1.
     ggx_alpha : tuple of 2 float
-        The range that it was fitted to; alpha is the square of the perceptual roughness.
+        The range of GGX's alpha that the coefficients were fitted to; alpha is the square of the
+        perceptual roughness.
     info : MapInfo
+        How the map was made.
     law : {"lobe", "paper"}
-        What attenuates the degrees; see the module.
+        How roughness and view attenuate the degrees; see the module.
     """
 
     p_coefficients: Array
@@ -82,6 +91,7 @@ class SphericalHarmonicExponential(EngineMap):
     law: Law = "lobe"
 
     representation = "she"
+    natural_precision = "float"  # a few hundred bytes, and its numbers are exponents
     center = "reflection"
     sampling: ClassVar[Sampling] = "center"
     size = 1
@@ -101,26 +111,62 @@ class SphericalHarmonicExponential(EngineMap):
 
     @property
     def roughness_range(self) -> tuple[float, float]:
-        """The roots of `ggx_alpha`."""
+        """The range of perceptual roughness: the square roots of `ggx_alpha`."""
         low, high = self.ggx_alpha
         return float(np.sqrt(low)), float(np.sqrt(high))
 
-    def images(self) -> tuple[()]:
-        """It has none: its coefficients are all."""
+    @property
+    def cube_count(self) -> int:
+        """The number of cubes is 0: the map consists of coefficients alone."""
+        return 0
+
+    def planes(self) -> tuple[()]:
+        """Return no cubes, since the map has none."""
         return ()
+
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "SphericalHarmonicExponential":
+        """Return the same coefficients with another `info`, since the map has no cubes."""
+        return replace(self, info=info)
+
+    def details(self) -> dict[str, Any]:
+        """Return the orders, the coefficients, and the range of roughness."""
+        return {
+            "p_order": self.order_p,
+            "q_order": self.order_q,
+            "coefficients": len(self.coefficients),
+            "roughness": list(self.roughness_range),
+            "ggx_alpha": list(self.ggx_alpha),
+            "law": self.law,
+            "p_coefficients": self.p_coefficients.tolist(),
+            "q_coefficients": self.q_coefficients.tolist(),
+            "fit_residual": self.info.fit_residual,
+        }
 
     @property
     def coefficients(self) -> Array:
-        """Those of P, then those of Q, shape ((P+1)^2 + (Q+1)^2 - 1, 3)."""
+        """The coefficients of P, then those of Q, shape ((P+1)^2 + (Q+1)^2 - 1, 3)."""
         return np.concatenate([self.p_coefficients, self.q_coefficients])
 
     def shaded(self, roughness: float, f0: Color) -> "ShadedExponential":
-        """What a surface of one roughness (perceptual) and normal reflectance reflects.
+        """Return a GGX surface of some roughness and reflectance under this light.
+
+        Parameters
+        ----------
+        roughness : float
+            Perceptual roughness, in 0 .. 1.
+        f0 : tuple of 3 float
+            Reflectance at normal incidence, linear RGB, in 0 .. 1.
+
+        Returns
+        -------
+        ShadedExponential
 
         Raises
         ------
         MapError
-            If they are outside 0 .. 1.
+            If the roughness or the reflectance is outside 0 .. 1.
         """
         return ShadedExponential(self, roughness, f0)
 
@@ -132,12 +178,12 @@ class ShadedExponential(Shaded):
     light: SphericalHarmonicExponential
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance.
+        """Return the reflected radiance.
 
         Parameters
         ----------
         normals, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes; views point to the viewer.
+            Unit vectors in world axes; views point to the viewer.
 
         Returns
         -------
@@ -163,14 +209,14 @@ class ShadedExponential(Shaded):
 
 @dataclass(frozen=True)
 class ExponentSeries:
-    """What the coefficients are multiplied by at some normals and views.
+    """The numbers that the coefficients are multiplied by at some normals and views.
 
     Attributes
     ----------
     rows, variances : ndarray, shape (..., k)
-        The exponent is ``rows @ x - variances @ x^2``.
+        The exponent of k coefficients x is ``rows @ x - variances @ x^2``.
     albedo : ndarray, shape (...)
-        What multiplies the exponential.
+        The factor that multiplies the exponential.
     """
 
     rows: Array
@@ -178,27 +224,33 @@ class ExponentSeries:
     albedo: Array
 
     def exponent(self, coefficients: Array) -> Array:
-        """Shape (..., channels), from coefficients of shape (k, channels)."""
+        """Return exponents, shape (..., channels), for coefficients of shape (k, channels)."""
         return self.rows @ coefficients - self.variances @ coefficients**2
 
 
 def exponent_series(
-    form: Form, normals: Array, views: Array, roughness: float, moments: Array, f0: float
+    factors: FactorOrders, normals: Array, views: Array, roughness: float, moments: Array, f0: float
 ) -> ExponentSeries:
-    """The exponent's series at normals and views.
+    """Compute the numbers that the coefficients are multiplied by at normals and views.
 
     Parameters
     ----------
-    form : SphericalHarmonicExponential, or its orders and law
+    factors : FactorOrders
+        A `SphericalHarmonicExponential`, or its orders and law alone.
     normals, views : ndarray, shape (..., 3)
-        Unit, world axes.
+        Unit vectors in world axes; views point to the viewer.
     roughness : float
-        Perceptual.
+        Perceptual roughness.
     moments : ndarray, shape (2, 3, ...)
-        `lobe_moments` there.
+        The moments of GGX's lobe at these N.V, as `lobe_moments` returns them.
     f0 : float
+        Reflectance at normal incidence.
+
+    Returns
+    -------
+    ExponentSeries
     """
-    if form.law == "paper":
+    if factors.law == "paper":
         direction = reflect(views, normals)
         spread = of_q = np.full((*direction.shape[:-1], 1), roughness**2)
         albedo = f0 + (1 - f0) * moments[1, 0]  # eq. 15
@@ -210,15 +262,15 @@ def exponent_series(
         spread = -np.log(length)  # 1 / kappa
         of_q = spread / 4
     half = bisector(direction, normals)
-    p, q = _attenuation(form.order_p, spread), _attenuation(form.order_q, of_q)[..., 1:]
+    p, q = _attenuation(factors.order_p, spread), _attenuation(factors.order_q, of_q)[..., 1:]
     rows = np.concatenate(
         [
-            p * real_harmonics(form.order_p, direction),
-            q * real_harmonics(form.order_q, half)[..., 1:],
+            p * real_harmonics(factors.order_p, direction),
+            q * real_harmonics(factors.order_q, half)[..., 1:],
         ],
         axis=-1,
     )
-    if form.law == "paper":
+    if factors.law == "paper":
         return ExponentSeries(rows, np.zeros_like(rows), albedo)
     variances = np.concatenate([p, q], axis=-1) ** 2 / (8 * np.pi)
     variances[..., 0] = 0.0
@@ -226,6 +278,6 @@ def exponent_series(
 
 
 def _attenuation(order: int, spread: Array) -> Array:
-    """``exp(-l (l+1) spread / 2)`` (eq. 12) of every coefficient, for spreads (..., 1)."""
+    """Compute ``exp(-l (l+1) spread / 2)`` (eq. 12) of every coefficient, for spreads (..., 1)."""
     l = degrees(order)  # noqa: E741
     return np.exp(-spread / 2 * (l * (l + 1)))

@@ -1,21 +1,21 @@
-"""Spherical harmonic exponentials <-> the one part of their files."""
+"""Writing spherical harmonic exponentials to files of one part, and reading them again."""
 
-import os
-from typing import Any, get_args
+from typing import cast
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr import Part, has_channels, read_channels
+from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import common_header, map_info, read_attributes, shortest
-from shrm_cli.maps.names import COLOURS
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-from shrm_cli.vocabulary import MAX_EXPONENTIAL_ORDER, Law
+from shrm_cli.maps.stored import COLORS, image_channels
+from shrm_cli.vocabulary import LAWS, MAX_EXPONENTIAL_ORDER, Law
 
 
 def encode(exponential: SphericalHarmonicExponential) -> list[Part]:
-    """One row of pixels: the (P+1)^2 coefficients of P, then those of Q without its constant.
+    """Make the part of a file, an image of one row with a coefficient in each pixel.
 
-    ``shrm:ggx_alpha`` is the range of the fit, ``shrm:law`` what attenuates the degrees; see
-    `shrm_cli.maps.she.exponential`.
+    The (P+1)^2 coefficients of P come first, then those of Q without its constant. The attribute
+    ``shrm:ggx_alpha`` is the range of the fit, and ``shrm:law`` says how the degrees are
+    attenuated; see `shrm_cli.maps.she.exponential`.
     """
     header = {
         **common_header(exponential, 0),
@@ -24,72 +24,62 @@ def encode(exponential: SphericalHarmonicExponential) -> list[Part]:
         "shrm:ggx_alpha": tuple(map(float, exponential.ggx_alpha)),
         "shrm:law": exponential.law,
     }
-    row = exponential.coefficients
-    return [Part({c: row[None, :, k] for k, c in enumerate(COLOURS)}, header)]
+    return [Part(image_channels(exponential.coefficients[None]), header)]
 
 
-def decode(
-    path: str | os.PathLike[str], source: Any, specs: list[Any]
-) -> SphericalHarmonicExponential:
-    """The map that a file holds.
-
-    Parameters
-    ----------
-    path : path-like
-    source, specs
-        The open file, and the specifications of its parts.
+def decode(file: StoredFile) -> SphericalHarmonicExponential:
+    """Return the map that a file holds.
 
     Raises
     ------
     MapError
-        If it is not what `encode` makes.
+        If the file is not what `encode` makes.
     """
-    spec, attributes = specs[0], read_attributes(path, specs[0])
+    path, part = file.path, file.first
+    attributes = read_attributes(part)
     kind = SphericalHarmonicExponential
     if (attributes["frame"], attributes["center"]) != (kind.frame, kind.center):
         raise MapError(f"{path}: an SH exponential is {kind.frame}, about R; make it again")
-    p, q = (_order(path, spec, f"{name}_order") for name in "pq")
+    p, q = (_order(part, f"{name}_order") for name in "pq")
     counts = (p + 1) ** 2, (q + 1) ** 2 - 1
-    if len(specs) != 1:
-        raise MapError(f"{path}: an SH exponential is one part, not {len(specs)} parts")
-    if (spec.width, spec.height) != (sum(counts), 1):
+    if len(file.parts) != 1:
+        raise MapError(f"{path}: an SH exponential is one part, not {len(file.parts)} parts")
+    if (part.width, part.height) != (sum(counts), 1):
         raise MapError(
-            f"{path}: {spec.width} x {spec.height} pixels are not the {counts[0]} + {counts[1]} "
+            f"{path}: {part.width} x {part.height} pixels are not the {counts[0]} + {counts[1]} "
             f"coefficients of orders P = {p} and Q = {q}; make it again"
         )
-    if not has_channels(spec, COLOURS):
+    if not part.holds(COLORS):
         raise MapError(f"{path}: its channels are not those of an SH exponential")
-    row = read_channels(path, source, 0, COLOURS)[0].astype(float)
-    return kind(
-        row[: counts[0]], row[counts[0] :], _ggx_alpha(path, spec), map_info(attributes, spec),
-        _law(path, spec),
-    )  # fmt: skip
+    row = part.read(COLORS)[0].astype(float)
+    info, law = map_info(attributes, part), _law(part)
+    return kind(row[: counts[0]], row[counts[0] :], _ggx_alpha(part), info, law)
 
 
-def _order(path: str | os.PathLike[str], spec: Any, name: str) -> int:
-    value = spec.getattribute(f"shrm:{name}")
+def _order(part: StoredPart, name: str) -> int:
+    value = part.attribute(f"shrm:{name}")
     if type(value) is not int or not 0 <= value <= MAX_EXPONENTIAL_ORDER:
-        raise _wrong(path, name)
+        raise _wrong(part, name)
     return value
 
 
-def _ggx_alpha(path: str | os.PathLike[str], spec: Any) -> tuple[float, float]:
-    """The range that it was fitted to."""
-    value = spec.getattribute("shrm:ggx_alpha")
+def _ggx_alpha(part: StoredPart) -> tuple[float, float]:
+    """Read the range of GGX's alpha that the coefficients were fitted to."""
+    value = part.attribute("shrm:ggx_alpha")
     is_pair = isinstance(value, tuple) and len(value) == 2
     if not is_pair or not all(isinstance(end, float) for end in value):
-        raise _wrong(path, "ggx_alpha")
+        raise _wrong(part, "ggx_alpha")
     if not 0 < value[0] <= value[1] <= 1:
-        raise _wrong(path, "ggx_alpha")
+        raise _wrong(part, "ggx_alpha")
     return shortest(value[0]), shortest(value[1])
 
 
-def _law(path: str | os.PathLike[str], spec: Any) -> Law:
-    value = spec.getattribute("shrm:law")
-    if not isinstance(value, str) or value not in get_args(Law):
-        raise _wrong(path, "law")
-    return value  # type: ignore[return-value]
+def _law(part: StoredPart) -> Law:
+    value = part.text("shrm:law")
+    if value not in LAWS:
+        raise _wrong(part, "law")
+    return cast(Law, value)
 
 
-def _wrong(path: str | os.PathLike[str], name: str) -> MapError:
-    return MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
+def _wrong(part: StoredPart, name: str) -> MapError:
+    return MapError(f"{part.path}: its attribute shrm:{name} is missing or wrong; make it again")

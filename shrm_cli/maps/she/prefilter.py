@@ -1,4 +1,10 @@
-"""Fitting spherical harmonic exponentials to the light that GGX reflects."""
+"""How spherical harmonic exponentials are made: by fitting them to the light that GGX reflects.
+
+The reflected light is sampled at mirror directions and views (`reflectance`). The law ``paper``,
+that of Silvennoinen et al. 2025, fits the exponent to the logarithm of the samples by linear least
+squares. The law ``lobe`` starts from such a fit, and then fits the exponential to the samples
+themselves by Gauss and Newton's method.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,39 +15,67 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.environment.lobe_moments import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
-from shrm_cli.maps.prefiltered import provenance
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
-from shrm_cli.maps.she.fit import Problem, fit_exponent, fit_logarithm
 from shrm_cli.maps.she.reflectance import ReflectanceSamples, sample_reflectance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import MAX_EXPONENTIAL_ORDER, Law
+from shrm_cli.vocabulary import (
+    DEFAULT_FACTOR_ORDERS,
+    DEFAULT_FITTED_ROUGHNESS,
+    MAX_EXPONENTIAL_ORDER,
+    MIN_ROUGHNESS,
+    Law,
+)
 
 Array = NDArray[np.floating]
 
 _ORDERS_F = 32, 128
+"""The lowest and the highest order to which the light is expanded."""
 _ORDER_OF_ALPHA = 6.5
-"""Order of the light that is reflected, times alpha of the sharpest lobe, within bounds."""
+"""The order to which the light is expanded, times alpha of the sharpest lobe."""
 _NORMAL_REFLECTANCES = 1.0, 0.04
-"""Of the surfaces that are fitted: a metal and a plastic."""
-_LEAST_ROUGHNESS = 0.05  # of `Ggx`
+"""The reflectances f0 of the surfaces that the law ``lobe`` fits, a metal and a plastic."""
 _ROUGHNESSES = 6
+"""The number of roughnesses that the law ``lobe`` samples."""
 _PAPER_ROUGHNESSES = 4
+"""The number of roughnesses that the law ``paper`` samples."""
 _LEAST_RINGS = 8
+"""The fewest rings of mirror directions."""
 _VIEW_RINGS = 6, 1
-"""Of views about each mirror direction, and views on each."""
+"""The number of rings of views about each mirror direction, and of views on each ring."""
 _SHADE = 0.4
-"""Of the mean. Squared errors of brighter samples count in proportion to their brightness, not to
-its square: else a sun, which no low order reaches, would bend all the rest."""
+"""A sample counts as bright when it exceeds this part of the mean sample. The squared errors of
+bright samples are weighted by 1 / brightness: otherwise a sun, which no low order can reproduce,
+would dominate the fit."""
 _DARK = 1e-6
-"""Of the light's own reflection: what a split sum misses by less is as good as exact."""
+"""A split sum whose mean squared error is below this part of the squared reflected light counts as
+exact, so that the weight of its samples stays finite."""
+
+FLOOR = 1e-3
+"""Samples below this part of the mean sample count as this part in log space. They come from a
+truncated series, so that they are within its error and may even be negative, where the light is
+not. Their logarithm would count far too much."""
+_STEPS = 20
+"""The most steps of Gauss and Newton's method."""
+_SETTLED = 1e-4
+"""The fit is finished when a step lowers the weighted squared error by less than this part."""
+_RIDGE = 1e-6
+"""The part of the mean diagonal that is added to the diagonal of the normal equations."""
+_TRIALS = 6
+"""The most dampings that are tried for one step."""
+_PARTS = 1.0, 0.5, 0.25, 0.0
+"""The fit in log space is multiplied by each of these to find the start of the method."""
+_LARGEST_EXPONENT = 60.0
+"""Exponents are kept within plus and minus this number during the fit."""
 
 
 @dataclass(frozen=True)
-class _Form:
-    """Orders and law of what is to be fitted."""
+class _Factors:
+    """The orders of the two factors that are fitted, and the law."""
 
     order_p: int
     order_q: int
@@ -49,84 +83,77 @@ class _Form:
 
 
 @dataclass(frozen=True)
-class BakedExponential:
-    """An SH exponential, and what is known of it.
+class Problem:
+    """The n samples of one channel that k coefficients are fitted to.
 
     Attributes
     ----------
-    map : SphericalHarmonicExponential
-    roughness : tuple of 2 float
-        Perceptual; what it was fitted to.
+    rows, variances : ndarray, shape (n, k)
+        The exponent of coefficients x is ``rows @ x - variances @ x^2``.
+    target : ndarray, shape (n,)
+        The value that the exponential should have at each sample.
+    weights : ndarray, shape (n,)
+        The weight of each sample's squared error.
     """
 
-    map: SphericalHarmonicExponential
-    roughness: tuple[float, float]
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers that users and scripts ask for."""
-        made, info = self.map, self.map.info
-        return {
-            "representation": made.representation,
-            "frame": made.frame,
-            "center": made.center,
-            "law": made.law,
-            "order_f": info.order_f,
-            "p_order": made.order_p,
-            "q_order": made.order_q,
-            "coefficients": len(made.coefficients),
-            "roughness": list(self.roughness),
-            "ggx_alpha": list(made.ggx_alpha),
-            "fit_residual": info.fit_residual,
-            "brdf": info.brdf,
-            "probe": info.probe,
-            "probe_sha256": info.probe_sha256,
-        }
+    rows: Array
+    variances: Array
+    target: Array
+    weights: Array
 
 
-def bake_exponential(
+def prefilter(
     probe: Probe,
-    order_p: int = 4,
-    order_q: int = 2,
-    roughness: tuple[float, float] = (0.45, 1.0),
+    p_order: int = DEFAULT_FACTOR_ORDERS[0],
+    q_order: int = DEFAULT_FACTOR_ORDERS[1],
+    roughness: tuple[float, float] = DEFAULT_FITTED_ROUGHNESS,
     law: Law = "lobe",
     progress: Progress | None = None,
-) -> BakedExponential:
+) -> Prefiltered:
     """Fit an SH exponential to what GGX reflects of a probe, at all views and roughnesses.
 
     Parameters
     ----------
     probe : Probe
-    order_p, order_q : int
-        Of the two factors.
+    p_order, q_order : int
+        The orders of the two factors.
     roughness : tuple of 2 float
-        Perceptual, the range to fit; by default that of the paper, whose alpha begins at 0.2.
+        The range of perceptual roughness to fit; by default that of the paper, whose alpha begins
+        at 0.2.
     law : {"lobe", "paper"}
-        ``paper`` is the linear least-squares fit in log space of Silvennoinen et al.
+        How the degrees are attenuated, and how they are fitted. ``paper`` is the linear
+        least-squares fit in log space of Silvennoinen et al. 2025.
     progress : callable, optional
-        Called with rows read and rows in all.
+        Called with the number of rows read, and of all rows.
+
+    Returns
+    -------
+    Prefiltered
 
     Raises
     ------
     MapError
         If the orders or the roughness are out of range, or the probe is black.
+    ProbeError
+        If the probe cannot be read.
     """
     low, high = roughness
-    if not _LEAST_ROUGHNESS <= low <= high <= 1:
+    if not MIN_ROUGHNESS <= low <= high <= 1:
         raise MapError(
-            f"roughness {low:g} .. {high:g} is not a range within {_LEAST_ROUGHNESS:g} .. 1"
+            f"roughness {low:g} .. {high:g} is not a range within {MIN_ROUGHNESS:g} .. 1"
         )
-    if not (0 <= order_p <= MAX_EXPONENTIAL_ORDER and 0 <= order_q <= MAX_EXPONENTIAL_ORDER):
+    if not (0 <= p_order <= MAX_EXPONENTIAL_ORDER and 0 <= q_order <= MAX_EXPONENTIAL_ORDER):
         raise MapError(
-            f"orders P = {order_p}, Q = {order_q} are outside 0 .. {MAX_EXPONENTIAL_ORDER}"
+            f"orders P = {p_order}, Q = {q_order} are outside 0 .. {MAX_EXPONENTIAL_ORDER}"
         )
     order_f = int(np.clip(np.ceil(_ORDER_OF_ALPHA / low**2), *_ORDERS_F))
     lighting = project(probe, order_f, progress)
-    rings = _rings(order_p, order_q)
+    rings = _rings(p_order, q_order)
     samples = sample_reflectance(lighting, _sampled_roughness(roughness, law), rings, *_VIEW_RINGS)
     if not samples.reflected.any():
         raise MapError(f"{probe.name}: the probe is black, and has no logarithm")
     moments = [_moments(samples, each) for each in samples.roughness]
-    problems = _problems(samples, moments, _Form(order_p, order_q, law))
+    problems = _problems(samples, moments, _Factors(p_order, q_order, law))
     fit = fit_logarithm if law == "paper" else fit_exponent
     coefficients = np.stack([fit(each) for each in problems], axis=-1)
     info = replace(
@@ -134,18 +161,36 @@ def bake_exponential(
         brdf={"name": "ggx", "parameters": {}},
     )
     made = SphericalHarmonicExponential(
-        coefficients[: (order_p + 1) ** 2],
-        coefficients[(order_p + 1) ** 2 :],
+        coefficients[: (p_order + 1) ** 2],
+        coefficients[(p_order + 1) ** 2 :],
         (low**2, high**2),
         info,
         law,
     )
     residual = _residual(made, samples, moments)
-    return BakedExponential(replace(made, info=replace(info, fit_residual=residual)), roughness)
+    made = replace(made, info=replace(info, fit_residual=residual))
+    return Prefiltered(made, _facts(made, roughness))
+
+
+def _facts(made: SphericalHarmonicExponential, roughness: tuple[float, float]) -> dict[str, Any]:
+    """Return what is known of the making of a map, with the roughness as it was asked for."""
+    return {
+        "law": made.law,
+        "order_f": made.info.order_f,
+        "p_order": made.order_p,
+        "q_order": made.order_q,
+        "coefficients": len(made.coefficients),
+        "roughness": list(roughness),
+        "ggx_alpha": list(made.ggx_alpha),
+        "fit_residual": made.info.fit_residual,
+    }
 
 
 def _rings(order_p: int, order_q: int) -> int:
-    """Of mirror directions: with fewer than P needs, the fit would be free between them."""
+    """Choose the number of rings of mirror directions.
+
+    With fewer rings than the orders need, the fit would be free between them.
+    """
     return max(_LEAST_RINGS, order_p + 2, order_q)
 
 
@@ -153,33 +198,36 @@ def _sampled_roughness(roughness: tuple[float, float], law: Law) -> tuple[float,
     low, high = roughness
     if low == high:
         return (low,)
-    if law == "paper":  # evenly in alpha
+    if law == "paper":  # its roughnesses are even in alpha
         return tuple(np.sqrt(np.linspace(low**2, high**2, _PAPER_ROUGHNESSES)).tolist())
     return tuple(np.linspace(low, high, _ROUGHNESSES).tolist())
 
 
-def _problems(samples: ReflectanceSamples, moments: list[Array], form: _Form) -> list[Problem]:
-    """What each channel's coefficients are to fit.
+def _problems(
+    samples: ReflectanceSamples, moments: list[Array], factors: _Factors
+) -> list[Problem]:
+    """Set up the samples that each channel's coefficients are fitted to.
 
-    After the paper's law it is base reflectance, all samples alike (eq. 14). Otherwise it is the
-    whole reflection of a metal and a plastic, each relative to what a split sum makes of it.
+    The law ``paper`` fits base reflectance, with the same weight for samples of equal solid angle
+    (eq. 14 of Silvennoinen et al. 2025). The law ``lobe`` fits the whole reflection of a metal and
+    a plastic, and measures their squared errors relative to those of a split sum.
     """
     parts = []
     for roughness, (base, tail), mirrored, own in zip(
         samples.roughness, samples.reflected, samples.mirrored, moments, strict=True
     ):
-        for f0 in _NORMAL_REFLECTANCES if form.law == "lobe" else (1.0,):
-            series = exponent_series(form, samples.normals, samples.views, roughness, own, f0)
+        for f0 in _NORMAL_REFLECTANCES if factors.law == "lobe" else (1.0,):
+            series = exponent_series(factors, samples.normals, samples.views, roughness, own, f0)
             reflected, albedo = f0 * base + (1 - f0) * tail, series.albedo[:, None]
             weights = samples.weights
-            if form.law == "lobe":
+            if factors.law == "lobe":
                 split_sum = whole_lobe(own, f0)[0][:, None] * mirrored
                 scale = weights @ np.mean((split_sum - reflected) ** 2, axis=-1)
                 scale += _DARK * (weights @ np.mean(reflected**2, axis=-1))
                 weights = weights * series.albedo**2 / scale
             parts.append((series.rows, series.variances, reflected / albedo, weights))
     rows, variances, targets, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
-    if form.law == "lobe":
+    if factors.law == "lobe":
         weights = weights[:, None] / (_brightness(targets) + _SHADE)
     else:
         weights = np.repeat(weights[:, None], 3, axis=1)
@@ -187,13 +235,13 @@ def _problems(samples: ReflectanceSamples, moments: list[Array], form: _Form) ->
 
 
 def _brightness(targets: Array) -> Array:
-    """Samples (n, 3) in units of their channel's mean."""
+    """Divide samples, shape (n, 3), by the mean of their channel; negative ones count as 0."""
     light = np.maximum(targets, 0.0)
     return light / np.maximum(light.mean(axis=0), np.finfo(float).tiny)
 
 
 def _moments(samples: ReflectanceSamples, roughness: float) -> Array:
-    """The lobe's moments at every sample; few of them differ in N.V."""
+    """Compute the lobe's moments at every sample, once for samples of the same N.V."""
     cosines = np.sum(samples.normals * samples.views, axis=-1)
     different, where = np.unique(np.round(cosines, 9), return_inverse=True)
     return lobe_moments(roughness, different)[..., where]
@@ -202,7 +250,7 @@ def _moments(samples: ReflectanceSamples, roughness: float) -> Array:
 def _residual(
     made: SphericalHarmonicExponential, samples: ReflectanceSamples, moments: list[Array]
 ) -> float:
-    """Relative RMS error of base reflectance over all views, normals and roughnesses sampled."""
+    """Relative RMS error of base reflectance over all sampled views, normals and roughnesses."""
     error = total = 0.0
     normals, views = samples.normals, samples.views
     for roughness, (base, _), own in zip(
@@ -213,3 +261,104 @@ def _residual(
         error += float(samples.weights @ np.sum((found - base) ** 2, axis=-1))
         total += float(samples.weights @ np.sum(base**2, axis=-1))
     return float(np.sqrt(error / total))
+
+
+def fit_logarithm(problem: Problem) -> Array:
+    """Fit ``rows @ x`` to the logarithm of the target by linear least squares.
+
+    The first column of the rows must be constant. The logarithm of a target that is black does not
+    exist; it gets an exponential that is as good as 0.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        The coefficients x.
+
+    References
+    ----------
+    Silvennoinen et al. 2025, eq. 13 and 14.
+    """
+    mean = float(problem.weights @ problem.target / problem.weights.sum())
+    if mean <= 0:
+        black = np.zeros(problem.rows.shape[1])
+        black[0] = -_LARGEST_EXPONENT / problem.rows[0, 0]
+        return black
+    logarithm = np.log(np.maximum(problem.target, FLOOR * mean))
+    weighted = problem.rows * problem.weights[:, None]
+    normal = weighted.T @ problem.rows
+    return np.linalg.solve(normal + _ridge(normal), weighted.T @ logarithm)
+
+
+def fit_exponent(problem: Problem) -> Array:
+    """Fit the exponential to the target itself.
+
+    Gauss and Newton's method, damped after Levenberg and Marquardt, starts from the fit in log
+    space, or from a part of it.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        The coefficients x.
+    """
+    x = _start(problem)
+    twice, roots = 2 * problem.variances, np.sqrt(problem.weights)
+    value, cost = _evaluate(problem, x)
+    damping = 1e-3
+    for _ in range(_STEPS):
+        slopes = twice * -x
+        slopes += problem.rows
+        slopes *= (roots * value)[:, None]
+        normal = slopes.T @ slopes
+        gradient = slopes.T @ (roots * (problem.target - value))
+        before = cost
+        for _ in range(_TRIALS):
+            damped = normal + damping * np.diag(np.diag(normal)) + _ridge(normal)
+            step = np.linalg.solve(damped, gradient)
+            tried, tried_cost = _evaluate(problem, x + step)
+            if tried_cost < cost:
+                x, value, cost = x + step, tried, tried_cost
+                damping = max(damping / 10, 1e-7)
+                break
+            damping *= 10
+        if cost >= before * (1 - _SETTLED):
+            break
+    return x
+
+
+def _start(problem: Problem) -> Array:
+    """Return the fit in log space, or the part of it whose exponential is nearest to the target.
+
+    The fit in log space ignores the variances. Where the light has much contrast, they would make
+    everything so dark that no slope is left for the method to climb.
+    """
+    whole = fit_logarithm(problem)
+    found = [whole]
+    for part in _PARTS:
+        x = part * whole
+        value, _ = _evaluate(problem, x)
+        weighted = problem.weights * value
+        overlap = float(weighted @ problem.target)
+        if overlap > 0:
+            x[0] += np.log(overlap / float(weighted @ value)) / problem.rows[0, 0]
+            found.append(x)
+    return min(found, key=lambda x: _evaluate(problem, x)[1])
+
+
+def _ridge(normal: Array) -> Array:
+    """Return a small diagonal matrix, because some combinations of P and Q nearly cancel."""
+    return _RIDGE * np.mean(np.diag(normal)) * np.eye(len(normal))
+
+
+def _evaluate(problem: Problem, x: Array) -> tuple[Array, float]:
+    """Compute the exponential, and its weighted squared distance from the target."""
+    exponent = problem.rows @ x - problem.variances @ x**2
+    value = np.exp(np.clip(exponent, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
+    return value, float(problem.weights @ (value - problem.target) ** 2)

@@ -1,4 +1,7 @@
-"""Samples of the light that GGX reflects, from the frequency domain: no noise, few operations."""
+"""Samples of the light that GGX reflects, computed from coefficients of light and lobe.
+
+Samples from the frequency domain have no noise, and take few operations.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,27 +19,32 @@ from shrm_cli.sphere.rotation import rotate_to_frames, turn_about_z
 Array = NDArray[np.floating]
 
 _AZIMUTHS = 24
+"""Nodes over half a turn of the azimuth, for the integrals that expand a lobe."""
 _LEAST_NODES = 64
+"""The fewest nodes over the angle from the lobe's center, for the same integrals."""
 _MAX_M = 16
+"""The largest m of the harmonics that a lobe is expanded into."""
 _GOLDEN = (np.sqrt(5) - 1) / 2
+"""By this part of a step, a ring of samples is turned from the one before, for even coverage."""
 
 
 @dataclass(frozen=True)
 class ReflectanceSamples:
-    """Reflected light at pairs of mirror direction R and view V that fill both spheres evenly.
+    """Light reflected at pairs of mirror direction R and view V that fill both spheres evenly.
 
     Attributes
     ----------
     normals, views : ndarray, shape (S, 3)
-        Unit, world axes.
+        Unit vectors in world axes.
     weights : ndarray, shape (S,)
-        Of the pairs; they sum to 1.
+        The weights of the S pairs; they sum to 1.
     roughness : tuple of A float
-        Perceptual.
+        Perceptual roughnesses.
     reflected : ndarray, shape (A, 2, S, 3)
         Base reflectance E_0 and Fresnel's tail E_1 of Silvennoinen et al. 2025, eq. 6 and 7.
     mirrored : ndarray, shape (A, S, 3)
-        The light around R, averaged over the lobe of N = V = R: a split sum's first factor.
+        The light around R, averaged over the lobe of N = V = R, which is a split sum's first
+        factor.
     """
 
     normals: Array
@@ -56,13 +64,19 @@ def sample_reflectance(
     ----------
     lighting : Lighting
     roughness : sequence of A float
-        Perceptual.
+        Perceptual roughnesses.
     rings : int
-        Of mirror directions: Gauss's nodes over z, ``3 rings / 2`` directions on each.
+        The number of rings of mirror directions, which lie at Gauss's nodes over z, with ``3 rings
+        / 2`` directions on each.
     view_rings : int
-        Gauss's nodes over the cosine between R and V.
+        The number of rings of views about R, which lie at Gauss's nodes over the cosine between R
+        and V.
     azimuths : int
-        Of the view about R.
+        The number of views on each ring.
+
+    Returns
+    -------
+    ReflectanceSamples
     """
     directions, theta, phi, weights = _mirror_directions(rings)
     cosines, view_weights = gauss_legendre(view_rings)
@@ -90,7 +104,7 @@ def sample_reflectance(
 
 
 def _mirror_directions(rings: int) -> tuple[Array, Array, Array, Array]:
-    """Directions, their polar angles and azimuths, and weights, of a rule over the sphere."""
+    """Return directions, their polar angles, azimuths and weights, of a rule over the sphere."""
     z, weights = gauss_legendre(rings)
     count = 3 * rings // 2
     turns = (np.arange(count) + _GOLDEN * np.arange(rings)[:, None]) * (2 * np.pi / count)
@@ -100,7 +114,7 @@ def _mirror_directions(rings: int) -> tuple[Array, Array, Array, Array]:
 
 
 def _views(frames: Array, theta: Array, turns: Array) -> Array:
-    """World directions (R, T, K, 3) at angles theta (T,) and azimuths (R, T, K) about frames."""
+    """Return directions (R, T, K, 3) at angles theta (T,) and azimuths (R, T, K) about frames."""
     sine = np.sin(theta)[:, None]
     height = np.broadcast_to(np.cos(theta)[:, None], turns.shape)
     local = np.stack([sine * np.cos(turns), sine * np.sin(turns), height], axis=-1)
@@ -108,20 +122,24 @@ def _views(frames: Array, theta: Array, turns: Array) -> Array:
 
 
 def _in_frames(coefficients: Array, theta: Array, phi: Array) -> Array:
-    """Light in the frame of each of the mirror directions, shape ((order+1)^2, 3, R).
+    """Rotate light into the frame of each of R mirror directions, shape ((order+1)^2, 3, R).
 
-    Their angles have the shape (rings, directions on each).
+    The angles of the directions have the shape (rings, directions on each ring).
     """
-    # A ring shares its polar angle: turn the light about z first, then tilt all rings at once.
+    # The directions of a ring share their polar angle, so the light is turned about z for each of
+    # them first, and then tilted for all directions of a ring at once.
     turned = turn_about_z(coefficients[:, :, None, None], -phi.T)
     framed = rotate_to_frames(turned, theta[:, 0], 0.0)
     return framed.swapaxes(-1, -2).reshape(*coefficients.shape, -1)
 
 
 def _lobes(roughness: Sequence[float], order: int, view_theta: Array) -> Array:
-    """Harmonics of base and tail, shape (M+1, A, 2, order+1, T+1); the last view is N = V = R."""
+    """Expand the lobes of base and tail, shape (M+1, A, 2, order+1, T+1).
+
+    The last of the T + 1 views is N = V = R.
+    """
     angles = np.append(view_theta, 0.0)
-    # Its red reflects all at any angle, its green what Fresnel's tail adds.
+    # With this f0 the red channel has no Fresnel term, and the green channel has Fresnel's tail.
     models = [Ggx(roughness=each, f0=(1.0, 0.0, 0.0)) for each in roughness]
     max_m, nodes = min(order, _MAX_M), (max(2 * order, _LEAST_NODES), _AZIMUTHS)
     lobes = [lobe_harmonics(each, angles, order, max_m, nodes)[..., :2] for each in models]
@@ -129,20 +147,23 @@ def _lobes(roughness: Sequence[float], order: int, view_theta: Array) -> Array:
 
 
 def _reflect(light: Array, lobes: Array, turns: Array) -> tuple[Array, Array]:
-    """Reflected light.
+    """Sum the products of coefficients of light and lobes.
 
     Parameters
     ----------
     light : ndarray, shape ((order+1)^2, 3, R)
-        In the frame of each mirror direction.
+        Coefficients of the light in the frame of each mirror direction.
     lobes : ndarray, shape (M+1, A, 2, order+1, T+1)
+        Coefficients of the lobes, as `_lobes` returns them.
     turns : ndarray, shape (R, T, K)
         Azimuths of the views.
 
     Returns
     -------
     reflected : ndarray, shape (A, 2, R, T, K, 3)
+        The light that base and tail reflect.
     mirrored : ndarray, shape (A, R, 3)
+        The mean of the light by the lobe of N = V = R.
     """
     order = lobes.shape[3] - 1
     degree = np.arange(order + 1)
@@ -154,6 +175,6 @@ def _reflect(light: Array, lobes: Array, turns: Array) -> tuple[Array, Array]:
     for m in range(len(lobes)):
         own = lobes[m, ..., : order + 1 - m, :-1].swapaxes(-1, -2)
         for sign, wave in ((1, np.cos), (-1, np.sin)):
-            series = np.tensordot(own, light[zonal[m:] + sign * m], 1)  # (A, 2, T, 3, R)
+            series = np.tensordot(own, light[zonal[m:] + sign * m], 1)  # shape (A, 2, T, 3, R)
             reflected += series.transpose(0, 1, 4, 2, 3)[..., None, :] * wave(m * turns)[..., None]
     return reflected, mirrored

@@ -1,1 +1,1 @@
-"""Spherical harmonic reflection maps: made, compressed, summed, stored."""
+"""Spherical harmonic reflection maps (SHRMs): making, compressing, summing and storing them."""

@@ -1,5 +1,9 @@
-"""SHRMs compressed by principal component analysis, the future work of section 5.8."""
+"""SHRMs compressed by principal component analysis.
 
+Section 5.8 of Ramamoorthi's thesis names this as future work.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -7,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.explicit import second_moments
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm, second_moments
+from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
@@ -17,22 +22,23 @@ Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
-class CompressedShrm:
+class CompressedShrm(Map):
     """An SHRM as K spatial maps and the matrix that mixes its coefficients from them.
 
     The coefficients of a texel are correlated: where the light is bright, all of them are large.
-    Their principal components over texels and channels, by solid angle, are the best basis for
-    them: as the harmonics are orthonormal, no other K maps come closer in RMS over all central
-    directions and views.
+    Their principal components over texels and channels, weighted by solid angle, are the best
+    basis for them. Because the harmonics are orthonormal, no other K maps come closer in RMS over
+    all central directions and views.
 
     Attributes
     ----------
     components : ndarray, shape (6N, N, K, 3)
-        Spatial maps, RGB cubes of central directions.
+        The spatial maps, which are RGB cubes of central directions.
     matrix : ndarray, shape (K, (P+1)^2)
-        ``coefficients = sum_k components[..., k, :] matrix[k]``; orthonormal rows.
+        The mixing matrix, ``coefficients = sum_k components[..., k, :] matrix[k]``. Its rows are
+        orthonormal.
     frame, center, info, sampling
-        As those of `Shrm`.
+        The same as in `Shrm`.
     """
 
     components: Array
@@ -43,6 +49,7 @@ class CompressedShrm:
     sampling: Sampling = "center"
 
     representation = "shrm"
+    format_version = 2
 
     def __post_init__(self) -> None:
         shape = self.components.shape
@@ -62,9 +69,40 @@ class CompressedShrm:
         return order_of(self.matrix.shape[1])
 
     @property
-    def count(self) -> int:
-        """Spatial maps K."""
+    def cube_count(self) -> int:
+        """The number K of spatial maps."""
         return len(self.matrix)
+
+    @property
+    def turns_with_texels(self) -> bool:
+        """Whether the frame is local, so that the components belong to axes that turn."""
+        return self.frame == "local"
+
+    def planes(self) -> list[Array]:
+        """Return one cube of all components, shape (6N, N, 3 K)."""
+        return [self.components.reshape(*self.components.shape[:2], -1)]
+
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "CompressedShrm":
+        """Return the same map with other components, in the form that `planes` returns."""
+        (flat,) = planes
+        shaped = flat.reshape(*flat.shape[:2], *self.components.shape[2:])
+        return replace(self, components=shaped, sampling=sampling, info=info)
+
+    def check_memory(self, size: int) -> None:
+        """Check that the expanded map could be kept in memory at another size; see `check_size`."""
+        check_size(self.info.order_f, self.order_p, size)
+
+    def _moved(self, size: int, sampling: Sampling) -> "CompressedShrm":
+        # The best components at one size are not the best ones at another.
+        whole = self.expand().resampled(size, sampling)
+        again = CompressedShrm.from_shrm(whole.to_shrm(), self.cube_count)
+        return replace(again, info=whole.info)
+
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
+        """Return the SHRM of all coefficients, of a lower order P or in another frame."""
+        return self.expand().to_shrm(order_p, frame)
 
     @classmethod
     def from_shrm(
@@ -76,14 +114,15 @@ class CompressedShrm:
         ----------
         shrm : Shrm
         count : int, optional
-            Components to keep.
+            The number of components to keep.
         tolerance : float
-            Without `count`: the least components whose relative RMS error stays within it.
+            The relative RMS error that may be added. Without `count` the fewest components that
+            stay within it are kept.
 
         Raises
         ------
         MapError
-            If there are fewer components than `count`.
+            If `count` is less than 1 or more than the number of components.
         """
         every = (shrm.order_p + 1) ** 2
         if count is not None and not 1 <= count <= every:
@@ -93,13 +132,14 @@ class CompressedShrm:
             )
         energies, vectors = np.linalg.eigh(second_moments(shrm))
         energies, vectors = np.maximum(energies[::-1], 0.0), vectors[:, ::-1]
-        # Entry k is what k components leave. Sums of the small ones alone: no cancellation.
+        # Entry k is the energy that the first k components leave. It is a sum of the small
+        # energies rather than a difference of large ones, so that nothing cancels.
         left = np.append(np.cumsum(energies[::-1])[::-1], 0.0)
         errors = np.sqrt(left / left[0]) if left[0] > 0 else np.zeros(every + 1)
         if count is None:
             count = max(int(np.argmax(errors <= tolerance)), 1)
         matrix = vectors[:, :count].T
-        # The sign of an eigenvector is arbitrary: the largest entry is positive.
+        # The sign of an eigenvector is arbitrary, so the largest entry is made positive.
         peaks = np.take_along_axis(matrix, np.abs(matrix).argmax(axis=1)[:, None], axis=1)
         matrix = matrix * np.where(peaks < 0, -1.0, 1.0)
         planes = np.moveaxis(shrm.coefficients, (2, 3), (0, 1))
@@ -109,20 +149,44 @@ class CompressedShrm:
         return cls(components, matrix, shrm.frame, shrm.center, info, shrm.sampling)
 
     def expand(self) -> Shrm:
-        """The SHRM of all coefficients."""
+        """Return the SHRM of all coefficients."""
         planes = np.moveaxis(self.components, (2, 3), (0, 1))
-        flat = self.matrix.T.astype(planes.dtype) @ planes.reshape(self.count, -1)
+        flat = self.matrix.T.astype(planes.dtype) @ planes.reshape(self.cube_count, -1)
         shaped = flat.reshape(-1, *planes.shape[1:]).transpose(2, 3, 0, 1)
         return Shrm(shaped, self.frame, self.center, self.info, self.sampling)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance, shape (..., 3), as `Shrm.radiance` gives it."""
+        """Evaluate the reflected radiance, shape (..., 3), as `Shrm.radiance` does."""
         return self._expanded.radiance(normals, views)
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Radiance by central directions instead of normals."""
+        """Evaluate the radiance, shape (..., 3), as `Shrm.central_radiance` does."""
         return self._expanded.central_radiance(centers, views)
 
     @cached_property
     def _expanded(self) -> Shrm:
         return self.expand()
+
+
+def compressed(shrm: Shrm, compress: int | float | None) -> Map:
+    """Compress an SHRM, if that is asked for.
+
+    Parameters
+    ----------
+    shrm : Shrm
+    compress : int or float, optional
+        The number of principal components to keep (an int), or the relative RMS error that may be
+        added (a float below 1). None returns the SHRM as it is.
+
+    Raises
+    ------
+    MapError
+        If the SHRM does not have so many components, or the error is not between 0 and 1.
+    """
+    if compress is None:
+        return shrm
+    if isinstance(compress, int):
+        return CompressedShrm.from_shrm(shrm, compress)
+    if not 0 < compress < 1:
+        raise MapError(f"`compress` {compress:g} is neither a number of components nor an error")
+    return CompressedShrm.from_shrm(shrm, tolerance=compress)

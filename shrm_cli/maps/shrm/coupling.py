@@ -1,11 +1,13 @@
-"""Light x BRDF -> spherical harmonic coefficients of the global reflection map.
+"""From light and BRDF to the spherical harmonic coefficients of the global reflection map.
 
-In the local frame ``B_pq(R) = sum_lm L_lm rho_hat_lpq d^l_mq(theta) exp(i m phi)`` (eq. 5.9). In
-the global frame (eq. 5.14) ``B~_ps(R) = sum_q B_pq(R) exp(-i s phi) d^p_sq(theta)``: the product
-``D^l_mq conj(D^p_sq)`` summed over q keeps only the zero column of each D^J, so the B~_ps are
+In the local frame ``B_pq(R) = sum_lm L_lm rho_hat_lpq d^l_mq(theta) exp(i m phi)`` (eq. 5.9), and
+in the global frame ``B~_ps(R) = sum_q B_pq(R) exp(-i s phi) d^p_sq(theta)`` (eq. 5.14). The product
+``D^l_mq conj(D^p_sq)`` summed over q keeps only the zero column of each D^J, so that the B~_ps are
 *scalar* functions of R, band-limited at exactly F + P. Both sums are done on the rings of a
 Gauss-Legendre rule, Fourier mode by Fourier mode, and the rule turns them into coefficients; no
 sample in phi is ever taken.
+
+Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Iterator
@@ -21,22 +23,24 @@ Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
 _TABLE_BYTES = 2**27
+"""The bytes that the tables and waves of a block of several rings may take."""
 
 
 def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
-    """Coefficients over R of every coefficient map of the global SHRM.
+    """Compute the coefficients over R of every coefficient map of the global SHRM.
 
     Parameters
     ----------
     lighting : ndarray, shape (>= (F+1)^2, channels)
-        Real coefficients of the light, world axes.
+        The coefficients of the light over the real harmonics of world axes.
     brdf : ndarray, shape (F+1, P+1, P+1, channels)
-        rho_hat_lpq, q >= 0.
+        The coefficients rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
 
     Returns
     -------
     ndarray, shape ((F+P+1)^2, (P+1)^2, channels)
-        ``[J (J+1) + M, p (p+1) + q]``: real harmonics of R, and of V in world axes.
+        The coefficients over real harmonics of R (first index ``J (J+1) + M``) and of V (second
+        index ``p (p+1) + q``), both in world axes. For P = 0 the first axis has (F+1)^2 entries.
     """
     order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
     if order_p == 0:
@@ -57,7 +61,10 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
 
 
 def _blocks(rings: int, order_f: int, order_p: int) -> Iterator[slice]:
-    """Blocks of rings whose small-d values and waves stay within bounds."""
+    """Yield blocks of rings whose small-d values and waves stay within `_TABLE_BYTES`.
+
+    A block has one ring at least, even if that takes more.
+    """
     table = (2 * order_f + 1) * (2 * order_p + 1) * (order_f + 1)
     waves = 2 * (order_f + order_p + 1) * (order_p + 1) ** 2 * 3
     bytes_a_ring = 8 * (table + 2 * waves)
@@ -67,7 +74,10 @@ def _blocks(rings: int, order_f: int, order_p: int) -> Iterator[slice]:
 
 
 def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray:
-    """``B_pq`` on rings by Fourier mode m (eq. 5.24), ``[q + P, m + F, ring, p, channel]``."""
+    """Compute ``B_pq`` on rings for each Fourier mode m (eq. 5.24).
+
+    The result is indexed ``[q + P, m + F, ring, p, channel]``.
+    """
     order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
     table = np.zeros((2 * order_p + 1, 2 * order_f + 1, len(theta), order_f + 1))
     for degree, d in small_d_degrees(order_f, theta, max_spin=order_p):
@@ -87,12 +97,13 @@ def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray
 
 
 def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
-    """Cosine and sine waves in phi of the real global coefficients on rings.
+    """Compute the waves in phi of the real global coefficients on rings.
 
     Returns
     -------
     ndarray, shape (2, F+P+1, rings, (P+1)^2, channels)
-        ``[cos or sin, M, ring, p (p+1) + q]``.
+        The amplitudes of ``cos(M phi)`` and ``sin(M phi)``, halved for M > 0, indexed ``[cos or
+        sin, M, ring, p (p+1) + q, channel]``.
     """
     order_f, channels = local.shape[1] // 2, local.shape[-1]
     band = order_f + order_p
@@ -106,7 +117,7 @@ def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
             modes[first : first + 2 * order_f + 1] = turned
             positive, negative = modes[band:], modes[band::-1]
             centre, sign = p * (p + 1), (-1.0) ** s
-            if s == 0:  # a real function: both modes are conjugates
+            if s == 0:  # the function is real, so that its modes M and -M are conjugates
                 _store(waves, centre, positive, negative, 0.5)
                 continue
             _store(waves, centre + s, positive, negative, sign * np.sqrt(2) / 2)
@@ -122,7 +133,11 @@ def _store(
     scale: float,
     imaginary: bool = False,
 ) -> None:
-    """Waves of twice the real or imaginary part of a function, from its modes M and -M."""
+    """Store the waves of 2 `scale` times the real or imaginary part of a function.
+
+    They are made of the function's modes M and -M for M >= 0. The amplitudes of M > 0 are stored
+    halved.
+    """
     if imaginary:
         waves[0, ..., at, :] = scale * (positive + negative).imag
         waves[1, ..., at, :] = scale * (positive - negative).real
@@ -132,15 +147,16 @@ def _store(
 
 
 def _integrate(waves: Array, legendre: Array, weights: Array, result: Array) -> None:
-    """Add the rings' part of each wave's coefficients: an integral over the cosine."""
+    """Add what the rings contribute to the coefficients, by integrals over the cosine of theta."""
     count = legendre.shape[0]
     flat = np.moveaxis(waves, 0, 2).reshape(count, len(weights), -1)
     sums = (legendre * weights) @ flat
-    # Twice the wave's real part was stored for M > 0, and M = 0 is its own conjugate.
     sums = sums.reshape(count, count, 2, *result.shape[1:])
     for m in range(count):
         degree = np.arange(m, count)
         centre = degree * (degree + 1)
+        # The integral over phi of cos^2 or sin^2 is pi for M > 0, where the amplitudes are halved,
+        # and real harmonics of M > 0 have a factor sqrt(2).
         scale = 2 * np.pi * (np.sqrt(2) if m else 1.0)
         result[centre + m] += scale * sums[m, : len(degree), 0]
         if m:

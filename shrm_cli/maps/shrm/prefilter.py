@@ -1,22 +1,141 @@
-"""Prefiltering in the frequency domain."""
+"""How SHRMs are made: in the frequency domain, as one map or term by term.
 
+The method is that of section 5.6.2 of Ramamoorthi's thesis.
+"""
+
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.maps.prefiltered import Baked, check_memory, provenance
-from shrm_cli.maps.representations import Compression, represent
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
 from shrm_cli.maps.size import check_size
-from shrm_cli.orders import choose_orders, error_bound, predicted_error
+from shrm_cli.orders import Orders, choose_center, choose_orders, error_bound, predicted_error
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
+
+Notes = tuple[tuple[str, str], ...]
+"""Headings and texts that tell people what was chosen automatically."""
 
 
-def bake(
+def prefilter(
+    probe: Probe,
+    brdf: Brdf,
+    eps: float = DEFAULT_EPS,
+    order_f: int | None = None,
+    order_p: int | None = None,
+    center: str | None = None,
+    split: bool | None = None,
+    frame: Frame = "global",
+    size: int | None = None,
+    sampling: Sampling = "center",
+    compress: int | float | None = None,
+    domain: str = "frequency",
+    source_height: int | None = None,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
+
+    Raises
+    ------
+    ArgumentError, OrderError, ProbeError, BrdfError, MapError
+    """
+    if domain == "angular":
+        raise ArgumentError(
+            "domain",
+            "angular does not apply to an SHRM, which is made in the frequency domain only; take "
+            "`to` cabral, kautz-mccool or lightfield",
+        )
+    if source_height is not None:
+        raise ArgumentError("source_height", "applies with `domain` angular")
+    brdf, notes = centered(brdf, eps, center)
+    # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
+    # that neither can be given.
+    is_free = (order_f, order_p, center) == (None, None, None)
+    if split and not is_free:
+        raise ArgumentError(
+            "split", "applies with neither `center` nor orders; leave one of them out"
+        )
+    if is_free and split is not False:
+        plan = plan_terms(brdf, eps, probe, progress)
+        if plan is not None:
+            takes = split or plan.pays
+            count = f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
+            notes = (*notes, ("split" if takes else "not split", count))
+            if takes:
+                made = prefilter_terms(probe, plan, size, frame, sampling, np.float32, compress)
+                return replace(made, notes=notes)
+    made = prefilter_shrm(
+        probe, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, progress
+    )
+    return replace(made, notes=notes, warnings=order_warnings(made, brdf, eps, order_p))
+
+
+def centered(brdf: Brdf, tolerance: float, center: str | None) -> tuple[Brdf, Notes]:
+    """Recenter a BRDF about the center that is asked for.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    tolerance : float
+        The fraction of the BRDF's energy that may be missed.
+    center : {"auto", "reflection", "normal", "tangent"}, optional
+        ``auto`` is the center that needs the fewest coefficients; None is the BRDF's own.
+
+    Returns
+    -------
+    brdf : Brdf
+    notes : Notes
+        How the center was chosen; empty unless it is ``auto``.
+
+    Raises
+    ------
+    BrdfError, OrderError
+        If the BRDF cannot be expanded about that center.
+    """
+    if center is None:
+        return brdf, ()
+    if center != "auto":
+        return brdf.recentered(center), ()  # type: ignore[arg-type]
+    brdf, counts = choose_center(brdf, tolerance)
+    needs = ", ".join(f"{count:,} about the {name}" for name, count in counts.items())
+    return brdf, (("centre", f"{brdf.center} (coefficients: {needs})"),)
+
+
+def order_warnings(
+    made: Prefiltered, brdf: Brdf, tolerance: float, order_p: int | None
+) -> tuple[str, ...]:
+    """Return a line for each way in which the orders of a map fall short of what was asked for.
+
+    Parameters
+    ----------
+    made : Prefiltered
+    brdf : Brdf
+    tolerance : float
+        The fraction of the BRDF's energy that may be missed.
+    order_p : int, optional
+        The order P that was asked for.
+    """
+    info, lines = made.map.info, []
+    if order_p is not None and order_p > info.order_p:
+        lines.append(f"{brdf.name} does not depend on the view, so P = 0 only")
+    if info.captured < 1 - tolerance:
+        lines.append(
+            f"the orders asked for capture {info.captured:.2%} of the BRDF's energy, less than "
+            f"`eps` {tolerance:g} wants"
+        )
+    return tuple(lines)
+
+
+def prefilter_shrm(
     probe: Probe,
     brdf: Brdf,
     tolerance: float,
@@ -26,46 +145,51 @@ def bake(
     frame: Frame = "global",
     sampling: Sampling = "center",
     dtype: type = np.float64,
-    representation: str = "shrm",
-    view_count: int | None = None,
-    compression: Compression | None = None,
+    compress: int | float | None = None,
     progress: Progress | None = None,
-) -> Baked:
-    """Prefilter a probe for a BRDF in the frequency domain (section 5.6.2).
+    check: Callable[[Orders], object] | None = None,
+) -> Prefiltered:
+    """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
     Parameters
     ----------
     probe : Probe
     brdf : Brdf
     tolerance : float
-        Fraction of the BRDF's energy that may be missed.
+        The fraction of the BRDF's energy that may be missed.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones.
     size, frame, sampling, dtype
-        As `Shrm.build` takes them.
-    representation, view_count, compression
-        As `represent` takes them.
+        The form of the map, as `Shrm.from_coefficients` takes it.
+    compress : int or float, optional
+        How far the map is compressed, as `compressed` takes it.
     progress : callable, optional
-        Called with rows read and rows in all.
+        Called with the number of rows of the probe that are read, and of all rows.
+    check : callable, optional
+        Called with the orders before the work starts; it may refuse them by raising an error.
 
     Raises
     ------
     OrderError, ProbeError, BrdfError, MapError
+        If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
+        too large.
     """
     if order_f is not None and not brdf.zonal:
         check_size(order_f, order_p or 0, size)
     orders, coefficients = choose_orders(brdf, tolerance, order_f, order_p)
-    check_memory(orders, size, representation, view_count)
-    lighting = project(probe, coefficients.order_f, progress)
     f, p = orders.order_f, orders.order_p
+    check_size(f, p, size)
+    if check is not None:
+        check(orders)
+    lighting = project(probe, coefficients.order_f, progress)
     power = lighting.power()
     info = replace(
         provenance(probe, brdf, orders),
         predicted_error=predicted_error(power, coefficients, f, p),
     )
-    built = Shrm.build(
+    made = Shrm.from_coefficients(
         lighting.coefficients, coefficients.truncated(f, p), brdf.center, info,
         size, frame, sampling, dtype,
     )  # fmt: skip
     bound = error_bound(power, lighting.energy, coefficients, f, p)
-    return Baked(represent(built, representation, view_count, compression), orders, bound)
+    return Prefiltered(compressed(made, compress), {"error_bound": bound})

@@ -1,13 +1,19 @@
-"""Spherical harmonic reflection maps (section 5.4): a cube over R of expansions over V."""
+"""Spherical harmonic reflection maps: a cube over R of spherical harmonic expansions over V.
 
+They are those of section 5.4 of Ramamoorthi's thesis, and equations 5.x are those of its chapter 5.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.centers import central_directions
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
@@ -22,24 +28,27 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 Array = NDArray[np.floating]
 
 _TEXELS_AT_ONCE = 2**14
+"""The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""
 
 
 @dataclass(frozen=True)
-class Shrm:
+class Shrm(Map):
     """A spherical harmonic reflection map.
 
     Attributes
     ----------
     coefficients : ndarray, shape (6N, N, (P+1)^2, 3)
-        Real coefficients over the view, index p(p+1)+q, at each texel of an OpenEXR cube of
-        central directions.
+        Coefficients over the real harmonics of the view, index p(p+1)+q, at each texel of an
+        OpenEXR cube of central directions.
     frame : {"global", "local"}
-        Whether they belong to the view in world axes (eq. 5.11) or in the local frame of the
-        texel's direction (eq. 5.10).
+        Whether the coefficients belong to the view in world axes (eq. 5.11) or in the local frame
+        of the texel's direction (eq. 5.10).
     center : {"reflection", "normal", "tangent"}
         What the central direction is.
     info : MapInfo
+        How the map was made.
     sampling : {"center", "border"}
+        Where the edge texels of the cube lie.
     """
 
     coefficients: Array
@@ -67,14 +76,35 @@ class Shrm:
 
     @property
     def azimuth_free(self) -> bool:
-        """Whether a local map holds only q = 0 (a BRDF without azimuthal dependence)."""
+        """Whether the map is local and holds q = 0 only, as for a BRDF that ignores the azimuth."""
         if self.frame != "local":
             return False
         q = [q for p in range(self.order_p + 1) for q in range(-p, p + 1)]
         return not self.coefficients[:, :, np.array(q) != 0].any()
 
+    @property
+    def turns_with_texels(self) -> bool:
+        """Whether the frame is local and the coefficients depend on how the frames are turned."""
+        return self.frame == "local" and not self.azimuth_free
+
+    @property
+    def cube_count(self) -> int:
+        """The number of RGB cubes: one for each coefficient, or for each p if `azimuth_free`."""
+        every = self.order_p + 1
+        return every if self.azimuth_free else every**2
+
+    def planes(self) -> list[Array]:
+        """Return one cube of all coefficients, shape (6N, N, 3 (P+1)^2)."""
+        return [self.coefficients.reshape(*self.coefficients.shape[:2], -1)]
+
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> "Shrm":
+        """Return the same map with other coefficients, in the form that `planes` returns."""
+        (flat,) = planes
+        shaped = flat.reshape(*flat.shape[:2], *self.coefficients.shape[2:])
+        return replace(self, coefficients=shaped, sampling=sampling, info=info)
+
     @classmethod
-    def build(
+    def from_coefficients(
         cls,
         lighting: ArrayLike,
         brdf: Array,
@@ -85,22 +115,24 @@ class Shrm:
         sampling: Sampling = "center",
         dtype: type = np.float64,
     ) -> "Shrm":
-        """Prefilter: from coefficients of light and BRDF to the map.
+        """Make the map from the coefficients of light and BRDF.
 
         Parameters
         ----------
         lighting : array_like, shape (>= (F+1)^2, 3)
+            The coefficients of the light over the real harmonics of world axes.
         brdf : ndarray, shape (F+1, P+1, P+1, 3)
-            rho_hat_lpq to exactly the orders of the map.
+            The coefficients rho_hat_lpq of the BRDF to exactly the orders of the map, for q >= 0.
         center : {"reflection", "normal", "tangent"}
             The BRDF's central direction.
         info : MapInfo
+            How the map is made.
         size : int, optional
             Texels along a face's edge; `choose_size` by default.
         frame, sampling
-            As the attributes.
+            The same as the attributes.
         dtype : float32 or float64
-            Precision of the synthesis.
+            The precision in which the texels are computed.
 
         Raises
         ------
@@ -121,7 +153,7 @@ class Shrm:
         return built if frame == "global" else built.to_frame(frame)
 
     def to_frame(self, frame: Frame) -> "Shrm":
-        """The same map in another frame: a rotation of each texel's coefficients (eq. 5.14)."""
+        """Rotate the coefficients of each texel to another frame (eq. 5.14)."""
         if frame == self.frame:
             return self
         directions = cube_directions(self.size, self.sampling).reshape(-1, 3)
@@ -136,9 +168,9 @@ class Shrm:
         return replace(self, coefficients=turned.reshape(self.coefficients.shape), frame=frame)
 
     def truncated(self, order_p: int | None) -> "Shrm":
-        """The same map without what is above an order P; None keeps all.
+        """Return the same map without the coefficients above an order P; None keeps all.
 
-        Its `info` holds what that adds to the relative RMS error.
+        The `info` of the result includes what that adds to the relative RMS error.
         """
         if order_p is None or order_p >= self.order_p:
             return self
@@ -151,13 +183,70 @@ class Shrm:
         )
         return replace(self, coefficients=self.coefficients[:, :, :kept], info=info)
 
+    def check_memory(self, size: int) -> None:
+        """Check that the map could be kept in memory at another size; see `check_size`."""
+        check_size(self.info.order_f, self.order_p, size)
+
+    def _moved(self, size: int, sampling: Sampling) -> "Shrm":
+        # Local frames turn from texel to texel, so only global coefficients can be filtered.
+        moved = super(Shrm, self.to_frame("global"))._moved(size, sampling)
+        return cast(Shrm, moved).to_frame(self.frame)
+
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> "Shrm":
+        """Return the map itself, or of a lower order P or in another frame.
+
+        Raises
+        ------
+        MapError
+            If `order_p` is higher than that of the map.
+        """
+        if order_p is not None and order_p > self.order_p:
+            raise MapError(
+                f"an SHRM of order P = {self.order_p} has nothing of order {order_p}; lower "
+                "`order_p`"
+            )
+        return self.truncated(order_p).to_frame(frame or self.frame)
+
+    @classmethod
+    def from_map(
+        cls,
+        source: Map,
+        order_p: int | None = None,
+        frame: Frame | None = None,
+        compress: int | float | None = None,
+        **options: Any,
+    ) -> Map:
+        """Return the SHRM that another map holds or that fits it best, compressed if that is asked.
+
+        Parameters
+        ----------
+        source : Map
+        order_p : int, optional
+            The order P of the SHRM; that of the source by default.
+        frame : {"global", "local"}, optional
+            The frame of the SHRM; local by default if the source is a local SHRM, else global.
+        compress : int or float, optional
+            How far the SHRM is compressed, as `shrm_cli.maps.shrm.compressed.compressed` takes it.
+
+        Raises
+        ------
+        MapError, ArgumentError
+            If the source has no such SHRM, or an argument does not apply.
+        """
+        from shrm_cli.maps.shrm.compressed import compressed
+
+        refuse_arguments("an SHRM", **options)
+        is_local = source.representation == "shrm" and source.frame == "local"
+        own: Frame = "local" if is_local else "global"
+        return compressed(source.to_shrm(order_p, frame or own), compress)
+
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance, filtered between texels.
+        """Evaluate the reflected radiance, filtered between texels.
 
         Parameters
         ----------
         normals, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes; views point to the viewer.
+            Unit vectors in world axes; views point to the viewer.
 
         Returns
         -------
@@ -167,9 +256,9 @@ class Shrm:
         return self.central_radiance(central_directions(self.center, normals, views), views)
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Radiance by central directions instead of normals; the rest as `radiance`."""
+        """Evaluate the radiance for central directions instead of normals; else as `radiance`."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
-        if views.ndim == 1:  # a distant viewer: one reflection map serves all (eq. 5.35)
+        if views.ndim == 1:  # one reflection map serves all points for a distant viewer (eq. 5.35)
             return self._distant_sampler(views)(centers)
         shape = np.broadcast_shapes(centers.shape, views.shape)
         values = self._sampler(np.broadcast_to(centers, shape))
@@ -177,13 +266,19 @@ class Shrm:
         return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
 
     def reflection_map(self, view: ArrayLike) -> Array:
-        """The map for one distant viewer (eq. 5.35), shape (6N, N, 3)."""
+        """Return the reflection map for one distant viewer (eq. 5.35), shape (6N, N, 3).
+
+        Parameters
+        ----------
+        view : array_like, shape (3,)
+            The unit direction to the viewer, world axes.
+        """
         weights = real_harmonics(self.order_p, np.asarray(view, dtype=float))
         coefficients = self._global.coefficients
         return np.einsum("rckx,k->rcx", coefficients, weights.astype(coefficients.dtype))
 
     def _distant_sampler(self, view: Array) -> CubeSampler:
-        """The sampler of one view's reflection map; that of the last view is kept."""
+        """Return the sampler of one view's reflection map, which is kept until the view changes."""
         kept = self._last_view
         if kept.get("view") != tuple(view):
             kept["sampler"] = CubeSampler(self.reflection_map(view), self.sampling)
@@ -192,6 +287,7 @@ class Shrm:
 
     @cached_property
     def _last_view(self) -> dict[str, Any]:
+        """The last distant ``view`` and its ``sampler``; empty before the first."""
         return {}
 
     @cached_property
@@ -205,10 +301,27 @@ class Shrm:
         return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
 
 
+def second_moments(shrm: Shrm) -> Array:
+    """Integrate the products of all pairs of coefficients over the texels and channels.
+
+    Returns
+    -------
+    ndarray, shape ((P+1)^2, (P+1)^2)
+    """
+    planes = np.moveaxis(shrm.coefficients, (2, 3), (0, 1)).astype(float)
+    texels = np.sqrt(np.tile(cube_solid_angles(shrm.size, shrm.sampling), (6, 1)))
+    flat = (planes * texels).reshape(len(planes), -1)
+    result: Any = flat @ flat.T
+    return result
+
+
 def _zonal_coefficients(
     lighting: Array, brdf: Array, size: int, sampling: Sampling, dtype: type
 ) -> Array:
-    """Local coefficients of a BRDF without azimuth: P + 1 convolutions (eq. 5.9 with q = 0)."""
+    """Compute the local coefficients for a BRDF that does not depend on the azimuth.
+
+    They are P + 1 convolutions (eq. 5.9 with q = 0).
+    """
     order_f, order_p = brdf.shape[0] - 1, brdf.shape[1] - 1
     degree = degrees(order_f)
     scale = np.sqrt(4 * np.pi / (2 * degree + 1))[:, None, None]

@@ -1,39 +1,47 @@
-"""Maps of BRDFs that are sums: each term about its own central direction."""
+"""Sums of SHRMs, for BRDFs whose terms are each kept about their own central direction."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame, to_angles
-from shrm_cli.vocabulary import Sampling
+from shrm_cli.vocabulary import Frame, Sampling
 
 Array = NDArray[np.floating]
 
 _AZIMUTHS = 32
+"""The number of azimuths of the view over which `SummedShrm.zonal_radiance` averages."""
 
 
 @dataclass(frozen=True)
-class SummedShrm:
+class SummedShrm(Map):
     """SHRMs whose radiances add up.
 
-    A diffuse term needs few coefficients about the normal, and many about the mirror direction.
+    A diffuse term, for example, needs few coefficients about the normal, but many about the mirror
+    direction.
 
     Attributes
     ----------
     terms : tuple of Shrm or CompressedShrm
-        Each of its own centre, size and orders.
+        The terms, which may differ in centre, size and orders.
     info : MapInfo
-        Of the sum: the largest orders, the error of all terms together.
+        How the sum was made, with the largest orders and the combined error of the terms.
     """
 
     terms: tuple[Shrm | CompressedShrm, ...]
     info: MapInfo
 
     representation = "shrm"
+    format_version = 2
+    is_rearrangeable = False
+    what = "a sum of terms"
 
     def __post_init__(self) -> None:
         if len(self.terms) < 2:
@@ -41,7 +49,7 @@ class SummedShrm:
 
     @property
     def size(self) -> int:
-        """Of the largest term."""
+        """Texels along an edge of the largest term's cube."""
         return max(term.size for term in self.terms)
 
     @property
@@ -50,25 +58,76 @@ class SummedShrm:
 
     @property
     def center(self) -> str:
-        """Of each term, with plus signs between."""
+        """The centers of the terms, joined by plus signs."""
         return "+".join(term.center for term in self.terms)
 
     @property
     def sampling(self) -> Sampling:
         return self.terms[0].sampling
 
+    @property
+    def cube_count(self) -> int:
+        return sum(term.cube_count for term in self.terms)
+
+    def planes(self) -> list[Array]:
+        """Return the cubes of all terms."""
+        return [plane for term in self.terms for plane in term.planes()]
+
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "SummedShrm":
+        """Return the same terms with other cubes; each term has a single one."""
+        pairs = zip(self.terms, planes, strict=True)
+        terms = tuple(term.with_planes([plane], sampling, term.info) for term, plane in pairs)
+        return replace(self, terms=terms, info=info)
+
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "SummedShrm":
+        """Return the map with every term on a cube of another size or sampling.
+
+        Raises
+        ------
+        MapError
+            If a term would be too large.
+        """
+        terms = tuple(term.resampled(size, sampling) for term in self.terms)
+        return replace(self, terms=terms)  # type: ignore[arg-type]
+
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
+        """Refuse: a sum has no single SHRM, because its terms have different centers.
+
+        Raises
+        ------
+        MapError
+        """
+        raise MapError(
+            "a sum of terms about different centres has no single SHRM; prefilter again with "
+            "`split=False`, or convert it to explicit maps"
+        )
+
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance, shape (..., 3), as `Shrm.radiance` gives it."""
+        """Evaluate the reflected radiance, shape (..., 3), as `Shrm.radiance` does."""
         first, *others = (term.radiance(normals, views) for term in self.terms)
         return np.asarray(sum(others, start=first))
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Radiance by mirror directions, shape (..., 3), instead of normals."""
+        """Evaluate the radiance, shape (..., 3), for mirror directions instead of normals."""
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         return self.radiance(bisector(centers, views), views)
 
     def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
-        """Its mean over the views at an angle (radians) from mirror directions (..., 3)."""
+        """Average the radiance over the azimuth of the view about mirror directions.
+
+        Parameters
+        ----------
+        centers : array_like, shape (..., 3)
+            The mirror directions, unit vectors in world axes.
+        view_theta : float
+            The angle between the view and the mirror direction, radians.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
         frames = local_frame(*to_angles(centers))
         phi = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
         parts = [

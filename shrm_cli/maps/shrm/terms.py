@@ -9,8 +9,9 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
 from shrm_cli.errors import BrdfError, OrderError
-from shrm_cli.maps.prefiltered import Baked, provenance
-from shrm_cli.maps.representations import Compression, represent
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size
@@ -29,8 +30,9 @@ from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import Frame, Sampling
 
 _LOOSER = 2.0 ** (np.arange(24, -5, -1) / 4)
-"""Tolerances of the terms that are tried, in units of the whole's: from 64 to a half."""
+"""The tolerances that are tried for the terms, in units of the whole BRDF's: from 64 to a half."""
 _LARGEST_TOLERANCE = 0.7
+"""The largest tolerance that is tried for the terms."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,9 @@ class Term:
     ----------
     brdf : Brdf
     coefficients : BrdfCoefficients
-        To higher orders.
+        The coefficients of the term, to orders at least as high as `orders`.
     orders : Orders
+        The orders that are kept.
     """
 
     brdf: Brdf
@@ -51,19 +54,21 @@ class Term:
 
     @property
     def count(self) -> int:
+        """The number of coefficients that are kept."""
         return coefficient_count(self.orders, self.coefficients)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A BRDF come apart into terms whose error together is that of the whole.
+    """A BRDF that is split into terms whose combined error is at most that of the whole.
 
     Attributes
     ----------
     terms : tuple of Term
     whole : Term
+        The whole BRDF, with the orders that it would need as one map.
     light : Lighting
-        Of the probe that it was made for, to the orders of all coefficients.
+        The light of the probe that the plan was made for, to the orders of all coefficients.
     """
 
     terms: tuple[Term, ...]
@@ -72,37 +77,42 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """Coefficients of all terms."""
+        """The number of coefficients of all terms."""
         return sum(term.count for term in self.terms)
 
     @property
     def pays(self) -> bool:
-        """Whether the terms need fewer coefficients."""
+        """Whether the terms need fewer coefficients than the whole."""
         return self.count < self.whole.count
 
 
 def plan_terms(
     brdf: Brdf, tolerance: float, probe: Probe, progress: Progress | None = None
 ) -> Plan | None:
-    """The terms of a BRDF, to orders that make no larger error than those of the whole.
+    """Split a BRDF into terms, with orders that cause no larger error than those of the whole.
 
-    The energy of a diffuse term is in its mean, that of a glossy one in its peak: one and the
-    same tolerance would ask too much of one of them. So what counts is the error of the light
-    that is reflected, as predicted for this probe.
+    The energy of a diffuse term is in its mean, and that of a glossy term is in its peak, so that
+    the tolerance of the whole would ask too much of one of them. Therefore the terms are compared
+    with the whole by the error of the reflected light, as it is predicted for this probe.
 
     Parameters
     ----------
     brdf : Brdf
     tolerance : float
-        Of the whole.
+        The fraction of the whole BRDF's energy that may be missed.
     probe : Probe
     progress : callable, optional
-        Called with rows read and rows in all.
+        Called with the number of rows of the probe that are read, and of all rows.
 
     Returns
     -------
     Plan or None
-        None where there is nothing to split, or terms cannot reach that error.
+        None if there is nothing to split, or the terms cannot reach the error of the whole.
+
+    Raises
+    ------
+    OrderError, BrdfError, ProbeError
+        If the whole BRDF cannot be expanded, or the probe cannot be read.
     """
     terms = split(brdf)
     if len(terms) == 1:
@@ -126,9 +136,9 @@ def plan_terms(
 
 
 def combined_error(terms: Sequence[Term], light: Lighting) -> float:
-    """Relative RMS error of a sum, from independent errors of its terms.
+    """Predict the relative RMS error of a sum, taking the errors of its terms as independent.
 
-    Each counts by the light that its term reflects.
+    Each error is weighted by the light that its term reflects.
     """
     power = light.power()
     strengths = np.array([reflected_rms(power, term.coefficients) for term in terms])
@@ -139,20 +149,29 @@ def combined_error(terms: Sequence[Term], light: Lighting) -> float:
     return float(np.linalg.norm(strengths * errors) / max(strengths.sum(), 1e-300))
 
 
-def bake_terms(
+def prefilter_terms(
     probe: Probe,
     plan: Plan,
     size: int | None = None,
     frame: Frame = "global",
     sampling: Sampling = "center",
     dtype: type = np.float64,
-    compression: Compression | None = None,
-) -> Baked:
-    """Prefilter the terms of a plan for its probe; the arguments are those of `bake`.
+    compress: int | float | None = None,
+) -> Prefiltered:
+    """Prefilter the terms of a plan for its probe.
+
+    Parameters
+    ----------
+    probe : Probe
+        The probe that the plan was made for.
+    plan : Plan
+    size, frame, sampling, dtype, compress
+        The form of each term's map, as `prefilter_shrm` takes it.
 
     Raises
     ------
     MapError
+        If a term would be too large, or cannot be compressed as asked.
     """
     light = plan.light
     power = light.power()
@@ -173,15 +192,16 @@ def bake_terms(
         f, p = term.orders.order_f, term.orders.order_p
         check_size(f, p, size)
         own = replace(info, order_f=f, order_p=p)
-        built = Shrm.build(
+        built = Shrm.from_coefficients(
             light.coefficients, term.coefficients.truncated(f, p), term.brdf.center, own,
             size, frame, sampling, dtype,
         )  # fmt: skip
-        few = compression
-        if few is not None and few.count is not None:  # a diffuse term has a single map
-            few = replace(few, count=min(few.count, (p + 1) ** 2))
-        maps.append(represent(built, "shrm", None, few))
+        few = compress
+        if isinstance(few, int):  # a term of low order has few components
+            few = min(few, (p + 1) ** 2)
+        maps.append(compressed(built, few))
         added = float(np.hypot(added, share * maps[-1].info.added_error))
         bound += float(share * error_bound(power, light.energy, term.coefficients, f, p))
     info = replace(info, added_error=added)
-    return Baked(SummedShrm(tuple(maps), info), orders, bound)  # type: ignore[arg-type]
+    summed = SummedShrm(tuple(maps), info)  # type: ignore[arg-type]
+    return Prefiltered(summed, {"error_bound": bound})

@@ -1,1 +1,1 @@
-"""Split sums: light prefiltered at some roughnesses, for a table of the environment-BRDF."""
+"""Split sums: light prefiltered for some roughnesses, to be used with an environment-BRDF table."""

@@ -1,19 +1,18 @@
-"""Split sums <-> the parts of a file: a cube for each roughness, of decreasing size."""
+"""Writing split sums to files with a part for each level, and reading them again."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr import Part, has_channels, read_channels
+from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import common_header, map_info, read_attributes, shortest
-from shrm_cli.maps.names import COLOURS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.vocabulary import LEVEL_MAPPINGS, MAX_CUBE_SIZE, MAX_LEVELS
+from shrm_cli.maps.stored import COLORS, image_channels
+from shrm_cli.vocabulary import LEVEL_MAPPINGS, MAX_CUBE_SIZE, MAX_LEVELS, LevelMapping
 
 Array = NDArray[np.floating]
 
@@ -21,7 +20,7 @@ _AGAIN = "make it again with shrm prefilter --to splitsum"
 
 
 def level_names(roughness: Sequence[float]) -> list[str]:
-    """Of the parts: ``roughness0.14``, with more decimals where two would be the same."""
+    """Name the parts, as in ``roughness0.14``, with more decimals where two would be the same."""
     decimals = 2
     while True:
         names = [f"roughness{value:.{decimals}f}" for value in roughness]
@@ -31,11 +30,11 @@ def level_names(roughness: Sequence[float]) -> list[str]:
 
 
 def encode(split_sum: SplitSum) -> list[Part]:
-    """A part for each level, the sharpest first."""
+    """Make a part of a file for each level, the sharpest level first."""
     size = split_sum.size
-    window = np.array([0, 0], np.int32), np.array([size - 1, 6 * size - 1], np.int32)
     parts = []
-    names = level_names([shortest(value) for value in split_sum.roughness])  # as readers have them
+    # Files hold 32-bit floats, so the names are those of the numbers that readers will get.
+    names = level_names([shortest(value) for value in split_sum.roughness])
     levels = zip(
         names, split_sum.roughness, split_sum.levels,
         split_sum.level_info, strict=True,
@@ -46,76 +45,72 @@ def encode(split_sum: SplitSum) -> list[Part]:
             **common_header(replace(split_sum, info=info), 0),
             "shrm:mapping": split_sum.mapping,
             "shrm:roughness": float(roughness),
-            "displayWindow": window,
+            "displayWindow": (size, 6 * size),
         }
-        parts.append(Part({c: level[..., k] for k, c in enumerate(COLOURS)}, header))
+        parts.append(Part(image_channels(level), header))
     return parts
 
 
-def decode(path: str | os.PathLike[str], source: Any, specs: list[Any]) -> SplitSum:
-    """The split sum that the parts of a file are.
-
-    Parameters
-    ----------
-    path : path-like
-    source : ImageInput
-        The opened file.
-    specs : list of ImageSpec
-        Of its parts.
+def decode(file: StoredFile) -> SplitSum:
+    """Return the split sum that a file holds.
 
     Raises
     ------
     MapError
         If parts or attributes are missing, or contradict each other.
     """
-    if not 1 <= len(specs) <= MAX_LEVELS:
-        raise MapError(f"{path}: {len(specs)} levels are not a split sum; {_AGAIN}")
-    attributes = [read_attributes(path, spec) for spec in specs]
-    found = [_roughness(path, spec) for spec in specs]
-    order = sorted(range(len(specs)), key=found.__getitem__)
-    roughness = [found[part] for part in order]
-    names = [specs[part].get_string_attribute("oiio:subimagename") for part in order]
-    if len(set(roughness)) < len(roughness) or (len(specs) > 1 and names != level_names(roughness)):
+    path, count = file.path, len(file.parts)
+    if not 1 <= count <= MAX_LEVELS:
+        raise MapError(f"{path}: {count} levels are not a split sum; {_AGAIN}")
+    parts = sorted(file.parts, key=_roughness)
+    attributes = [read_attributes(part) for part in parts]
+    roughness = [_roughness(part) for part in parts]
+    is_rising = len(set(roughness)) == count
+    if not is_rising or (count > 1 and [part.name for part in parts] != level_names(roughness)):
         raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
-    mappings = {spec.get_string_attribute("shrm:mapping") for spec in specs}
-    mapping = mappings.pop()
-    if mappings or mapping not in LEVEL_MAPPINGS or (mapping == "unreal" and roughness[0] == 0):
-        raise MapError(f"{path}: its attribute shrm:mapping is missing or wrong; {_AGAIN}")
     for each in attributes:
         if (each["representation"], each["center"]) != (SplitSum.representation, SplitSum.center):
             raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
         if (each["frame"], each["layout"], each["orientation"]) != ("global", "openexr", "openexr"):
             raise MapError(f"{path}: a split sum is OpenEXR's cube in global axes; {_AGAIN}")
-    samplings = {bool(spec.get_int_attribute("oiio:sampleborder")) for spec in specs}
+    samplings = {part.border_sampled for part in parts}
     if len(samplings) > 1:
         raise MapError(f"{path}: its parts are sampled differently; {_AGAIN}")
-    _check_sizes(path, [specs[part] for part in order])
-    infos = [map_info(attributes[part], specs[part]) for part in order]
+    _check_sizes(parts)
     return SplitSum.of_levels(
-        [read_channels(path, source, part, COLOURS) for part in order],
+        [part.read(COLORS) for part in parts],
         roughness,
-        mapping,
+        _mapping(parts, roughness[0]),
         "border" if samplings.pop() else "center",
-        infos,
+        [map_info(each, part) for each, part in zip(attributes, parts, strict=True)],
     )
 
 
-def _roughness(path: str | os.PathLike[str], spec: Any) -> float:
-    value = spec.getattribute("shrm:roughness")
+def _roughness(part: StoredPart) -> float:
+    value = part.attribute("shrm:roughness")
     if type(value) is not float or not 0 <= value <= 1:
-        raise MapError(f"{path}: its attribute shrm:roughness is missing or wrong; {_AGAIN}")
+        raise MapError(f"{part.path}: its attribute shrm:roughness is missing or wrong; {_AGAIN}")
     return shortest(value)
 
 
-def _check_sizes(path: str | os.PathLike[str], specs: list[Any]) -> None:
-    """Check that the parts are cubes of RGB that do not grow."""
+def _mapping(parts: Sequence[StoredPart], first: float) -> LevelMapping:
+    """Read how levels are mixed, which all parts must agree on; `first` is the least roughness."""
+    named = {part.text("shrm:mapping") for part in parts}
+    mapping = named.pop()
+    if named or mapping not in LEVEL_MAPPINGS or (mapping == "unreal" and first == 0):
+        raise MapError(f"{parts[0].path}: its attribute shrm:mapping is missing or wrong; {_AGAIN}")
+    return cast(LevelMapping, mapping)
+
+
+def _check_sizes(parts: Sequence[StoredPart]) -> None:
+    """Check that the parts are RGB cubes, and that none is larger than the one before it."""
     last = MAX_CUBE_SIZE
-    for spec in specs:
-        if not (spec.height == 6 * spec.width and 1 <= spec.width <= last):
+    for part in parts:
+        if not (part.height == 6 * part.width and 1 <= part.width <= last):
             raise MapError(
-                f"{path}: a level of {spec.width} x {spec.height} is not a cube, or larger than "
-                f"the one before it; {_AGAIN}"
+                f"{part.path}: a level of {part.width} x {part.height} is not a cube, or larger "
+                f"than the one before it; {_AGAIN}"
             )
-        if not has_channels(spec, COLOURS):
-            raise MapError(f"{path}: the channels of a level are not R, G and B; {_AGAIN}")
-        last = spec.width
+        if not part.holds(COLORS):
+            raise MapError(f"{part.path}: the channels of a level are not R, G and B; {_AGAIN}")
+        last = part.width

@@ -1,82 +1,75 @@
-"""Prefiltering for the split sum: the lobe of GGX for N = V = R at some roughnesses."""
+"""Prefiltering for the split sum: light averaged by lobes of GGX for N = V = R."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.brdf.cache import cached_coefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.lobe import lobe_angle
 from shrm_cli.errors import OrderError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.prefiltered import provenance
-from shrm_cli.maps.splitsum.levels import LEAST_ORDER, expanded, integrated, level_lobe, mirror
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
-from shrm_cli.probe.lighting import project
+from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import default_size
+from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
+from shrm_cli.reference import Reference
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.vocabulary import LevelMapping, Sampling
+from shrm_cli.sphere.harmonics import degrees, legendre_degrees
+from shrm_cli.sphere.quadrature import gauss_legendre
+from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
 
 LARGEST_SIZE = 256
-"""Of the first level, if nothing else is asked for: what engines have."""
+"""The most texels along an edge that the first level has by default. Engines use this size."""
+
+# Seconds, measured on one core. The time of projection and synthesis grows with the cube of the
+# order, that of direct integration with the pairs of a texel and a pixel within its lobe.
+_SECONDS_A_CUBED_ORDER = 3e-8
+_SECONDS_A_TEXEL_AND_ORDER = 3e-9
+_SECONDS_A_PAIR = 1e-8
+_SOON = 1.0
+"""Seconds that an expansion may always take, because it is exact and the levels share it."""
+_ACCURACY = 1e-5
+"""The part of a lobe's energy that the sampling of its coefficients may miss."""
+LEAST_ORDER = 256
+"""The order of the light's expansion where the core of a lobe is integrated directly."""
+_KINK = 1e-3
+"""A lobe that lacks no more than this beyond `LEAST_ORDER`, as relative RMS error in white light,
+is expanded no further. Broad lobes are not smooth where the light grazes, so that their
+coefficients fall slowly beyond that order, and direct integration costs most for broad lobes."""
+_MOST_TAIL = 0.03
+"""The largest part of a lobe that may be left to the frequency domain where the core of the lobe is
+integrated directly. If more is cut off, it begins to show which pixels fall within the edge."""
+_LEAST_TAIL = 1e-4
+"""A part of a lobe that is cut off is not halved any more once it is this small."""
+_CORE_NODES = 256
+"""Gauss's nodes over the angle of a lobe's core."""
+_ROWS_A_LOBE = 1.5
+"""The least number of rows of pixels, from pole to pole, that a lobe is summed over, times its
+ggx_alpha. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
+probe ripple by up to 3 %, with twice as many by 0.01 %."""
+_MOST_ROWS = 1024
+"""A probe that has more rows than this, and than twice the least number of a lobe, is averaged down
+to the larger of both numbers. It loses nothing that the lobe would show."""
 
 
-@dataclass(frozen=True)
-class BakedSplitSum:
-    """A split sum, and what is known of its levels.
-
-    Attributes
-    ----------
-    map : SplitSum
-    """
-
-    map: SplitSum
-
-    def summary(self) -> dict[str, Any]:
-        """The numbers that users and scripts ask for."""
-        split_sum, info = self.map, self.map.info
-        return {
-            "representation": split_sum.representation,
-            "frame": split_sum.frame,
-            "center": split_sum.center,
-            "size": split_sum.size,
-            "sampling": split_sum.sampling,
-            "maps": len(split_sum.levels),
-            "mapping": split_sum.mapping,
-            "domain": info.domain,
-            "order_f": info.order_f,
-            "order_p": info.order_p,
-            "epsilon": info.tolerance,
-            "brdf_energy_captured": info.captured,
-            "predicted_error": info.predicted_error,
-            "levels": [
-                {
-                    "roughness": roughness,
-                    "size": level.shape[1],
-                    "order_f": each.order_f,
-                    "domain": each.domain if roughness > 0 else "probe",
-                    "predicted_error": each.predicted_error,
-                    "minimum": float(level.min()),
-                }
-                for roughness, level, each in zip(
-                    split_sum.roughness, split_sum.levels, split_sum.level_info, strict=True
-                )
-            ],
-            "brdf": info.brdf,
-            "probe": info.probe,
-            "probe_sha256": info.probe_sha256,
-        }
-
-
-def bake_split_sum(
+def prefilter(
     probe: Probe,
     levels: int | Sequence[float] | None = None,
     mapping: LevelMapping = "linear",
@@ -84,33 +77,45 @@ def bake_split_sum(
     sampling: Sampling = "center",
     error: float = 0.0005,
     progress: Progress | None = None,
-) -> BakedSplitSum:
+) -> Prefiltered:
     """Prefilter a probe for the split sum.
 
-    The light is projected once. Each level is a product of its coefficients with those of the
-    lobe, to the least order F whose predicted error is within `error`. Where the lobe asks for
-    more than F = 512, or more than direct integration costs, its core is summed over the probe's
-    pixels, and only what lies beyond an angle is expanded. Roughness 0 is the probe itself.
+    The light is projected once. Each level is a product of the light's coefficients with those of
+    the lobe, to the least order F whose predicted error is within `error`. Where a lobe needs more
+    than F = 512, or its expansion would cost more than direct integration, its core is summed over
+    the probe's pixels, and only the rest beyond an angle is expanded. The level of roughness 0 is
+    the probe itself.
 
     Parameters
     ----------
     probe : Probe
     levels : int or sequence of float, optional
-        How many, or their perceptual roughnesses; `DEFAULT_LEVELS` of the mapping if not given.
+        The number of levels, or their perceptual roughnesses; by default the number that
+        `DEFAULT_LEVELS` has for the mapping.
     mapping : {"linear", "filament", "unreal"}
-        Where the roughnesses of a number of levels lie, and how levels are mixed.
+        Which roughnesses a number of levels has, and how levels are mixed.
     size : int, optional
-        Texels along an edge of the first level; the others follow their orders and do not grow.
-        256 at most if not given.
+        Texels along an edge of the first level, by default as many as the probe holds, but at most
+        256. The size of the others follows from their orders; none is larger than the one before.
     sampling : {"center", "border"}
+        Where the samples of the cubes lie.
     error : float
         Relative RMS error that each level may have, in (0, 1).
     progress : callable, optional
-        Called with rows read, or texels integrated, and their number.
+        Called with the number of rows read, or of texels integrated, and of all of them.
+
+    Returns
+    -------
+    Prefiltered
 
     Raises
     ------
-    MapError, OrderError, ProbeError
+    OrderError
+        If the error is outside (0, 1).
+    MapError
+        If levels of these roughnesses, or this number of levels, cannot be made.
+    ProbeError
+        If the probe cannot be read.
     """
     if not 0 < error < 1:
         raise OrderError(f"the error must lie between 0 and 1, not {error:g}")
@@ -138,4 +143,229 @@ def bake_split_sum(
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
-    return BakedSplitSum(SplitSum.of_levels(cubes, roughness, mapping, sampling, infos))
+    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
+    return Prefiltered(made, _facts(made))
+
+
+def _facts(made: SplitSum) -> dict[str, Any]:
+    """Return what is known of the making of a split sum, with the least value of each level."""
+    info = made.info
+    rows = zip(made.level_rows(), made.levels, strict=True)
+    return {
+        "maps": made.cube_count,
+        "mapping": made.mapping,
+        "domain": info.domain,
+        "order_f": info.order_f,
+        "order_p": info.order_p,
+        "epsilon": info.tolerance,
+        "brdf_energy_captured": info.captured,
+        "predicted_error": info.predicted_error,
+        "levels": [{**row, "minimum": float(level.min())} for row, level in rows],
+    }
+
+
+@dataclass(frozen=True)
+class LevelLobe:
+    """The lobe of a level, and how the level is to be made.
+
+    Attributes
+    ----------
+    brdf : GgxLobe
+    coefficients : BrdfCoefficients
+        The lobe's zonal coefficients, to order 512.
+    order : int
+        The least order that keeps the error in white light within what was asked for; 513 where
+        order 512 does not. It is 256 at most for broad lobes (`_KINK`).
+    in_frequency : bool
+        Whether the level is expanded to that order, and not integrated directly.
+    """
+
+    brdf: GgxLobe
+    coefficients: BrdfCoefficients
+    order: int
+    in_frequency: bool
+
+
+def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
+    """Tell whether an expansion costs less time than direct integration, by measured rates.
+
+    Parameters
+    ----------
+    order : int
+        The order of the expansion.
+    alpha : float
+        The lobe's ggx_alpha, the square of the perceptual roughness.
+    rows : int
+        The height of the probe as a lat-long.
+    largest : int
+        The most texels along an edge that the level may have.
+
+    Returns
+    -------
+    bool
+    """
+    texels = 6 * min(choose_size(order), largest) ** 2
+    expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
+    # The part a^2 / (a^2 + t^2) of the lobe lies beyond the angle with t = tan(angle / 2). The cap
+    # is the part of the sphere within the angle at which this is _MOST_TAIL.
+    cap = alpha**2 * (1 - _MOST_TAIL) / (_MOST_TAIL + alpha**2 * (1 - _MOST_TAIL))
+    pixels = 2 * _source_rows(rows, alpha) ** 2 * cap
+    return expansion <= max(_SECONDS_A_PAIR * texels * pixels, _SOON)
+
+
+def level_lobe(roughness: float, error: float, rows: int, largest: int) -> LevelLobe:
+    """Choose the order of a level's lobe in white light, and the domain where the level is made."""
+    brdf = GgxLobe(roughness=roughness)
+    coefficients = cached_coefficients(brdf, MAX_ORDER_F, 0, _ACCURACY, compute_coefficients)
+    missed = 1 - coefficients.captured()[:, 0]
+    enough = missed <= error**2
+    order = int(np.argmax(enough)) if enough.any() else MAX_ORDER_F + 1
+    if missed[LEAST_ORDER] <= _KINK**2:
+        order = min(order, LEAST_ORDER)
+    pays = order <= MAX_ORDER_F and frequency_pays(order, brdf.ggx_alpha, rows, largest)
+    return LevelLobe(brdf, coefficients, order, pays)
+
+
+def mirror(
+    probe: Probe, known: MapInfo, size: int, sampling: Sampling, progress: Progress | None
+) -> tuple[Array, MapInfo]:
+    """Make the level of roughness 0, which is the probe itself.
+
+    The order that it is given is the one that its texels can hold. `known` is what all levels
+    share.
+    """
+    info = replace(known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
+    return to_grid(probe, Cube(size, sampling), progress), info
+
+
+def expanded(
+    lobe: LevelLobe, lighting: Lighting, known: MapInfo, largest: int, sampling: Sampling
+) -> tuple[Array, MapInfo]:
+    """Make a level by multiplying the coefficients of light and lobe, and one synthesis."""
+    errors = expansion_errors(lighting, lobe.coefficients)
+    enough = errors <= known.tolerance
+    order = int(np.argmax(enough)) if enough.any() else len(errors) - 1
+    size = min(choose_size(order), largest)
+    passed = _multipliers(lobe.coefficients)[: order + 1]
+    cube = _synthesized(lighting, passed / passed[0], size, sampling)
+    info = replace(
+        known,
+        order_f=order,
+        captured=float(lobe.coefficients.captured()[order, 0]),
+        predicted_error=float(errors[order]),
+        brdf=_named(lobe.brdf.number("roughness")),
+    )
+    return cube, info
+
+
+def _named(roughness: float) -> dict[str, Any]:
+    return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
+
+
+def expansion_errors(lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
+    """Predict the relative RMS error of a level for each order that it may be expanded to.
+
+    The prediction is by Parseval, like that of `orders.predicted_error`. It counts the light beyond
+    the light's own expansion too, as `_unknown_light` estimates it.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    coefficients : BrdfCoefficients
+        Coefficients of a zonal lobe, to at least the light's order.
+
+    Returns
+    -------
+    ndarray, shape (order + 1,)
+        One error for each order from 0 to that of the light.
+    """
+    passed = _multipliers(coefficients) ** 2
+    light = lighting.power().sum(axis=1) * passed[: lighting.order + 1]
+    beyond = _unknown_light(lighting, passed)
+    whole = light.sum() + beyond
+    missing = np.cumsum(light[::-1])[::-1] - light + beyond
+    return np.sqrt(missing / whole) if whole > 0 else np.zeros_like(light)
+
+
+def _unknown_light(lighting: Lighting, passed: Array) -> float:
+    """Estimate the energy of the filtered light that is beyond the light's expansion.
+
+    `passed` holds the squared multipliers of the lobe. Two estimates are made, and the smaller one
+    counts. In the first, the light goes on as white light does, with ``(2l+1)`` times the mean
+    power of its last 16 degrees. In the second, all energy of the light that is left sits in the
+    degree that the lobe passes most of.
+    """
+    known = lighting.order + 1
+    power = lighting.power().sum(axis=1)
+    rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
+    width = 2 * np.arange(len(passed)) + 1
+    last = slice(max(known - 16, 0), known)
+    density = power[last].sum() / width[last].sum()
+    white = density * float(width[known:] @ passed[known:])
+    return min(white, rest * float(passed[known:].max(initial=0.0)))
+
+
+def _multipliers(coefficients: BrdfCoefficients) -> Array:
+    """Return what a zonal lobe multiplies the light's degrees with; for l = 0, its integral."""
+    values = coefficients.values[:, 0, 0, 0]
+    return values / np.sqrt(2 * np.arange(len(values)) + 1)
+
+
+def integrated(
+    probe: Probe,
+    lobe: LevelLobe,
+    lighting: Lighting,
+    known: MapInfo,
+    largest: int,
+    sampling: Sampling,
+    rows: int,
+    progress: Progress | None,
+) -> tuple[Array, MapInfo]:
+    """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded."""
+    whole = _multipliers(lobe.coefficients)
+    light = lighting.power().sum(axis=1) @ whole[: lighting.order + 1] ** 2
+    light += _unknown_light(lighting, whole**2)
+    part, predicted = 2 * _MOST_TAIL, 2 * known.tolerance
+    while predicted > known.tolerance and part > _LEAST_TAIL:
+        part /= 2
+        tail = whole - _core_multipliers(lobe.brdf, lobe_angle(lobe.brdf, part))
+        predicted = float(np.sqrt(_unknown_light(lighting, tail**2) / light)) if light > 0 else 0.0
+    wanted = _source_rows(rows, lobe.brdf.ggx_alpha)
+    height = None if wanted == rows else wanted
+    integral = Reference(probe, lobe.brdf, height, part, progress=progress)
+    order = min(lobe.order, MAX_ORDER_F)
+    size = min(choose_size(order), largest)
+    directions = cube_directions(size, sampling)
+    cube = integral.radiance(directions, directions) + _synthesized(lighting, tail, size, sampling)
+    brdf = _named(lobe.brdf.number("roughness"))
+    info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
+    return cube, info
+
+
+def _core_multipliers(brdf: GgxLobe, angle: float) -> Array:
+    """Compute `_multipliers` for the part of a lobe that is within an angle, to F = 512."""
+    nodes, weights = gauss_legendre(_CORE_NODES)
+    theta = (nodes + 1) / 2 * angle
+    lobe = brdf.evaluate(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))[:, 0]
+    rings = angle / 2 * weights * np.sin(theta) * lobe
+    return np.array(
+        [
+            2 * np.pi * np.sqrt(4 * np.pi / (2 * degree + 1)) * float(legendre[0] @ rings)
+            for degree, legendre in legendre_degrees(MAX_ORDER_F, np.cos(theta), max_m=0)
+        ]
+    )
+
+
+def _synthesized(lighting: Lighting, passed: Array, size: int, sampling: Sampling) -> Array:
+    """Synthesize light with its degrees multiplied, to the lower of both orders: (6N, N, 3)."""
+    degree = degrees(min(lighting.order, len(passed) - 1))
+    series = lighting.coefficients[: len(degree)] * passed[degree, None]
+    return np.ascontiguousarray(synthesize_cube(series, size, sampling).transpose(1, 2, 0))
+
+
+def _source_rows(rows: int, alpha: float) -> int:
+    """Choose the height of the lat-long that a lobe is summed over, from that of the probe."""
+    least = int(np.ceil(_ROWS_A_LOBE / alpha))
+    if rows < least:
+        return min(rows * -(-least // rows), LatLong.largest)
+    return min(rows, max(2 * least, _MOST_ROWS))

@@ -1,4 +1,4 @@
-"""Which level of a split sum belongs to which roughness, as engines have it."""
+"""Which roughness each level of a split sum has, by the mappings that engines use."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -8,13 +8,16 @@ import numpy as np
 from shrm_cli.errors import MapError
 from shrm_cli.vocabulary import MAX_LEVELS, MIN_ROUGHNESS, LevelMapping
 
-_LEAST_STEP = 1e-5  # files hold them in single precision
+_LEAST_STEP = 1e-5
+"""The least difference of roughness between two levels. Files hold roughnesses as 32-bit floats,
+so that smaller differences could be lost."""
 DEFAULT_LEVELS: dict[LevelMapping, int] = {"linear": 8, "filament": 5, "unreal": 6}
-"""``linear``: the second level, of roughness 0.14, is the sharpest that an expansion of order 256,
-which takes a third of a second, still resolves. The others are what the engines have: Filament's
-5, and Unreal's 8 mips of a face of 128 but for those beyond roughness 1."""
+"""The number of levels that each mapping has by default. With 8 ``linear`` levels, the second, of
+roughness 0.14, is the sharpest that an expansion of order 256 still resolves, which takes a third
+of a second. The other numbers are those of the engines: Filament has 5, and Unreal has 8 mips for
+a face of 128, of which the 2 beyond roughness 1 are left out."""
 
-# A position that grows by the same amount from level to level, up to scale and shift.
+# Functions of the roughness that grow by the same amount from each level to the next.
 _POSITIONS: dict[str, Callable[[float], float]] = {
     "linear": lambda roughness: roughness,
     "filament": lambda roughness: roughness * (2 - roughness),
@@ -23,23 +26,31 @@ _POSITIONS: dict[str, Callable[[float], float]] = {
 
 
 def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
-    """Perceptual roughness of each of `count` levels, rising to 1.
+    """Return the perceptual roughness of each of K levels, rising to 1.
 
-    With k from 0 to K - 1: ``linear`` is ``k / (K-1)``; ``filament`` ``1 - sqrt(1 - k / (K-1))``,
-    which a shader inverts by ``k = (K-1) r (2 - r)``; ``unreal`` ``2^((k - K + 1) / 1.2)``,
-    inverted by ``k = K - 1 + 1.2 log2(r)``, which is Unreal's own for a chain of K + 2 mips: the
-    last two, beyond roughness 1, are left out.
+    The roughness r of level k, from 0 to K - 1, is
+
+    - ``linear``: ``k / (K-1)``;
+    - ``filament``: ``1 - sqrt(1 - k / (K-1))``, which a shader inverts by ``k = (K-1) r (2 - r)``;
+    - ``unreal``: ``2^((k - K + 1) / 1.2)``, which a shader inverts by ``k = K - 1 + 1.2 log2(r)``.
+      This is Unreal's own mapping for a chain of K + 2 mips, without the last two mips, which are
+      beyond roughness 1.
 
     Parameters
     ----------
     count : int
-        K; 1 is the level of roughness 1.
+        The number K of levels. A single level has roughness 1.
     mapping : {"linear", "filament", "unreal"}
+
+    Returns
+    -------
+    tuple of float
 
     Raises
     ------
     MapError
-        If there would be none or too many, or the first would be sharper than can be integrated.
+        If the number of levels is less than 1 or too large, or a level would be sharper than can be
+        integrated.
 
     References
     ----------
@@ -59,11 +70,13 @@ def level_roughnesses(count: int, mapping: LevelMapping) -> tuple[float, ...]:
 
 
 def check_roughnesses(values: Sequence[float], mapping: LevelMapping) -> tuple[float, ...]:
-    """Roughnesses of levels that rise and can be baked.
+    """Check that levels of these perceptual roughnesses can be made, and return them.
 
     Raises
     ------
     MapError
+        If there are no levels or too many, if a roughness is outside the range that can be made, or
+        if the roughnesses do not rise.
     """
     if not 1 <= len(values) <= MAX_LEVELS:
         raise MapError(f"a split sum has 1 to {MAX_LEVELS} levels, not {len(values)}")
@@ -81,17 +94,25 @@ def check_roughnesses(values: Sequence[float], mapping: LevelMapping) -> tuple[f
 
 
 def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> tuple[int, float]:
-    """The level below a roughness, and the weight of the next, 0 .. 1, as an engine mixes them.
+    """Choose the two levels that an engine mixes for a roughness, and their weights.
 
-    Linear in the mapping's own position; below the first level it is the first, beyond the last
-    the last.
+    The weights are linear in the mapping's own position. A roughness below that of the first level
+    takes the first level alone, and one beyond that of the last level takes the last alone.
 
     Parameters
     ----------
     roughness : float
+        Perceptual roughness.
     levels : sequence of float
-        Rising.
+        The perceptual roughnesses of the levels, rising.
     mapping : {"linear", "filament", "unreal"}
+
+    Returns
+    -------
+    level : int
+        The index of the lower level.
+    weight : float
+        The weight of the next level, in 0 .. 1; the lower level has the rest.
     """
     if roughness <= levels[0]:
         return 0, 0.0

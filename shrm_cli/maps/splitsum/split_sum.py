@@ -1,9 +1,13 @@
-"""The split sum of game engines: light prefiltered at some roughnesses, times a table."""
+"""The split sum of game engines: prefiltered light, times a number from a table.
+
+The light is prefiltered for some roughnesses. The table holds the environment-BRDF.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.light_map import EngineMap, Shaded
+from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, LevelMapping, Sampling
@@ -20,22 +24,25 @@ Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
-class SplitSum(EngineMap):
+class SplitSum(SurfaceLightMap):
     """Light prefiltered by the lobes of GGX for N = V = R, one cube for each roughness.
 
     Attributes
     ----------
     levels : tuple of ndarray, shape (6 N_k, N_k, 3)
-        Means of the light over R, OpenEXR cubes that do not grow. What is made of truncated
-        expansions may be slightly negative beside very bright light.
+        OpenEXR cubes over the mirror direction R; each texel is a mean of the light. No cube is
+        larger than the one before it. Levels that were made from truncated expansions may be
+        slightly negative beside very bright light.
     roughness : tuple of float
-        Perceptual, of each level; rising.
+        The perceptual roughness of each level, rising.
     mapping : {"linear", "filament", "unreal"}
         How levels are mixed; see `shrm_cli.maps.splitsum.roughness`.
     info : MapInfo
+        How the map was made, for all levels together.
     sampling : {"center", "border"}
+        Where the samples of the cubes lie.
     level_info : tuple of MapInfo
-        Orders, domain and predicted error of each level; `info` for all by default.
+        Orders, domain and predicted error of each level; it is `info` for all by default.
 
     References
     ----------
@@ -74,12 +81,47 @@ class SplitSum(EngineMap):
 
     @property
     def roughness_range(self) -> tuple[float, float]:
-        """Of the first level and the last."""
+        """The perceptual roughness of the first level, and of the last."""
         return self.roughness[0], self.roughness[-1]
 
-    def images(self) -> tuple[Array, ...]:
-        """The levels."""
+    @property
+    def cube_count(self) -> int:
+        """The number of cubes, one for each level."""
+        return len(self.levels)
+
+    def planes(self) -> tuple[Array, ...]:
+        """Return the cubes of the levels, the sharpest first."""
         return self.levels
+
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> "SplitSum":
+        """Return a map of the same roughnesses with other cubes."""
+        return replace(self, levels=tuple(planes), sampling=sampling, info=info)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told of the map, without the levels of `details`."""
+        return {**super().summary(), "size": self.size, "sampling": self.sampling}
+
+    def details(self) -> dict[str, Any]:
+        """Return how the levels are mixed, and what each of them is."""
+        return {
+            "mapping": self.mapping,
+            "levels": self.level_rows(),
+            "predicted_error": self.info.predicted_error,
+        }
+
+    def level_rows(self) -> list[dict[str, Any]]:
+        """Return roughness, size, order, domain and predicted error of each level, for JSON."""
+        known = zip(self.roughness, self.levels, self.level_info, strict=True)
+        return [
+            {
+                "roughness": roughness,
+                "size": level.shape[1],
+                "order_f": info.order_f,
+                "domain": info.domain if roughness > 0 else "probe",
+                "predicted_error": info.predicted_error,
+            }
+            for roughness, level, info in known
+        ]
 
     @classmethod
     def of_levels(
@@ -90,7 +132,10 @@ class SplitSum(EngineMap):
         sampling: Sampling,
         level_info: Sequence[MapInfo],
     ) -> "SplitSum":
-        """A split sum whose `info` is what is known of all levels together."""
+        """Make a split sum whose `info` sums up that of its levels.
+
+        It has the largest order and error of any level, and the least part of a lobe captured.
+        """
         # Roughness 0 is the probe itself, in neither domain.
         domains = {i.domain for i, r in zip(level_info, roughness, strict=True) if r > 0}
         name = level_info[-1].brdf.get("name")
@@ -105,13 +150,14 @@ class SplitSum(EngineMap):
         return cls(tuple(levels), tuple(roughness), mapping, whole, sampling, tuple(level_info))
 
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
-        """Prefiltered light at a roughness, mixed from two levels, each filtered between texels.
+        """Return prefiltered light, mixed from two levels and filtered between their texels.
 
         Parameters
         ----------
         roughness : float
+            Perceptual roughness.
         directions : array_like, shape (..., 3)
-            R, world axes.
+            Mirror directions R in world axes.
 
         Returns
         -------
@@ -124,19 +170,23 @@ class SplitSum(EngineMap):
         return (1 - weight) * value + weight * self._sampled(low + 1, directions)
 
     def shaded(self, roughness: float, f0: Sequence[float]) -> "ShadedSplitSum":
-        """A material under this light.
+        """Return a GGX surface of some roughness and reflectance under this light.
 
         Parameters
         ----------
         roughness : float
-            Perceptual, in 0 .. 1.
+            Perceptual roughness, in 0 .. 1.
         f0 : sequence of 3 float
             Reflectance at normal incidence, linear RGB, in 0 .. 1.
+
+        Returns
+        -------
+        ShadedSplitSum
 
         Raises
         ------
         MapError
-            If they are out of range.
+            If the roughness or the reflectance is outside 0 .. 1.
         """
         red, green, blue = (float(channel) for channel in f0)
         return ShadedSplitSum(self, float(roughness), (red, green, blue))
@@ -145,12 +195,13 @@ class SplitSum(EngineMap):
         if level not in self._samplers:
             self._samplers[level] = CubeSampler(self.levels[level], self.sampling)
         values = self._samplers[level](directions)
-        # The cubic filter overshoots beside lamps; nothing is darker than the level's own texels.
+        # The cubic filter overshoots beside lamps. Its values must not be lower than the lowest
+        # texel of the level, or than 0 where no texel is negative.
         return np.maximum(values, min(float(self.levels[level].min()), 0.0))
 
     @cached_property
     def _samplers(self) -> dict[int, CubeSampler]:
-        """Of the levels that were asked for."""
+        """The samplers of the levels that were used so far, by the index of the level."""
         return {}
 
 
@@ -161,12 +212,12 @@ class ShadedSplitSum(Shaded):
     light: SplitSum
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance: the light about R, times ``f0 * scale + bias``.
+        """Return the reflected radiance: the light about R, times ``f0 * scale + bias``.
 
         Parameters
         ----------
         normals, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes; views point to the viewer.
+            Unit vectors in world axes; views point to the viewer.
 
         Returns
         -------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from tests import brute_force
@@ -47,11 +47,12 @@ def test_measured_error_is_the_predicted_one(shared, tmp_path, material, toleran
     pixels = pixels.reshape(64, 2, 128, 2, 3).mean(axis=(1, 3))
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
     brdf = parse_spec(str(shared / "brdf" / material))
-    baked = bake(probe, brdf, tolerance, dtype=np.float32)
+    prefiltered = prefilter_shrm(probe, brdf, tolerance, dtype=np.float32)
     normals, views, weights = pairs()
     truth = Reference(probe, brdf).radiance(normals, views)
-    found = baked.map.radiance(normals, views)
+    found = prefiltered.map.radiance(normals, views)
     measured = np.sqrt(np.sum(weights * (found - truth) ** 2) / np.sum(weights * truth**2))
-    predicted = baked.map.info.predicted_error
-    print(f"{material} {name}: {baked.orders}, predicted {predicted:.4f}, measured {measured:.4f}")
+    predicted = prefiltered.map.info.predicted_error
+    orders = prefiltered.map.info.order_f, prefiltered.map.info.order_p
+    print(f"{material} {name}: {orders}, predicted {predicted:.4f}, measured {measured:.4f}")
     assert measured == pytest.approx(predicted, rel=0.2)

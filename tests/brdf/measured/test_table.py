@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.measured.reading import table_file
-from shrm_cli.brdf.measured.reading.table_writer import write_table
+from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import SHAPE, Table, TableSettings, sample_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, OutputError

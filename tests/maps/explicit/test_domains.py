@@ -5,8 +5,9 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.angular import bake_angular
-from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.maps.explicit.angular import prefilter_angular
+from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.prefilter import explicit_kind, prefilter_explicit
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.cube import cube_solid_angles
 from tests import oracles
@@ -31,9 +32,9 @@ def test_band_limited_light(tmp_path, spec, representation):
     """Light of degree 3: what is left is the microfacet lobe's p > 20, and 128 x 64 pixels."""
     light = polynomial_light(oracles.latlong_pixels(128, 64)).astype(np.float32)
     probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", light)), parse_spec(spec)
-    options = {"size": 6, "representation": representation, "view_count": VIEWS[representation]}
-    one = bake_angular(probe, brdf, 1e-7, **options).map
-    other = bake(probe, brdf, 0.03, order_f=3, order_p=20, **options).map
+    kind, options = explicit_kind(representation), {"size": 6, "view_count": VIEWS[representation]}
+    one = prefilter_angular(probe, brdf, 1e-7, kind, **options).map
+    other = prefilter_explicit(probe, brdf, 0.03, representation, 3, 20, **options).map
     error = relative(one, other)
     print(f"{spec} {representation}: {error:.2e}, predicted {other.info.predicted_error:.2e}")
     assert error < (2 * other.info.predicted_error if spec.startswith("micro") else 2e-4)
@@ -50,9 +51,9 @@ def test_real_light(real_probes, tmp_path, name, spec, representation):
     """The domains differ by no more than both have predicted: 5 % lobe, eps .03."""
     pixels = reduced(real_probes / f"{name}.exr").astype(np.float32)
     probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", pixels)), parse_spec(spec)
-    options = {"size": 6, "representation": representation, "view_count": VIEWS[representation]}
-    one = bake_angular(probe, brdf, 0.05, **options).map
-    other = bake(probe, brdf, 0.03, **options).map
+    kind, options = explicit_kind(representation), {"size": 6, "view_count": VIEWS[representation]}
+    one = prefilter_angular(probe, brdf, 0.05, kind, **options).map
+    other = prefilter_explicit(probe, brdf, 0.03, representation, **options).map
     assert (one.info.domain, other.info.domain) == ("angular", "frequency")
     predicted = np.hypot(one.info.predicted_error, other.info.predicted_error)
     error = relative(one, other)
@@ -64,19 +65,19 @@ def test_real_light(real_probes, tmp_path, name, spec, representation):
 def test_the_error_of_a_truncated_lobe_is_predicted(real_probes, tmp_path, spec):
     pixels = reduced(real_probes / "interior.exr").astype(np.float32)
     probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", pixels)), parse_spec(spec)
-    options = {"size": 8, "representation": "lightfield", "view_count": 4}
-    cut = bake_angular(probe, brdf, 0.05, **options).map
-    whole = bake_angular(probe, brdf, 1e-7, **options).map
+    options = {"size": 8, "view_count": 4}
+    cut = prefilter_angular(probe, brdf, 0.05, LightField, **options).map
+    whole = prefilter_angular(probe, brdf, 1e-7, LightField, **options).map
     error = relative(cut, whole)
     print(f"{spec}: {error:.4f}, predicted {cut.info.predicted_error:.4f}")
     assert error == pytest.approx(cut.info.predicted_error, rel=0.2)
     assert whole.info.predicted_error < 1e-3
     # What interpolation adds is a property of the views, not of the domain.
-    smooth = bake(probe, brdf, 1e-3, **options).map
+    smooth = prefilter_explicit(probe, brdf, 1e-3, "lightfield", **options).map
     assert cut.info.added_error == pytest.approx(smooth.info.added_error, rel=0.1, abs=1e-6)
 
 
 def test_maps_too_large_are_refused_before_the_work(tmp_path):
     probe = open_probe(write_exr(tmp_path / "probe.exr", np.ones((8, 16, 3), np.float32)))
     with pytest.raises(MapError, match="number of views"):
-        bake_angular(probe, parse_spec("microfacet"), 0.03, "lightfield", 128, 256)
+        prefilter_angular(probe, parse_spec("microfacet"), 0.03, LightField, 128, 256)

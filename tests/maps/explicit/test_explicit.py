@@ -6,23 +6,18 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
+from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.representations import (
-    EXPLICIT,
-    REPRESENTATIONS,
-    Compression,
-    as_shrm,
-    map_count,
-    represent,
-)
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.explicit.prefilter import explicit_kind
+from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
 from shrm_cli.maps.shrm.shrm import Shrm
 from tests import oracles
 from tests.brute_force import unit
 from tests.maps.scenes import (
+    EXPLICIT,
     azimuthal_mean_image,
     cube_weights,
     harmonics_image,
@@ -168,7 +163,7 @@ def test_cabral_holds_a_shrm_to_the_second_order(order_p):
 
 def test_cabral_knows_nothing_of_the_third_order():
     made = Cabral.from_shrm(make_shrm(order_p=3, size=4))
-    with pytest.raises(MapError, match=r"12 cabral images determine .* P = 2, not 3.*--order-p"):
+    with pytest.raises(MapError, match=r"12 cabral images determine .* P = 2, not 3.*`order_p`"):
         made.to_shrm(3)
     back = made.to_shrm()
     assert back.order_p == back.info.order_p == 2
@@ -189,7 +184,7 @@ def test_orders_that_the_samples_do_not_determine(kind, t, most):
     """T views around a circle tell azimuths |q| < T / 2 apart, T angles orders p < T."""
     made = kind.from_shrm(make_shrm(order_p=5, size=2), t)
     assert made.to_shrm().order_p == made.to_shrm(most).order_p == most
-    with pytest.raises(MapError, match=f"P = {most}, not 4; lower --order-p"):
+    with pytest.raises(MapError, match=f"P = {most}, not 4; lower `order_p`"):
         made.to_shrm(4)
 
 
@@ -338,7 +333,7 @@ def test_a_fit_of_slices_has_lost_the_azimuth():
 @pytest.mark.parametrize(("kind", "t"), [(LightField, 10_000), (KautzMcCool, 10**8)])
 def test_size_is_bounded_before_anything_is_allocated(kind, t):
     shrm = make_shrm(size=4)
-    with pytest.raises(MapError, match=f"a {kind.representation} map of .* lower --size or the"):
+    with pytest.raises(MapError, match=f"a {kind.representation} map of .* lower `size` or the"):
         kind.from_shrm(shrm, t)
 
 
@@ -358,21 +353,28 @@ def test_shapes_are_checked(shape):
 
 
 def test_table_of_representations():
-    assert REPRESENTATIONS == ("shrm", "cabral", "kautz-mccool", "lightfield")
+    of_a_brdf = [name for name, each in registry.descriptions().items() if each.needs_brdf]
+    assert of_a_brdf == ["shrm", "cabral", "kautz-mccool", "lightfield"]
     assert all(issubclass(kind, ExplicitMap) for kind in EXPLICIT.values())
     shrm = make_shrm(size=3)
     for name, kind in EXPLICIT.items():
-        made = represent(shrm, name, view_count=5)
-        assert type(made) is kind
+        argument = {"kautz-mccool": {"slices": 5}, "lightfield": {"views": 5}}.get(name, {})
+        made = shrm.converted(name, **argument)
+        assert registry.map_class(name) is explicit_kind(name) is type(made) is kind
         np.testing.assert_array_equal(made.images, kind.from_shrm(shrm, 5).images)
-        assert map_count(made) == {"cabral": 12, "kautz-mccool": 5, "lightfield": 25}[name]
-    assert represent(shrm, "shrm") is shrm
-    assert map_count(shrm) == 9
-    assert map_count(KautzMcCool.from_shrm(shrm, 5).to_shrm()) == 3
-    compressed = represent(shrm, "shrm", compression=Compression(4))
-    assert isinstance(compressed, CompressedShrm)
-    assert map_count(compressed) == 4
-    assert represent(shrm, "shrm", compression=Compression(tolerance=2.0)).count == 1
+        assert made.cube_count == {"cabral": 12, "kautz-mccool": 5, "lightfield": 25}[name]
+    assert shrm.converted("shrm") is compressed(shrm, None) is shrm
+    assert shrm.cube_count == 9
+    assert KautzMcCool.from_shrm(shrm, 5).to_shrm().cube_count == 3
+    few = shrm.converted("shrm", compress=4)
+    assert isinstance(few, CompressedShrm)
+    assert few.cube_count == compressed(shrm, 4).cube_count == 4
+    assert CompressedShrm.from_shrm(shrm, tolerance=2.0).cube_count == 1
+    near = compressed(shrm, 0.5)
+    assert 1 <= near.cube_count < 9
+    assert near.info.added_error <= 0.5
+    with pytest.raises(MapError, match="`compress` 2 is neither"):
+        compressed(shrm, 2.0)
 
 
 @pytest.mark.parametrize("frame", ["global", "local"])
@@ -381,7 +383,7 @@ def test_table_of_representations():
 def test_every_map_is_an_shrm_again(made_by, order_p, frame):
     shrm = make_shrm(size=4)
     made = shrm if made_by is None else made_by.from_shrm(shrm, *([5] * (made_by is LightField)))
-    back = as_shrm(made, frame, order_p)
+    back = made.to_shrm(order_p, frame)
     p = 2 if order_p is None else order_p
     assert (back.frame, back.order_p, back.info.order_p) == (frame, p, p)
     truth = shrm.coefficients[:, :, : (p + 1) ** 2]
@@ -390,15 +392,15 @@ def test_every_map_is_an_shrm_again(made_by, order_p, frame):
 
 def test_an_shrm_has_no_more_orders_than_it_has():
     for made in (make_shrm(size=2), CompressedShrm.from_shrm(make_shrm(size=2), 3)):
-        with pytest.raises(MapError, match="P = 2 has nothing of order 3; lower --order-p"):
-            as_shrm(made, order_p=3)
+        with pytest.raises(MapError, match="P = 2 has nothing of order 3; lower `order_p`"):
+            made.to_shrm(3, "global")
 
 
 @pytest.mark.parametrize("frame", ["global", "local"])
 def test_slices_in_either_frame(frame):
     """The fit of a Kautz-McCool map is local; turned into world axes it reflects the same."""
     made = KautzMcCool.from_shrm(make_shrm(size=8), 8)
-    found = as_shrm(made, frame)
+    found = made.to_shrm(frame=frame)
     assert found.frame == frame
     points = uniform_points(200)
     np.testing.assert_allclose(

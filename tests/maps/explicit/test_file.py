@@ -14,9 +14,8 @@ from shrm_cli.errors import MapError, OutputError
 from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.read import is_map, read_map
+from shrm_cli.maps.file import is_map, open_map, save
 from shrm_cli.maps.shrm.compressed import CompressedShrm
-from shrm_cli.maps.write import write_map
 from tests.cli.helpers import process
 from tests.maps.scenes import make_shrm, relative_rms, uniform_points
 
@@ -78,7 +77,7 @@ def damaged(tmp_path):
     """Write a sound map with its parts changed by a function."""
 
     def write(name, change):
-        write_map(tmp_path / "sound.exr", make(name))
+        save(tmp_path / "sound.exr", make(name))
         return write_parts(tmp_path / "damaged.exr", change(parts(tmp_path / "sound.exr")))
 
     return write
@@ -87,7 +86,7 @@ def damaged(tmp_path):
 def refused(path, *words):
     """The message of the MapError of a file: one line with its name."""
     with pytest.raises(MapError) as caught:
-        read_map(path)
+        open_map(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -104,8 +103,8 @@ def refused(path, *words):
 @pytest.mark.parametrize("name", MAKERS)
 def test_float_is_read_back_exactly(tmp_path, name, sampling):
     made = make(name, size=3, sampling=sampling, center="normal")
-    assert write_map(tmp_path / "a.exr", made, "float") == "float"
-    back = read_map(tmp_path / "a.exr")
+    assert save(tmp_path / "a.exr", made, "float") == "float"
+    back = open_map(tmp_path / "a.exr")
     assert type(back) is type(made)
     np.testing.assert_array_equal(stored_values(back), stored_values(made).astype(np.float32))
     assert (back.center, back.sampling, back.frame) == ("normal", sampling, made.frame)
@@ -120,8 +119,8 @@ def test_float_is_read_back_exactly(tmp_path, name, sampling):
 @pytest.mark.parametrize("name", MAKERS)
 def test_half_is_read_back_to_its_precision(tmp_path, name):
     made = make(name)
-    assert write_map(tmp_path / "a.exr", made) == "half"
-    back = read_map(tmp_path / "a.exr")
+    assert save(tmp_path / "a.exr", made) == "half"
+    back = open_map(tmp_path / "a.exr")
     np.testing.assert_allclose(stored_values(back), stored_values(made), rtol=5e-4, atol=1e-7)
     assert np.abs(stored_values(back) - stored_values(made)).max() > 0
     points = uniform_points(100)
@@ -131,8 +130,8 @@ def test_half_is_read_back_to_its_precision(tmp_path, name):
 @pytest.mark.parametrize("frame", ["global", "local"])
 def test_frames_of_compressed_maps(tmp_path, frame):
     made = make("compressed", frame=frame)
-    write_map(tmp_path / "a.exr", made, "float")
-    assert read_map(tmp_path / "a.exr").frame == frame
+    save(tmp_path / "a.exr", made, "float")
+    assert open_map(tmp_path / "a.exr").frame == frame
 
 
 @pytest.mark.parametrize("name", FOUR)
@@ -145,8 +144,8 @@ def test_what_a_map_remembers_is_read_back(tmp_path, name):
         domain="angular",
         chromaticities=P3,
     )
-    write_map(tmp_path / "a.exr", replace(make(name), info=info))
-    back = read_map(tmp_path / "a.exr").info
+    save(tmp_path / "a.exr", replace(make(name), info=info))
+    back = open_map(tmp_path / "a.exr").info
     assert back == replace(info, chromaticities=back.chromaticities)
     assert back.chromaticities == pytest.approx(P3, rel=1e-6)
 
@@ -157,9 +156,9 @@ def test_one_precision_for_all_parts(tmp_path, name):
     made = make(name)
     stored_values(made)[-1, 0, 0, 0] = 1e6
     with pytest.raises(OutputError, match="overflows half"):
-        write_map(tmp_path / "a.exr", made, "half")
+        save(tmp_path / "a.exr", made, "half")
     assert list(tmp_path.iterdir()) == []
-    assert write_map(tmp_path / "a.exr", made) == "float"
+    assert save(tmp_path / "a.exr", made) == "float"
     for _, channels in parts(tmp_path / "a.exr"):
         assert {pixels.dtype for pixels in channels.values()} == {np.dtype(np.float32)}
 
@@ -167,7 +166,7 @@ def test_one_precision_for_all_parts(tmp_path, name):
 @pytest.mark.parametrize("name", FOUR)
 def test_bytes_are_the_same_each_time(tmp_path, name):
     for file in "ab":
-        write_map(tmp_path / f"{file}.exr", make(name, size=8))
+        save(tmp_path / f"{file}.exr", make(name, size=8))
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
@@ -175,8 +174,8 @@ def test_bytes_are_the_same_each_time(tmp_path, name):
 def test_light_fields_in_half_hold_the_shrm(tmp_path, order_p, t):
     """At the default T = 10 P: rounding averages out over the many images."""
     shrm = make_shrm(order_p=order_p, size=8, dtype=np.float32)
-    assert write_map(tmp_path / "a.exr", LightField.from_shrm(shrm)) == "half"
-    stored = read_map(tmp_path / "a.exr")
+    assert save(tmp_path / "a.exr", LightField.from_shrm(shrm)) == "half"
+    stored = open_map(tmp_path / "a.exr")
     assert stored.count == t**2
     back = stored.to_shrm()
     error = relative_rms(back.coefficients, shrm.coefficients)
@@ -193,8 +192,8 @@ def test_the_least_light_fields_hold_the_shrm(tmp_path, order_p):
     shrm = make_shrm(order_p=order_p, size=8, dtype=np.float32)
     made = LightField.from_shrm(shrm, 2 * order_p + 1)
     for precision, most in (("float", 1e-6), ("half", 2e-4)):
-        write_map(tmp_path / "a.exr", made, precision)
-        back = read_map(tmp_path / "a.exr").to_shrm()
+        save(tmp_path / "a.exr", made, precision)
+        back = open_map(tmp_path / "a.exr").to_shrm()
         assert relative_rms(back.coefficients, shrm.coefficients) < most
 
 
@@ -216,7 +215,7 @@ def expected_views(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_names_of_parts_and_channels(tmp_path, name):
-    write_map(tmp_path / "a.exr", make(name))
+    save(tmp_path / "a.exr", make(name))
     found = parts(tmp_path / "a.exr")
     assert [header["name"] for header, _ in found] == NAMES[name]
     for header, channels in found:
@@ -228,7 +227,7 @@ def test_names_of_parts_and_channels(tmp_path, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_images_are_in_their_parts(tmp_path, name):
     made = make(name)
-    write_map(tmp_path / "a.exr", made, "float")
+    save(tmp_path / "a.exr", made, "float")
     for image, (_, channels) in zip(made.images, parts(tmp_path / "a.exr"), strict=True):
         stacked = np.stack([channels[c] for c in "RGB"], axis=-1)
         np.testing.assert_array_equal(stacked, image.astype(np.float32))
@@ -236,7 +235,7 @@ def test_images_are_in_their_parts(tmp_path, name):
 
 def test_channels_of_compressed_maps(tmp_path):
     made = make("compressed")
-    write_map(tmp_path / "a.exr", made, "float")
+    save(tmp_path / "a.exr", made, "float")
     [(header, channels)] = parts(tmp_path / "a.exr")
     assert channels.keys() == {f"pc{k:03d}.{c}" for k in range(4) for c in "RGB"}
     for k in range(4):
@@ -249,7 +248,7 @@ def test_channels_of_compressed_maps(tmp_path):
 
 def test_cabral_views(tmp_path):
     """The twelve permutations of (0, +-1, +-golden) around the axes, one each."""
-    write_map(tmp_path / "a.exr", make("cabral"))
+    save(tmp_path / "a.exr", make("cabral"))
     found = np.array([header["shrm:view"] for header, _ in parts(tmp_path / "a.exr")])
     corners = [np.roll((0, a, b * GOLDEN), k) for a in (1, -1) for b in (1, -1) for k in range(3)]
     expected = np.array(corners) / np.hypot(1, GOLDEN)
@@ -260,14 +259,14 @@ def test_cabral_views(tmp_path):
 
 @pytest.mark.parametrize("name", ["lightfield", "lightfield of 1"])
 def test_light_field_views(tmp_path, name):
-    write_map(tmp_path / "a.exr", make(name))
+    save(tmp_path / "a.exr", make(name))
     found = [header["shrm:view"] for header, _ in parts(tmp_path / "a.exr")]
     np.testing.assert_allclose(found, expected_views(name), atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "count"), [("kautz-mccool", 4), ("kautz-mccool of 101", 101)])
 def test_kautz_mccool_angles(tmp_path, name, count):
-    write_map(tmp_path / "a.exr", make(name))
+    save(tmp_path / "a.exr", make(name))
     found = [header["shrm:theta_o"] for header, _ in parts(tmp_path / "a.exr")]
     np.testing.assert_allclose(found, np.linspace(0, np.pi, count), rtol=1e-6)
     assert all("shrm:view" not in header for header, _ in parts(tmp_path / "a.exr"))
@@ -279,7 +278,7 @@ def test_attributes_are_on_every_part(tmp_path, name, sampling):
     """For OpenEXR, and for OpenImageIO, which calls parts subimages."""
     made = make(name, sampling=sampling)
     made = replace(made, info=replace(made.info, fit_residual=0.5, domain="angular"))
-    write_map(tmp_path / "a.exr", made)
+    save(tmp_path / "a.exr", made)
     expected = {
         "shrm:representation": made.representation,
         "shrm:frame": "local" if "kautz" in name else "global",
@@ -317,13 +316,13 @@ def test_attributes_are_on_every_part(tmp_path, name, sampling):
 def test_the_order_of_parts_is_that_of_their_names(tmp_path, damaged):
     """Parts in another order are the same map."""
     for name in NAMES:
-        back = read_map(damaged(name, lambda made: made[::-1]))
-        np.testing.assert_array_equal(back.images, read_map(tmp_path / "sound.exr").images)
+        back = open_map(damaged(name, lambda made: made[::-1]))
+        np.testing.assert_array_equal(back.images, open_map(tmp_path / "sound.exr").images)
 
 
 @pytest.mark.parametrize("name", FOUR)
 def test_is_map(tmp_path, name):
-    write_map(tmp_path / "a.exr", make(name))
+    save(tmp_path / "a.exr", make(name))
     assert is_map(tmp_path / "a.exr")
 
 
@@ -364,7 +363,7 @@ def test_renamed_parts(damaged, name, other):
 @pytest.mark.parametrize("name", ["cabral", "kautz-mccool", "lightfield"])
 def test_duplicate_parts(tmp_path, name):
     """No library writes them: the name is changed in the file."""
-    write_map(tmp_path / "a.exr", make(name))
+    save(tmp_path / "a.exr", make(name))
     data = (tmp_path / "a.exr").read_bytes()
     first, second = (
         b"name\0string\0" + struct.pack("<i", len(part)) + part.encode() for part in NAMES[name][:2]
@@ -500,7 +499,7 @@ def test_values_must_be_finite(damaged, name, value):
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
 @pytest.mark.parametrize("name", FOUR)
 def test_truncated_files(tmp_path, name, share):
-    write_map(tmp_path / "a.exr", make(name, size=16))
+    save(tmp_path / "a.exr", make(name, size=16))
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(data[: int(share * len(data))])
     refused(tmp_path / "a.exr", "damaged")
@@ -584,7 +583,7 @@ def test_wrong_attributes(damaged, name, attribute, value):
 @pytest.mark.parametrize("name", FOUR)
 def test_damage_anywhere_is_survived(tmp_path, name):
     """It gives a map or a MapError, and nothing else."""
-    write_map(tmp_path / "a.exr", make(name, size=2))
+    save(tmp_path / "a.exr", make(name, size=2))
     data = (tmp_path / "a.exr").read_bytes()
     rng = np.random.default_rng(5)
     messages = []
@@ -593,7 +592,7 @@ def test_damage_anywhere_is_survived(tmp_path, name):
         broken[position] ^= 1 << int(rng.integers(8))
         (tmp_path / "b.exr").write_bytes(broken)
         try:
-            read_map(tmp_path / "b.exr")
+            open_map(tmp_path / "b.exr")
         except MapError as error:
             messages.append(str(error))
     assert len(messages) > 40
@@ -605,13 +604,13 @@ def test_damage_anywhere_is_survived(tmp_path, name):
 PEAK = """
 import sys
 from shrm_cli.errors import MapError
-from shrm_cli.maps.read import read_map
+from shrm_cli.maps.file import open_map
 def peak():
     return int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
 before = peak()
 for path in sys.argv[1:]:
     try:
-        read_map(path)
+        open_map(path)
     except MapError:
         print(peak() - before)
 """
@@ -621,7 +620,7 @@ for path in sys.argv[1:]:
 @pytest.mark.parametrize("name", FOUR)
 def test_hostile_sizes_allocate_nothing(tmp_path, name):
     """Headers that claim huge images, in every part."""
-    write_map(tmp_path / "a.exr", make(name))
+    save(tmp_path / "a.exr", make(name))
     data = (tmp_path / "a.exr").read_bytes()
     paths = []
     for width, height in ((512, 3072), (2048, 12288), (4096, 24576), (100_000, 600_000)):
@@ -646,7 +645,7 @@ def test_parts_that_are_many_and_large_together(tmp_path):
     """Black images compress to little: 400 of 1024 texels would be 30 GB."""
     path = tmp_path / "a.exr"
     made = make("lightfield", size=2)
-    write_map(path, replace(made, images=np.zeros((400, 12, 2, 3), np.float32)))
+    save(path, replace(made, images=np.zeros((400, 12, 2, 3), np.float32)))
     data = bytearray(path.read_bytes())
     for window in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
         at = data.find(window)

@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr import Part, open_map, part_specs, write_parts
+from shrm_cli.files.parts import Part, open_file, write_parts
 from shrm_cli.maps.arrangement import Arrangement
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.file import decode, encode
@@ -32,8 +32,7 @@ def make(order=2, scale=1.0, window=None, **options):
 
 
 def read(path):
-    source = open_map(path)
-    return decode(path, source, list(part_specs(source)))
+    return decode(open_file(path))
 
 
 def stored(path):

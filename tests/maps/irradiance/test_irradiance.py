@@ -18,7 +18,7 @@ from shrm_cli.maps.irradiance.irradiance import (
     lambert_factors,
     matrix_constants,
 )
-from shrm_cli.maps.irradiance.prefilter import bake_irradiance
+from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window, window_factors
 from shrm_cli.orders import predicted_error
 from shrm_cli.probe.lighting import project
@@ -185,7 +185,7 @@ def write_probe(tmp_path, pixels):
 
 def test_constant_light_gives_pi_times_its_radiance(tmp_path):
     probe = write_probe(tmp_path, np.tile([0.5, 1.0, 2.0], (16, 32, 1)))
-    made = bake_irradiance(probe).map
+    made = prefilter_irradiance(probe).map
     expected = np.pi * np.array([0.5, 1.0, 2.0])
     np.testing.assert_allclose(made.irradiance(unit(np.random.default_rng(1), 5)),
                                np.tile(expected, (5, 1)), rtol=1e-6)  # fmt: skip
@@ -197,13 +197,13 @@ def test_predicted_error_is_the_measured_one(tmp_path, order):
     """Parseval, against integrals over the pixels at directions all over the sphere."""
     rng = np.random.default_rng(3)
     pixels = rng.gamma(0.05, size=(24, 48, 3))
-    baked = bake_irradiance(write_probe(tmp_path, pixels), order)
+    prefiltered = prefilter_irradiance(write_probe(tmp_path, pixels), order)
     directions, light = small_lights_of_pixels(pixels)
     normals, weights = oracles.sphere_rule(40)
     truth = integrate(normals, directions, light)
-    found = baked.map.irradiance(normals)
+    found = prefiltered.map.irradiance(normals)
     measured = math.sqrt(np.sum(weights @ (found - truth) ** 2) / np.sum(weights @ truth**2))
-    assert baked.map.info.predicted_error == pytest.approx(measured, rel=0.05)
+    assert prefiltered.map.info.predicted_error == pytest.approx(measured, rel=0.05)
 
 
 def small_lights_of_pixels(pixels):
@@ -221,23 +221,23 @@ def test_predicted_error_is_that_of_the_lambertian_brdf(tmp_path):
     power = project(probe, 64).power()
     coefficients = compute_coefficients(Lambertian(), 64, 0)
     for order in (1, 2, 5):
-        baked = bake_irradiance(probe, order).map.info
+        prefiltered = prefilter_irradiance(probe, order).map.info
         expected = predicted_error(power, coefficients, order, 0)
-        assert baked.predicted_error == pytest.approx(expected, rel=1e-9)
-        assert baked.captured == pytest.approx(coefficients.captured()[order, 0], rel=1e-6)
+        assert prefiltered.predicted_error == pytest.approx(expected, rel=1e-9)
+        assert prefiltered.captured == pytest.approx(coefficients.captured()[order, 0], rel=1e-6)
 
 
 @pytest.mark.parametrize("order", [10, 23, 30])
 def test_light_finer_than_the_expansion_is_not_forgotten(tmp_path, order):
     """The pixels' own edges are finer than any degree that they resolve, which are 23."""
     pixels = np.random.default_rng(3).gamma(0.05, size=(24, 48, 3))
-    baked = bake_irradiance(write_probe(tmp_path, pixels), order)
+    prefiltered = prefilter_irradiance(write_probe(tmp_path, pixels), order)
     directions, light = small_lights_of_pixels(pixels)
     normals, weights = oracles.sphere_rule(60)
     truth = integrate(normals, directions, light)
-    found = baked.map.irradiance(normals)
+    found = prefiltered.map.irradiance(normals)
     measured = math.sqrt(np.sum(weights @ (found - truth) ** 2) / np.sum(weights @ truth**2))
-    assert 0.7 * measured < baked.map.info.predicted_error < 1.1 * measured
+    assert 0.7 * measured < prefiltered.map.info.predicted_error < 1.1 * measured
 
 
 def test_the_error_falls_with_the_order_to_the_last(tmp_path):
@@ -246,7 +246,7 @@ def test_the_error_falls_with_the_order_to_the_last(tmp_path):
     pixels[50, 37] = 1.0
     probe = write_probe(tmp_path, pixels)
     for order in (8, 64):
-        error = bake_irradiance(probe, order).map.info.predicted_error
+        error = prefilter_irradiance(probe, order).map.info.predicted_error
         # A point's irradiance is the clamped cosine, of which the square integrates to 2 pi / 3.
         degrees = np.arange(order + 1)
         kept = np.sum((2 * degrees + 1) / (4 * np.pi) * lambert_factors(order) ** 2)
@@ -258,7 +258,7 @@ def test_constant_light_lacks_nothing(tmp_path, size):
     probe = write_probe(tmp_path, np.full((*size, 3), 0.7))
     for order in (0, 2, 70):
         # The root of what squares round by.
-        assert bake_irradiance(probe, order).map.info.predicted_error < 1e-5
+        assert prefilter_irradiance(probe, order).map.info.predicted_error < 1e-5
 
 
 def test_energies_sum_to_the_integral_of_the_square():
@@ -273,20 +273,22 @@ def test_the_captured_energy_is_that_of_the_clamped_cosine(tmp_path):
     whole = 2 * np.pi * quad(lambda z: z**2, 0, 1)[0]
     order_2 = sum((2 * k + 1) / (4 * np.pi) * PRINTED_A[k] ** 2 for k in range(3))
     probe = write_probe(tmp_path, np.ones((4, 8, 3)))
-    assert bake_irradiance(probe).map.info.captured == pytest.approx(order_2 / whole, abs=1e-6)
-    assert 1 - 2e-6 < bake_irradiance(probe, 64).map.info.captured <= 1
+    assert prefilter_irradiance(probe).map.info.captured == pytest.approx(order_2 / whole, abs=1e-6)
+    assert 1 - 2e-6 < prefilter_irradiance(probe, 64).map.info.captured <= 1
 
 
 def test_the_summary(tmp_path):
     pixels = np.random.default_rng(3).gamma(0.05, size=(16, 32, 3))
     probe = write_probe(tmp_path, pixels)
     reads = []
-    baked = bake_irradiance(probe, 2, "hann:4", progress=lambda done, of: reads.append((done, of)))
+    prefiltered = prefilter_irradiance(
+        probe, 2, "hann:4", progress=lambda done, of: reads.append((done, of))
+    )
     assert reads == [(16, 16)]  # once
-    summary, plain = baked.summary(), bake_irradiance(probe)
+    summary, plain = prefiltered.summary(), prefilter_irradiance(probe)
     factors = window_factors("hann", 4, 2)
     by_index = np.repeat(factors, [1, 3, 5])[:, None]
-    np.testing.assert_allclose(baked.map.coefficients, plain.map.coefficients * by_index)
+    np.testing.assert_allclose(prefiltered.map.coefficients, plain.map.coefficients * by_index)
     assert summary["representation"] == "irradiance"
     assert (summary["order_f"], summary["coefficients"], summary["size"]) == (2, 9, 16)
     assert np.shape(summary["lighting_coefficients"]) == (9, 3)
@@ -296,10 +298,10 @@ def test_the_summary(tmp_path):
     assert window["factors"] == pytest.approx(factors.tolist())
     assert 0 < window["energy_lost"] < 1
     assert summary["added_error"] == window["change"] > 0
-    assert summary["minimum_without_window"] == plain.minimum
+    assert summary["minimum_without_window"] == plain.facts["minimum_irradiance"]
     assert summary["probe"] == "probe.exr"
     assert summary["probe_sha256"] == probe.digest()
-    higher = bake_irradiance(probe, 3)
+    higher = prefilter_irradiance(probe, 3)
     assert higher.summary()["irradiance_matrices"] is None
     assert higher.summary()["lighting_coefficients"] == higher.map.coefficients.tolist()
 
@@ -308,14 +310,14 @@ def test_what_is_refused(tmp_path):
     probe = write_probe(tmp_path, np.ones((4, 8, 3)))
     for order in (-1, 513):
         with pytest.raises(OrderError, match="outside"):
-            bake_irradiance(probe, order)
+            prefilter_irradiance(probe, order)
     with pytest.raises(MapError, match="no such window"):
-        bake_irradiance(probe, window="boxcar")
-    with pytest.raises(MapError, match="lower --size"):
-        bake_irradiance(probe, size=2**20)
+        prefilter_irradiance(probe, window="boxcar")
+    with pytest.raises(MapError, match="lower `size`"):
+        prefilter_irradiance(probe, size=2**20)
     blinding = write_probe(tmp_path, np.full((64, 128, 3), 3e38))
     with np.errstate(all="ignore"), pytest.raises(MapError, match=r"probe\.exr: .* dim it"):
-        bake_irradiance(blinding)
+        prefilter_irradiance(blinding)
 
 
 @pytest.mark.parametrize("name", PROBES)

@@ -10,7 +10,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance, lambert_factors
-from shrm_cli.maps.irradiance.prefilter import bake_irradiance
+from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import (
     MARGIN,
     Window,
@@ -268,7 +268,7 @@ def scipys_change(series, by_degree):
 def test_the_engineers_numbers(tmp_path):
     """A sun at noon over black ground: hann and lanczos changed a third of it."""
     write_image(tmp_path / "sky.exr", sky(64, 20, 60, 3, 0.0))
-    window = bake_irradiance(open_probe(tmp_path / "sky.exr"), 2, "auto").map.window
+    window = prefilter_irradiance(open_probe(tmp_path / "sky.exr"), 2, "auto").map.window
     assert 0.03 < window.change < 0.045
     light = series_of(2, [((1, 2, 3), (1, 1, 1))])
     assert least_window(light).change == pytest.approx(0.106, abs=5e-4)
@@ -343,11 +343,11 @@ def test_the_floor_is_just_kept():
     "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset",
 ])  # fmt: skip
 def test_auto_leaves_no_shared_probe_negative(real_probes, name, order):
-    baked = bake_irradiance(open_probe(real_probes / f"{name}.exr"), order, "auto")
-    check_non_negative(baked, order)
-    assert (baked.minimum_before < 0) == bool(baked.map.window.factors)
+    prefiltered = prefilter_irradiance(open_probe(real_probes / f"{name}.exr"), order, "auto")
+    check_non_negative(prefiltered, order)
+    assert (prefiltered.facts["minimum_without_window"] < 0) == bool(prefiltered.map.window.factors)
     # Of the eight, only the low sun before a dark ground rings below 0.
-    assert (baked.minimum_before < 0) == (name == "sunrise")
+    assert (prefiltered.facts["minimum_without_window"] < 0) == (name == "sunrise")
 
 
 @pytest.mark.parametrize(
@@ -355,18 +355,18 @@ def test_auto_leaves_no_shared_probe_negative(real_probes, name, order):
 )
 def test_auto_leaves_no_sky_with_its_sun_negative(tmp_path, elevation, albedo, is_negative):
     write_image(tmp_path / "sky.exr", sky(64, 20, elevation, 2.5, albedo))
-    baked = bake_irradiance(open_probe(tmp_path / "sky.exr"), 2, "auto")
-    assert (baked.minimum_before < 0) == is_negative
-    check_non_negative(baked, 2)
+    prefiltered = prefilter_irradiance(open_probe(tmp_path / "sky.exr"), 2, "auto")
+    assert (prefiltered.facts["minimum_without_window"] < 0) == is_negative
+    check_non_negative(prefiltered, 2)
 
 
-def check_non_negative(baked, order):
+def check_non_negative(prefiltered, order):
     """On a dense grid that the search does not know, and in a file."""
     grid = oracles.latlong_pixels(32 * (order + 3), 16 * (order + 3)).reshape(-1, 3)
-    least = values(baked.map.coefficients * factor_column(order), grid).min()
+    least = values(prefiltered.map.coefficients * factor_column(order), grid).min()
     assert least >= 0
-    assert baked.minimum <= least
-    assert baked.minimum >= 0
+    assert prefiltered.facts["minimum_irradiance"] <= least
+    assert prefiltered.facts["minimum_irradiance"] >= 0
     for precision in (np.float16, np.float32):
         with np.errstate(over="ignore"):
-            assert baked.map.cube().astype(precision).min() >= 0
+            assert prefiltered.map.cube().astype(precision).min() >= 0

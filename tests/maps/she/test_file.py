@@ -8,10 +8,9 @@ import OpenEXR
 import pytest
 
 from shrm_cli.errors import MapError, OutputError
+from shrm_cli.maps.file import is_map, open_map, save
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.read import is_map, read_map
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-from shrm_cli.maps.write import write_map
 
 INFO = MapInfo(
     64, 0, 0.03, 1.0, 0.0, {"name": "ggx", "parameters": {}}, "p.exr", "ab" * 32, fit_residual=0.125
@@ -40,7 +39,7 @@ def parts(path):
 @pytest.fixture
 def damaged(tmp_path):
     """Write a sound map with its header and channels changed; None removes."""
-    write_map(tmp_path / "sound.exr", random_map())
+    save(tmp_path / "sound.exr", random_map())
     header, channels = parts(tmp_path / "sound.exr")
 
     def write(attributes=None, planes=None):
@@ -59,7 +58,7 @@ def damaged(tmp_path):
 def refused(path, *words):
     """The message of the MapError of a file: one line with its name."""
     with pytest.raises(MapError) as caught:
-        read_map(path)
+        open_map(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -71,8 +70,8 @@ def refused(path, *words):
 @pytest.mark.parametrize("law", ["lobe", "paper"])
 def test_what_is_read_is_what_was_written(tmp_path, order_p, order_q, law):
     made = random_map(order_p, order_q, law=law)
-    assert write_map(tmp_path / "a.exr", made) == "float"
-    back = read_map(tmp_path / "a.exr")
+    assert save(tmp_path / "a.exr", made) == "float"
+    back = open_map(tmp_path / "a.exr")
     assert isinstance(back, SphericalHarmonicExponential)
     np.testing.assert_array_equal(back.p_coefficients, made.p_coefficients.astype(np.float32))
     np.testing.assert_array_equal(back.q_coefficients, made.q_coefficients.astype(np.float32))
@@ -84,7 +83,7 @@ def test_what_is_read_is_what_was_written(tmp_path, order_p, order_q, law):
 
 def test_the_row_is_p_then_q(tmp_path):
     made = random_map()
-    write_map(tmp_path / "a.exr", made)
+    save(tmp_path / "a.exr", made)
     header, channels = parts(tmp_path / "a.exr")
     assert set(channels) == set("RGB")
     for k, c in enumerate("RGB"):
@@ -111,31 +110,31 @@ def test_the_row_is_p_then_q(tmp_path):
 
 def test_the_range_is_the_number_that_it_was(tmp_path):
     """0.04 and not 0.0399999991059303, which a 32-bit float would be as a double."""
-    write_map(tmp_path / "a.exr", random_map(ggx_alpha=(0.04, 0.81)))
-    assert read_map(tmp_path / "a.exr").ggx_alpha == (0.04, 0.81)
+    save(tmp_path / "a.exr", random_map(ggx_alpha=(0.04, 0.81)))
+    assert open_map(tmp_path / "a.exr").ggx_alpha == (0.04, 0.81)
 
 
 def test_half_where_it_is_asked_for(tmp_path):
     made = random_map()
-    assert write_map(tmp_path / "a.exr", made, "half") == "half"
+    assert save(tmp_path / "a.exr", made, "half") == "half"
     np.testing.assert_array_equal(
-        read_map(tmp_path / "a.exr").p_coefficients, made.p_coefficients.astype(np.float16)
+        open_map(tmp_path / "a.exr").p_coefficients, made.p_coefficients.astype(np.float16)
     )
 
 
 def test_bytes_are_the_same_each_time(tmp_path):
     for name in "ab":
-        write_map(tmp_path / f"{name}.exr", random_map())
+        save(tmp_path / f"{name}.exr", random_map())
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
 def test_other_layouts_and_values_that_cannot_be_held(tmp_path):
     with pytest.raises(MapError, match="OpenEXR's cube only"):
-        write_map(tmp_path / "a.exr", random_map(), layout="strip", orientation="gl")
+        save(tmp_path / "a.exr", random_map(), layout="strip", orientation="gl")
     broken = random_map()
     broken.p_coefficients[3, 1] = np.nan
     with pytest.raises(OutputError, match="not finite"):
-        write_map(tmp_path / "a.exr", broken)
+        save(tmp_path / "a.exr", broken)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -193,7 +192,7 @@ def test_wrong_frames(damaged, name, value):
 
 
 def test_it_has_one_part(tmp_path):
-    write_map(tmp_path / "a.exr", random_map())
+    save(tmp_path / "a.exr", random_map())
     header, channels = parts(tmp_path / "a.exr")
     both = [OpenEXR.Part({**header, "name": name}, channels) for name in "ab"]
     OpenEXR.File(both).write(str(tmp_path / "b.exr"))
@@ -202,7 +201,7 @@ def test_it_has_one_part(tmp_path):
 
 def test_every_flipped_byte_is_survived(tmp_path):
     """Damage anywhere gives a map or a MapError, and nothing else."""
-    write_map(tmp_path / "a.exr", random_map(2, 1))
+    save(tmp_path / "a.exr", random_map(2, 1))
     data = (tmp_path / "a.exr").read_bytes()
     rng = np.random.default_rng(0)
     messages = []
@@ -211,7 +210,7 @@ def test_every_flipped_byte_is_survived(tmp_path):
         broken[position] ^= 1 << int(rng.integers(8))
         (tmp_path / "b.exr").write_bytes(broken)
         try:
-            read_map(tmp_path / "b.exr")
+            open_map(tmp_path / "b.exr")
         except MapError as error:
             messages.append(str(error))
     assert len(messages) > 40

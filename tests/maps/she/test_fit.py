@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from shrm_cli.brdf.environment.lobe_moments import lobe_moments
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
-from shrm_cli.maps.she.fit import Problem, fit_exponent, fit_logarithm
+from shrm_cli.maps.she.prefilter import Problem, fit_exponent, fit_logarithm
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe

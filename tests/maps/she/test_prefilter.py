@@ -11,7 +11,7 @@ from scipy.stats import qmc
 
 from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.errors import MapError
-from shrm_cli.maps.she.prefilter import bake_exponential
+from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.maps.she.reflectance import sample_reflectance
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.options import ReadOptions
@@ -95,7 +95,9 @@ def smooth(tmp_path):
 @pytest.mark.parametrize("name", ["forest", "city"])
 def test_the_fit_is_better_than_the_papers(real_probes, name):
     path = real_probes / f"{name}.exr"
-    lobe, paper = (bake_exponential(open_probe(path), law=law).map for law in ("lobe", "paper"))
+    lobe, paper = (
+        prefilter_exponential(open_probe(path), law=law).map for law in ("lobe", "paper")
+    )
     assert error(lobe, path) < 0.97 * error(paper, path)
     # What a plastic reflects is nearly all at grazing views, and takes many more of them than
     # sums over pixels can have: here those of the frequency domain, of twice the order.
@@ -109,7 +111,7 @@ def test_the_fit_is_better_than_the_papers(real_probes, name):
 def test_more_coefficients_are_better(real_probes):
     path = real_probes / "forest.exr"
     errors = [
-        error(bake_exponential(open_probe(path), *orders).map, path)
+        error(prefilter_exponential(open_probe(path), *orders).map, path)
         for orders in [(2, 0), (4, 2), (6, 4)]
     ]
     assert errors[0] > 1.1 * errors[1] > 1.1**2 * errors[2], errors
@@ -119,16 +121,16 @@ def test_high_orders_are_not_free_between_the_samples(real_probes):
     """With as few mirror directions as coefficients, what lies between them could swing."""
     path = real_probes / "studio.exr"
     probe = open_probe(path)
-    few = error(bake_exponential(probe).map, path)
+    few = error(prefilter_exponential(probe).map, path)
     for orders in [(8, 8), (4, 10)]:
-        assert error(bake_exponential(probe, *orders).map, path) < 0.9 * few
+        assert error(prefilter_exponential(probe, *orders).map, path) < 0.9 * few
 
 
 def test_the_residual_is_the_error_that_pixels_tell(real_probes):
     """Of the same light, at other views than it was fitted to."""
     for name in ("forest", "city"):
         path = real_probes / f"{name}.exr"
-        made = bake_exponential(open_probe(path), roughness=(0.7, 0.7)).map
+        made = prefilter_exponential(open_probe(path), roughness=(0.7, 0.7)).map
         base = truth(path)[ROUGHNESSES.index(0.7)]
         found = made.shaded(0.7, METAL).radiance(*pairs())
         expected = np.linalg.norm(found - base) / np.linalg.norm(base)
@@ -138,7 +140,7 @@ def test_the_residual_is_the_error_that_pixels_tell(real_probes):
 def test_mean_light_is_kept_at_every_roughness(real_probes):
     """What a surface reflects of its albedo, averaged over all mirror directions and views."""
     path = real_probes / "forest.exr"
-    made = bake_exponential(open_probe(path)).map
+    made = prefilter_exponential(open_probe(path)).map
     _, radiance = coarse(path)
     mean = radiance.sum(axis=0) / (4 * np.pi)
     normals, views = pairs()
@@ -152,7 +154,7 @@ def test_mean_light_is_kept_at_every_roughness(real_probes):
 
 def test_smooth_light_is_nearly_exact(smooth):
     """Light of degree 3, every channel another."""
-    made = bake_exponential(smooth).map
+    made = prefilter_exponential(smooth).map
     light, weights = oracles.sphere_rule(60)
     radiance = polynomial_light(light) * weights[:, None]
     for roughness, f0 in [(0.5, 1.0), (0.8, 0.04)]:
@@ -164,7 +166,7 @@ def test_smooth_light_is_nearly_exact(smooth):
 
 def test_uniform_light_is_exact(tmp_path):
     colour = np.array([0.5, 1.0, 2.0])
-    made = bake_exponential(small_probe(tmp_path, np.broadcast_to(colour, (32, 64, 3)))).map
+    made = prefilter_exponential(small_probe(tmp_path, np.broadcast_to(colour, (32, 64, 3)))).map
     assert made.p_coefficients[0] == pytest.approx(np.log(colour) * UNIT_LIGHT, abs=0.01)
     assert np.abs(made.coefficients[1:]).max() < 0.05
     normals, views = pairs()
@@ -177,7 +179,7 @@ def test_uniform_light_is_exact(tmp_path):
 @pytest.mark.parametrize("law", ["lobe", "paper"])
 def test_twice_the_light_is_twice_the_reflection(tmp_path, smooth, law):
     brighter = small_probe(tmp_path, 2 * smooth_pixels(), "bright.exr")
-    once, twice = (bake_exponential(probe, law=law).map for probe in (smooth, brighter))
+    once, twice = (prefilter_exponential(probe, law=law).map for probe in (smooth, brighter))
     expected = once.coefficients.copy()
     expected[0] += np.log(2) * UNIT_LIGHT
     # The rest is the ridge, which draws the constant too.
@@ -191,7 +193,7 @@ def test_twice_the_light_is_twice_the_reflection(tmp_path, smooth, law):
 def test_channels_are_fitted_alone_but_for_their_weights(tmp_path, smooth, law):
     """Red and blue exchanged in the probe are exchanged in the map."""
     swapped = small_probe(tmp_path, smooth_pixels()[..., ::-1], "swapped.exr")
-    one, other = (bake_exponential(probe, law=law).map for probe in (smooth, swapped))
+    one, other = (prefilter_exponential(probe, law=law).map for probe in (smooth, swapped))
     assert one.coefficients[:, ::-1] == pytest.approx(other.coefficients, abs=1e-4)
     assert not same(one, other, 0.05)
 
@@ -201,11 +203,11 @@ def test_a_sun_gives_numbers(tmp_path, law):
     """A pixel that is 1e5 times as bright as the sky; in log space nobody minds its size."""
     pixels = smooth_pixels()
     pixels[9, 23] = 1e5, 8e4, 5e4
-    baked = bake_exponential(small_probe(tmp_path, pixels), law=law)
-    assert np.isfinite(baked.map.coefficients).all()
-    assert baked.map.info.fit_residual < (0.6 if law == "lobe" else np.inf)
+    prefiltered = prefilter_exponential(small_probe(tmp_path, pixels), law=law)
+    assert np.isfinite(prefiltered.map.coefficients).all()
+    assert prefiltered.map.info.fit_residual < (0.6 if law == "lobe" else np.inf)
     for roughness in (0.0, 0.45, 1.0):
-        assert np.isfinite(baked.map.shaded(roughness, METAL).radiance(*pairs())).all()
+        assert np.isfinite(prefiltered.map.shaded(roughness, METAL).radiance(*pairs())).all()
 
 
 @pytest.mark.parametrize("law", ["lobe", "paper"])
@@ -214,9 +216,9 @@ def test_a_single_light_in_the_dark_gives_numbers(tmp_path, law, pixel):
     """Its truncated series is as often below 0 as above."""
     pixels = np.zeros((32, 64, 3))
     pixels[pixel] = 100.0, 100.0, 0.0
-    baked = bake_exponential(small_probe(tmp_path, pixels), law=law)
-    assert baked.map.info.fit_residual < (0.6 if law == "lobe" else np.inf)
-    made = baked.map
+    prefiltered = prefilter_exponential(small_probe(tmp_path, pixels), law=law)
+    assert prefiltered.map.info.fit_residual < (0.6 if law == "lobe" else np.inf)
+    made = prefiltered.map
     assert np.isfinite(made.coefficients).all()
     seen = made.shaded(0.6, METAL).radiance(*pairs())
     assert np.isfinite(seen).all()
@@ -228,9 +230,9 @@ def test_a_single_light_in_the_dark_gives_numbers(tmp_path, law, pixel):
 def test_one_roughness_is_a_range_too(real_probes):
     """And is fitted better than as a part of many."""
     path = real_probes / "forest.exr"
-    one = bake_exponential(open_probe(path), roughness=(0.7, 0.7))
+    one = prefilter_exponential(open_probe(path), roughness=(0.7, 0.7))
     assert one.map.ggx_alpha == pytest.approx((0.49, 0.49))
-    many = bake_exponential(open_probe(path))
+    many = prefilter_exponential(open_probe(path))
     base = truth(path)[ROUGHNESSES.index(0.7)]
     found = [each.map.shaded(0.7, METAL).radiance(*pairs()) - base for each in (one, many)]
     assert np.linalg.norm(found[0]) < np.linalg.norm(found[1])
@@ -238,7 +240,7 @@ def test_one_roughness_is_a_range_too(real_probes):
 
 @pytest.mark.parametrize("law", ["lobe", "paper"])
 def test_orders_0_are_a_uniform_light(smooth, law):
-    made = bake_exponential(smooth, 0, 0, law=law).map
+    made = prefilter_exponential(smooth, 0, 0, law=law).map
     assert made.coefficients.shape == (1, 3)
     assert np.exp(made.coefficients[0] / UNIT_LIGHT) == pytest.approx([1.5, 2.0, 1.0], rel=0.5)
 
@@ -246,8 +248,8 @@ def test_orders_0_are_a_uniform_light(smooth, law):
 def test_a_turned_probe_is_a_turned_map(real_probes):
     """The samples do not turn with it: the maps differ by less than they are wrong."""
     path = real_probes / "forest.exr"
-    here = bake_exponential(open_probe(path)).map
-    turned = bake_exponential(open_probe(path, ReadOptions(yaw=67.0))).map
+    here = prefilter_exponential(open_probe(path)).map
+    turned = prefilter_exponential(open_probe(path, ReadOptions(yaw=67.0))).map
     matrix = oracles.turn("y", np.radians(67.0))
     normals, views = pairs()
     for roughness in ROUGHNESSES:
@@ -261,7 +263,7 @@ def test_a_turned_probe_is_a_turned_map(real_probes):
 
 def test_two_runs_are_the_same(smooth):
     for law in ("lobe", "paper"):
-        one, other = (bake_exponential(smooth, law=law).map for _ in range(2))
+        one, other = (prefilter_exponential(smooth, law=law).map for _ in range(2))
         assert one.coefficients.tobytes() == other.coefficients.tobytes()
         assert one.info == other.info
 
@@ -269,9 +271,9 @@ def test_two_runs_are_the_same(smooth):
 def test_threads_change_nothing_but_rounding(smooth):
     """In processes of their own: a pool's size is set when numpy is loaded."""
     code = (
-        "import sys; from shrm_cli.maps.she.prefilter import bake_exponential;"
+        "import sys; from shrm_cli.maps.she.prefilter import prefilter;"
         "from shrm_cli.probe.probe import open_probe;"
-        "made = bake_exponential(open_probe(sys.argv[1])).map;"
+        "made = prefilter(open_probe(sys.argv[1])).map;"
         "print(*map(repr, made.coefficients.ravel().tolist()))"
     )
     found = []
@@ -291,10 +293,10 @@ def test_threads_change_nothing_but_rounding(smooth):
 
 
 def test_the_summary_tells_what_was_made(smooth):
-    baked = bake_exponential(smooth, 3, 1, (0.5, 0.9), "paper")
-    assert baked.roughness == (0.5, 0.9)
-    assert baked.map.ggx_alpha == pytest.approx((0.25, 0.81))
-    summary = baked.summary()
+    prefiltered = prefilter_exponential(smooth, 3, 1, (0.5, 0.9), "paper")
+    assert prefiltered.facts["roughness"] == [0.5, 0.9]
+    assert prefiltered.map.ggx_alpha == pytest.approx((0.25, 0.81))
+    summary = prefiltered.summary()
     told = {"representation": "she", "law": "paper", "p_order": 3, "q_order": 1}
     told |= {"coefficients": 16 + 3, "roughness": [0.5, 0.9], "center": "reflection"}
     told |= {"brdf": {"name": "ggx", "parameters": {}}, "probe": "small.exr"}
@@ -305,7 +307,7 @@ def test_the_summary_tells_what_was_made(smooth):
 
 def test_it_tells_how_far_it_is(smooth):
     told = []
-    bake_exponential(smooth, progress=lambda *what: told.append(what))
+    prefilter_exponential(smooth, progress=lambda *what: told.append(what))
     assert told[-1] == (32, 32)
 
 
@@ -313,7 +315,7 @@ def test_a_black_probe_is_refused(tmp_path):
     probe = small_probe(tmp_path, np.zeros((16, 32, 3)), "black.exr")
     for law in ("lobe", "paper"):
         with pytest.raises(MapError, match=r"black\.exr: .*black"):
-            bake_exponential(probe, law=law)
+            prefilter_exponential(probe, law=law)
 
 
 @pytest.mark.parametrize(
@@ -321,10 +323,10 @@ def test_a_black_probe_is_refused(tmp_path):
 )
 def test_roughness_out_of_range_is_refused(smooth, roughness):
     with pytest.raises(MapError, match=r"roughness .* is not a range within 0\.05 \.\. 1"):
-        bake_exponential(smooth, roughness=roughness)
+        prefilter_exponential(smooth, roughness=roughness)
 
 
 @pytest.mark.parametrize("orders", [(-1, 2), (4, -1), (17, 2), (4, 17)])
 def test_orders_out_of_range_are_refused(smooth, orders):
     with pytest.raises(MapError, match=r"orders P = .* outside 0 \.\. 16"):
-        bake_exponential(smooth, *orders)
+        prefilter_exponential(smooth, *orders)

@@ -37,7 +37,7 @@ def errors(samples, *arguments):
 
 
 def lit(coefficients, order=32):
-    """Lighting of a probe that has nothing more, up to the order that bakes ask for."""
+    """Lighting of a probe that has nothing more, up to the order that prefiltering asks for."""
     padded = np.zeros(((order + 1) ** 2, 3))
     padded[: len(coefficients)] = coefficients
     return Lighting(padded, np.zeros(3))

@@ -8,7 +8,7 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.shrm.compressed import CompressedShrm
-from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.probe import open_probe
 from tests.maps.scenes import cube_weights, make_shrm, relative_rms, uniform_points
 
@@ -34,7 +34,7 @@ def test_components_are_those_of_the_singular_values(count, frame, sampling):
     shrm = make_shrm(size=6, frame=frame, sampling=sampling)
     made = CompressedShrm.from_shrm(shrm, count)
     assert (made.frame, made.center, made.sampling) == (frame, "reflection", sampling)
-    assert (made.count, made.order_p, made.size) == (count, 2, 6)
+    assert (made.cube_count, made.order_p, made.size) == (count, 2, 6)
     left, values, right = np.linalg.svd(weighted_matrix(shrm), full_matrices=False)
     best = (left[:, :count] * values[:count]) @ right[:count]
     found = weighted_matrix(made.expand())
@@ -94,7 +94,7 @@ def test_tolerance_keeps_the_least_components(tolerance):
     errors = [np.sqrt(np.sum(values[k:] ** 2) / np.sum(values**2)) for k in range(EVERY + 1)]
     expected = next(k for k in range(1, EVERY + 1) if errors[k] <= tolerance)
     made = CompressedShrm.from_shrm(shrm, tolerance=tolerance)
-    assert made.count == expected
+    assert made.cube_count == expected
     assert made.info.added_error <= tolerance
 
 
@@ -105,7 +105,7 @@ def test_a_map_of_few_components_is_kept_by_as_many():
     values = np.einsum("ijkc,kn->ijnc", rng.normal(size=(36, 6, 2, 3)), rng.normal(size=(2, 9)))
     shrm = replace(shrm, coefficients=values)
     made = CompressedShrm.from_shrm(shrm, tolerance=1e-6)
-    assert made.count == 2
+    assert made.cube_count == 2
     assert made.info.added_error < 1e-7
     np.testing.assert_allclose(made.expand().coefficients, values, atol=1e-12)
 
@@ -115,7 +115,7 @@ def test_black_maps():
     shrm = replace(shrm, coefficients=0 * shrm.coefficients)
     for count, expected in ((None, 1), (3, 3)):
         made = CompressedShrm.from_shrm(shrm, count)
-        assert made.count == expected
+        assert made.cube_count == expected
         assert made.info.added_error == 0
         assert np.isfinite(made.matrix).all()
         assert not made.radiance(*uniform_points(5)).any()
@@ -153,16 +153,16 @@ def test_four_of_nine_components_are_better_than_the_orders(real_probes, name, f
     """What compression adds to real light is below what the orders left out already."""
     brdf = parse_spec("microfacet:sigma=0.2")
     probe = open_probe(real_probes / f"{name}.exr")
-    baked = bake(probe, brdf, 0.03, size=32, frame=frame, dtype=np.float32)
-    assert baked.map.coefficients.shape[2] == 9
-    made = CompressedShrm.from_shrm(baked.map, 4)
+    prefiltered = prefilter_shrm(probe, brdf, 0.03, size=32, frame=frame, dtype=np.float32)
+    assert prefiltered.map.coefficients.shape[2] == 9
+    made = CompressedShrm.from_shrm(prefiltered.map, 4)
     print(
         f"{name} {frame}: compression adds {made.info.added_error:.4f} to "
         f"{made.info.predicted_error:.4f}"
     )
     assert made.info.added_error < made.info.predicted_error
     points = uniform_points(4000)
-    measured = relative_rms(made.radiance(*points), baked.map.radiance(*points))
+    measured = relative_rms(made.radiance(*points), prefiltered.map.radiance(*points))
     assert made.info.added_error == pytest.approx(measured, rel=0.1)
 
 

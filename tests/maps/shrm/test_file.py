@@ -12,10 +12,9 @@ import pytest
 
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.image import write_image
+from shrm_cli.maps.file import is_map, open_map, save
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.read import is_map, read_map
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.write import write_map
 from tests.cli.helpers import process
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
@@ -47,7 +46,7 @@ def parts(path):
 @pytest.fixture
 def damaged(tmp_path):
     """Write a sound map with its header and channels changed; None removes."""
-    write_map(tmp_path / "sound.exr", random_map())
+    save(tmp_path / "sound.exr", random_map())
     header, channels = parts(tmp_path / "sound.exr")
 
     def write(attributes=None, planes=None):
@@ -63,7 +62,7 @@ def damaged(tmp_path):
 def refused(path, *words):
     """The message of the MapError of a file: one line with its name."""
     with pytest.raises(MapError) as caught:
-        read_map(path)
+        open_map(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -76,8 +75,8 @@ def refused(path, *words):
 @pytest.mark.parametrize("order_p", [0, 2, 5])
 def test_float_is_read_back_exactly(tmp_path, frame, sampling, order_p):
     made = random_map(frame, sampling, order_p)
-    assert write_map(tmp_path / "a.exr", made, "float") == "float"
-    back = read_map(tmp_path / "a.exr")
+    assert save(tmp_path / "a.exr", made, "float") == "float"
+    back = open_map(tmp_path / "a.exr")
     np.testing.assert_array_equal(back.coefficients, made.coefficients.astype(np.float32))
     assert (back.frame, back.center, back.sampling) == (frame, "reflection", sampling)
     assert (back.order_p, back.size) == (order_p, 5)
@@ -85,8 +84,8 @@ def test_float_is_read_back_exactly(tmp_path, frame, sampling, order_p):
 
 def test_half_is_read_back_to_its_precision(tmp_path):
     made = random_map(size=16)
-    assert write_map(tmp_path / "a.exr", made) == "half"
-    back = read_map(tmp_path / "a.exr").coefficients
+    assert save(tmp_path / "a.exr", made) == "half"
+    back = open_map(tmp_path / "a.exr").coefficients
     np.testing.assert_allclose(back, made.coefficients, rtol=2e-3, atol=1e-7)
     assert np.abs(back - made.coefficients).max() > 0
 
@@ -96,8 +95,8 @@ def test_what_a_map_remembers_is_read_back(tmp_path, chromaticities):
     info = MapInfo(
         11, 2, 0.03, 0.972359, 0.0491997, INFO.brdf, "prö be.exr", "ab" * 32, chromaticities
     )
-    write_map(tmp_path / "a.exr", random_map(info=info))
-    back = read_map(tmp_path / "a.exr").info
+    save(tmp_path / "a.exr", random_map(info=info))
+    back = open_map(tmp_path / "a.exr").info
     found = back.chromaticities
     assert back == MapInfo(**{**vars(info), "chromaticities": found})
     assert (found is None) == (chromaticities is None)
@@ -107,10 +106,10 @@ def test_what_a_map_remembers_is_read_back(tmp_path, chromaticities):
 def test_azimuth_free_local_maps_hold_only_q_0(tmp_path):
     made = random_map("local", order_p=3)
     made.coefficients[:, :, [k for k in range(16) if k not in (0, 2, 6, 12)]] = 0
-    write_map(tmp_path / "a.exr", made, "float")
+    save(tmp_path / "a.exr", made, "float")
     expected = {f"sh{k:03d}.{c}" for k in (0, 2, 6, 12) for c in "RGB"}
     assert parts(tmp_path / "a.exr")[1].keys() == expected
-    back = read_map(tmp_path / "a.exr")
+    back = open_map(tmp_path / "a.exr")
     np.testing.assert_array_equal(back.coefficients, made.coefficients.astype(np.float32))
     assert back.order_p == 3
 
@@ -119,12 +118,12 @@ def test_the_same_zeros_in_the_global_frame_are_kept(tmp_path):
     made = random_map(order_p=1)
     made.coefficients[:, :, 1] = 0
     made.coefficients[:, :, 3] = 0
-    write_map(tmp_path / "a.exr", made)
+    save(tmp_path / "a.exr", made)
     assert len(parts(tmp_path / "a.exr")[1]) == 12
 
 
 def test_index_has_three_digits(tmp_path):
-    write_map(tmp_path / "a.exr", random_map(order_p=10, size=4))
+    save(tmp_path / "a.exr", random_map(order_p=10, size=4))
     channels = parts(tmp_path / "a.exr")[1]
     assert {"sh000.R", "sh009.G", "sh099.B", "sh120.R"} <= channels.keys()
     assert len(channels) == 3 * 121
@@ -132,14 +131,14 @@ def test_index_has_three_digits(tmp_path):
 
 def test_high_orders_have_more_channels_than_the_library_expects(tmp_path):
     made = random_map(order_p=20, size=4)
-    write_map(tmp_path / "a.exr", made, "float")
-    found = read_map(tmp_path / "a.exr").coefficients
+    save(tmp_path / "a.exr", made, "float")
+    found = open_map(tmp_path / "a.exr").coefficients
     np.testing.assert_array_equal(found, made.coefficients.astype(np.float32))
 
 
 def test_bytes_are_the_same_each_time(tmp_path):
     for name in "ab":
-        write_map(tmp_path / f"{name}.exr", random_map(size=64))
+        save(tmp_path / f"{name}.exr", random_map(size=64))
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
@@ -158,8 +157,8 @@ def test_precision_follows_the_range(tmp_path, scale, precision, expected):
     made = random_map()
     made.coefficients[:] = 0.0
     made.coefficients[3, 2, 1, 0] = scale
-    assert write_map(tmp_path / "a.exr", made, precision) == expected
-    back = read_map(tmp_path / "a.exr").coefficients
+    assert save(tmp_path / "a.exr", made, precision) == expected
+    back = open_map(tmp_path / "a.exr").coefficients
     assert np.isfinite(back).all()
     assert back[3, 2, 1, 0] == pytest.approx(scale, rel=1e-3)
 
@@ -177,7 +176,7 @@ def test_values_that_cannot_be_held_leave_no_file(tmp_path, value, precision, wo
     made = random_map()
     made.coefficients[1, 1, 1, 1] = value
     with pytest.raises(OutputError, match=words):
-        write_map(tmp_path / "a.exr", made, precision)
+        save(tmp_path / "a.exr", made, precision)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -215,7 +214,7 @@ def test_wrong_attributes(damaged, name, value):
 def test_bytes_that_are_no_text_are_replaced(damaged):
     path = damaged({"shrm:probe": "XX.exr"})
     path.write_bytes(path.read_bytes().replace(b"XX", b"\xff\xfe"))
-    assert read_map(path).info.probe == "??.exr"
+    assert open_map(path).info.probe == "??.exr"
 
 
 @pytest.mark.parametrize("version", [4, 1000])
@@ -230,7 +229,7 @@ def test_other_representations(damaged):
 
 def test_a_long_name_is_not_repeated_whole(damaged):
     with pytest.raises(MapError) as caught:
-        read_map(damaged({"shrm:representation": "x" * 10000}))
+        open_map(damaged({"shrm:representation": "x" * 10000}))
     assert "'" + "x" * 40 + "', which" in str(caught.value)
 
 
@@ -273,7 +272,7 @@ def test_coefficients_must_be_finite(damaged, value):
 
 
 def test_shape_must_be_a_cube(tmp_path):
-    write_map(tmp_path / "sound.exr", random_map())
+    save(tmp_path / "sound.exr", random_map())
     header, channels = parts(tmp_path / "sound.exr")
     for name in ("dataWindow", "displayWindow"):
         del header[name]
@@ -284,7 +283,7 @@ def test_shape_must_be_a_cube(tmp_path):
 
 @pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
 def test_truncated_files(tmp_path, part):
-    write_map(tmp_path / "a.exr", random_map(size=32))
+    save(tmp_path / "a.exr", random_map(size=32))
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(data[: int(part * len(data))])
     refused(tmp_path / "a.exr", "damaged")
@@ -292,7 +291,7 @@ def test_truncated_files(tmp_path, part):
 
 def test_every_flipped_byte_is_survived(tmp_path):
     """Damage anywhere gives a map or a MapError, and nothing else."""
-    write_map(tmp_path / "a.exr", random_map(order_p=1, size=4))
+    save(tmp_path / "a.exr", random_map(order_p=1, size=4))
     data = (tmp_path / "a.exr").read_bytes()
     rng = np.random.default_rng(0)
     messages = []
@@ -301,7 +300,7 @@ def test_every_flipped_byte_is_survived(tmp_path):
         broken[position] ^= 1 << int(rng.integers(8))
         (tmp_path / "b.exr").write_bytes(broken)
         try:
-            read_map(tmp_path / "b.exr")
+            open_map(tmp_path / "b.exr")
         except MapError as error:
             messages.append(str(error))
     assert len(messages) > 40
@@ -312,7 +311,7 @@ def test_every_flipped_byte_is_survived(tmp_path):
 @pytest.mark.parametrize("size", [1024, 4096, 5000, 200_000])
 def test_hostile_sizes_allocate_nothing(tmp_path, size):
     """A header that claims a huge image; getrusage would count what the child inherits."""
-    write_map(tmp_path / "a.exr", random_map())
+    save(tmp_path / "a.exr", random_map())
     data = bytearray((tmp_path / "a.exr").read_bytes())
     for name in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
         struct.pack_into(
@@ -323,12 +322,12 @@ def test_hostile_sizes_allocate_nothing(tmp_path, size):
     code = """
 import sys
 from shrm_cli.errors import MapError
-from shrm_cli.maps.read import read_map
+from shrm_cli.maps.file import open_map
 def peak():
     return int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
 before = peak()
 try:
-    read_map(sys.argv[1])
+    open_map(sys.argv[1])
 except MapError:
     print(peak() - before)
 """
@@ -354,7 +353,7 @@ def test_a_pipe_is_refused_at_once(tmp_path):
 
 
 def test_is_map(tmp_path):
-    write_map(tmp_path / "map.exr", random_map())
+    save(tmp_path / "map.exr", random_map())
     write_image(tmp_path / "image.exr", np.ones((2, 4, 3)))
     (tmp_path / "text.exr").write_text("no image")
     assert is_map(tmp_path / "map.exr")
@@ -364,18 +363,18 @@ def test_is_map(tmp_path):
 
 def test_library_errors_are_not_left_for_the_end(tmp_path):
     """OpenImageIO prints errors that nobody fetched when the process ends."""
-    write_map(tmp_path / "a.exr", random_map(size=32))
+    save(tmp_path / "a.exr", random_map(size=32))
     data = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "cut.exr").write_bytes(data[: len(data) // 2])
     (tmp_path / "text.exr").write_text("no image")
     code = """
 import sys
 from shrm_cli.errors import MapError
-from shrm_cli.maps.read import is_map, read_map
+from shrm_cli.maps.file import is_map, open_map
 for path in sys.argv[1:]:
     is_map(path)
     try:
-        read_map(path)
+        open_map(path)
     except MapError:
         print("refused")
 """
@@ -411,8 +410,8 @@ def test_image_is_written_whole(tmp_path):
 
 def test_print_options_of_numpy_change_no_file(tmp_path):
     with np.printoptions(precision=2):
-        write_map(tmp_path / "one.exr", random_map())
-        read = read_map(tmp_path / "one.exr")
-    assert read.info.tolerance == read_map(tmp_path / "one.exr").info.tolerance
+        save(tmp_path / "one.exr", random_map())
+        read = open_map(tmp_path / "one.exr")
+    assert read.info.tolerance == open_map(tmp_path / "one.exr").info.tolerance
     with np.printoptions(legacy="1.13"):
-        assert read_map(tmp_path / "one.exr").info == read.info
+        assert open_map(tmp_path / "one.exr").info == read.info

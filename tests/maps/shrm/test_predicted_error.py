@@ -5,7 +5,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.shrm.prefilter import bake
+from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.probe import open_probe
 from tests import brute_force
 
@@ -34,7 +34,7 @@ def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma)
     image = reduced(real_probes / f"{name}.exr")
     write(tmp_path / "probe.exr", image)
     brdf = parse_spec(f"microfacet:sigma={sigma}")
-    baked = bake(open_probe(tmp_path / "probe.exr"), brdf, 0.03, dtype=np.float32)
+    prefiltered = prefilter_shrm(open_probe(tmp_path / "probe.exr"), brdf, 0.03, dtype=np.float32)
     light, weights = brute_force.latlong_samples(HEIGHT)
     radiance = image.reshape(-1, 3).astype(float)
     rng = np.random.default_rng(9)
@@ -48,9 +48,9 @@ def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma)
     )
     normals = reflections + views
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    found = baked.map.radiance(normals, views)
+    found = prefiltered.map.radiance(normals, views)
     measured = np.sqrt(np.sum((found - truth) ** 2) / np.sum(truth**2))
-    predicted = baked.map.info.predicted_error
+    predicted = prefiltered.map.info.predicted_error
     print(f"{name} sigma {sigma}: predicted {predicted:.4f}, measured {measured:.4f}")
     assert abs(measured - predicted) < 0.15 * predicted
-    assert measured < baked.error_bound
+    assert measured < prefiltered.facts["error_bound"]

@@ -6,11 +6,10 @@ import pytest
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
+from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.read import read_map
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size, choose_size
-from shrm_cli.maps.write import write_map
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import real_harmonics
 from tests.brute_force import band_limited, reflected, sphere_rule, unit
@@ -51,7 +50,7 @@ def truth(lighting, coefficients, reflection, view):
 @pytest.mark.parametrize("frame", ["global", "local"])
 def test_equals_the_integral_at_generic_angles(case, frame):
     rng, lighting, coefficients = case
-    shrm = Shrm.build(lighting, coefficients, "reflection", INFO, size=7, frame=frame)
+    shrm = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=7, frame=frame)
     texels = cube_directions(7).reshape(-1, 3)
     for reflection in texels[rng.choice(len(texels), 6, replace=False)]:
         for view in unit(rng, 2):
@@ -64,7 +63,7 @@ def test_equals_the_integral_at_generic_angles(case, frame):
 
 def test_local_frame_holds_the_coefficients_of_equation_5_10(case):
     rng, lighting, coefficients = case
-    shrm = Shrm.build(lighting, coefficients, "reflection", INFO, size=5, frame="local")
+    shrm = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=5, frame="local")
     texels = cube_directions(5)
     row, column = 13, 2
     reflection = texels[row, column]
@@ -85,16 +84,16 @@ def test_local_frame_holds_the_coefficients_of_equation_5_10(case):
 
 def test_frames_convert_back_and_forth(case):
     _, lighting, coefficients = case
-    shrm = Shrm.build(lighting, coefficients, "reflection", INFO, size=6)
+    shrm = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=6)
     again = shrm.to_frame("local").to_frame("global")
     np.testing.assert_allclose(again.coefficients, shrm.coefficients, atol=1e-11)
 
 
 def test_half_file_read_back(case, tmp_path):
     rng, lighting, coefficients = case
-    shrm = Shrm.build(lighting, coefficients, "reflection", INFO, size=8)
-    assert write_map(tmp_path / "a.exr", shrm) == "half"
-    back = read_map(tmp_path / "a.exr")
+    shrm = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=8)
+    assert save(tmp_path / "a.exr", shrm) == "half"
+    back = open_map(tmp_path / "a.exr")
     normals, views = unit(rng, 300), unit(rng, 300)
     expected = shrm.radiance(normals, views)
     scale = np.sqrt(np.mean(expected**2))
@@ -104,7 +103,9 @@ def test_half_file_read_back(case, tmp_path):
 @pytest.mark.parametrize("sampling", ["center", "border"])
 def test_distant_view_is_the_same_as_each_view(case, sampling):
     rng, lighting, coefficients = case
-    shrm = Shrm.build(lighting, coefficients, "reflection", INFO, size=8, sampling=sampling)
+    shrm = Shrm.from_coefficients(
+        lighting, coefficients, "reflection", INFO, size=8, sampling=sampling
+    )
     normals, view = unit(rng, 50), unit(rng, 1)[0]
     views = np.broadcast_to(view, normals.shape).copy()
     np.testing.assert_allclose(
@@ -114,8 +115,10 @@ def test_distant_view_is_the_same_as_each_view(case, sampling):
 
 def test_float32_synthesis_is_close(case):
     _, lighting, coefficients = case
-    double = Shrm.build(lighting, coefficients, "reflection", INFO, size=8)
-    single = Shrm.build(lighting, coefficients, "reflection", INFO, size=8, dtype=np.float32)
+    double = Shrm.from_coefficients(lighting, coefficients, "reflection", INFO, size=8)
+    single = Shrm.from_coefficients(
+        lighting, coefficients, "reflection", INFO, size=8, dtype=np.float32
+    )
     assert single.coefficients.dtype == np.float32
     scale = np.abs(double.coefficients).max()
     assert np.abs(single.coefficients - double.coefficients).max() < 2e-6 * scale
@@ -129,7 +132,7 @@ def test_furnace(spec, factor):
     light = np.array([1.0, 2.0, 0.25])
     lighting = np.zeros((13**2, 3))
     lighting[0] = light * np.sqrt(4 * np.pi)
-    shrm = Shrm.build(lighting, coefficients.values, brdf.center, INFO, size=16)
+    shrm = Shrm.from_coefficients(lighting, coefficients.values, brdf.center, INFO, size=16)
     radiance = shrm.coefficients[:, :, 0] * np.sqrt(1 / (4 * np.pi))
     np.testing.assert_allclose(radiance, np.broadcast_to(factor * light, radiance.shape), rtol=1e-6)
 
@@ -139,7 +142,9 @@ def test_lambertian_is_centred_on_the_normal():
     brdf = parse_spec("lambertian")
     lighting = np.zeros((9, 3))
     lighting[3] = 1.0  # Y_11 = 0.488603 x
-    shrm = Shrm.build(lighting, compute_coefficients(brdf, 2, 0).values, brdf.center, INFO, size=32)
+    shrm = Shrm.from_coefficients(
+        lighting, compute_coefficients(brdf, 2, 0).values, brdf.center, INFO, size=32
+    )
     normals, views = unit(rng, 40), unit(rng, 40)
     # The cosine-weighted integral of x is (2 pi / 3) N_x; the BRDF divides by pi.
     expected = 0.48860251190292 * (2 / 3) * normals[:, 0]
@@ -154,8 +159,10 @@ def test_size_follows_the_order(order, size):
 
 
 def test_size_is_bounded_before_anything_is_allocated():
-    with pytest.raises(MapError, match="lower --size"):
-        Shrm.build(np.zeros((4, 3)), np.zeros((2, 4, 4, 3)), "reflection", INFO, size=4096)
+    with pytest.raises(MapError, match="lower `size`"):
+        Shrm.from_coefficients(
+            np.zeros((4, 3)), np.zeros((2, 4, 4, 3)), "reflection", INFO, size=4096
+        )
 
 
 def test_shapes_are_checked():

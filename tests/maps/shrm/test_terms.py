@@ -7,16 +7,15 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import parse_sum
 from shrm_cli.errors import MapError
-from shrm_cli.maps.read import read_map
-from shrm_cli.maps.representations import as_shrm, map_count, tabulate_sum
-from shrm_cli.maps.resample import resample
-from shrm_cli.maps.shrm.prefilter import bake
-from shrm_cli.maps.shrm.terms import bake_terms, plan_terms
-from shrm_cli.maps.write import write_map
+from shrm_cli.maps.explicit.tabulate import tabulate_sum
+from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
 from shrm_cli.orders import choose_center
 from shrm_cli.probe.probe import open_probe
 from tests import brute_force, oracles
 from tests.cli.helpers import polynomial_light, write_exr
+from tests.maps.scenes import EXPLICIT
 from tests.maps.shrm.test_predicted_error import reduced
 
 SPEC = "0.5*lambertian:albedo=1+0.5*microfacet:sigma=0.1"
@@ -46,8 +45,8 @@ def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
     plan = plan_terms(brdf(), 0.03, probe)
     assert plan.pays
     assert plan.count < 0.8 * plan.whole.count
-    split = bake_terms(probe, plan, dtype=np.float32).map
-    whole = bake(probe, brdf(), 0.03, dtype=np.float32).map
+    split = prefilter_terms(probe, plan, dtype=np.float32).map
+    whole = prefilter_shrm(probe, brdf(), 0.03, dtype=np.float32).map
     assert split.info.predicted_error <= whole.info.predicted_error
     light, weights = brute_force.latlong_samples(len(pixels))
     radiance = pixels.reshape(-1, 3).astype(float)
@@ -76,38 +75,38 @@ def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
 
 def test_files_hold_all_terms(smooth, tmp_path):
     plan = plan_terms(brdf(), 0.03, smooth)
-    made = bake_terms(smooth, plan).map
+    made = prefilter_terms(smooth, plan).map
     path = tmp_path / "sum.exr"
-    write_map(path, made, "float")
+    save(path, made, "float")
     with OpenEXR.File(str(path)) as file:
         names = [part.header["name"] for part in file.parts]
         centers = [part.header["shrm:center"] for part in file.parts]
     assert names == ["term00", "term01"]
     assert centers == ["normal", "reflection"]
-    again = read_map(path)
+    again = open_map(path)
     _, normals, views = pairs(100)
     expected = made.radiance(normals, views)
     assert np.abs(again.radiance(normals, views) - expected).max() < 1e-5 * np.abs(expected).max()
     assert again.info.predicted_error == pytest.approx(made.info.predicted_error, rel=1e-6)
     assert again.info.brdf == made.info.brdf == {"name": "sum", "parameters": {"spec": SPEC}}
-    assert map_count(again) == sum(map_count(term) for term in made.terms)
+    assert again.cube_count == sum(term.cube_count for term in made.terms)
     one_view = again.radiance(normals, views[0])
     assert one_view == pytest.approx(again.radiance(normals, np.tile(views[0], (100, 1))), rel=1e-4)
 
 
 def test_a_sum_has_no_single_shrm(smooth):
-    made = bake_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
-    with pytest.raises(MapError, match="--no-split"):
-        as_shrm(made)
-    smaller = resample(made, 8, "border")
+    made = prefilter_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
+    with pytest.raises(MapError, match="`split=False`"):
+        made.to_shrm()
+    smaller = made.resampled(8, "border")
     assert {term.size for term in smaller.terms} == {8}
 
 
 @pytest.mark.parametrize("representation", ["cabral", "kautz-mccool", "lightfield"])
 def test_a_sum_as_an_explicit_map(smooth, representation):
     """Exact at the sample views; between them the error is told."""
-    made = bake_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
-    found = tabulate_sum(made, representation, 6)
+    made = prefilter_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
+    found = tabulate_sum(EXPLICIT[representation], made, 6)
     assert found.center == "reflection"
     reflections, normals, views = pairs(800)
     expected = made.radiance(normals, views)
@@ -125,15 +124,15 @@ def test_a_sum_as_an_explicit_map(smooth, representation):
 
 
 def test_layouts_of_sums_are_refused(smooth, tmp_path):
-    made = bake_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
+    made = prefilter_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
     with pytest.raises(MapError, match="cube only"):
-        write_map(tmp_path / "x.exr", made, layout="strip")
+        save(tmp_path / "x.exr", made, layout="strip")
 
 
 def test_renamed_parts_are_refused(smooth, tmp_path):
-    made = bake_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
+    made = prefilter_terms(smooth, plan_terms(brdf(), 0.03, smooth)).map
     path = tmp_path / "sum.exr"
-    write_map(path, made)
+    save(path, made)
     with OpenEXR.File(str(path), separate_channels=True) as file:
         parts = [
             OpenEXR.Part({**part.header, "name": f"part{k}"}, part.channels)
@@ -141,7 +140,7 @@ def test_renamed_parts_are_refused(smooth, tmp_path):
         ]
         OpenEXR.File(parts).write(str(tmp_path / "other.exr"))
     with pytest.raises(MapError, match="not the terms"):
-        read_map(tmp_path / "other.exr")
+        open_map(tmp_path / "other.exr")
 
 
 @pytest.mark.parametrize(
@@ -156,11 +155,13 @@ def test_the_centre_with_the_fewest_coefficients(spec, center):
 
 def test_kajiya_kay_needs_no_azimuth(smooth):
     """s = 32: P = 8, and q = 0 only."""
-    made = bake(smooth, parse_spec("kajiya-kay:exponent=32"), 0.03, frame="local")
-    assert made.orders.order_p == 8
+    made = prefilter_shrm(smooth, parse_spec("kajiya-kay:exponent=32"), 0.03, frame="local")
+    assert made.map.info.order_p == 8
     assert made.map.azimuth_free
-    assert map_count(made.map) == 9
+    assert made.map.cube_count == 9
     # The way without the azimuth gives what the general one gives.
-    general = bake(smooth, parse_spec("kajiya-kay:exponent=32"), 0.03).map.to_frame("local")
+    general = prefilter_shrm(smooth, parse_spec("kajiya-kay:exponent=32"), 0.03).map.to_frame(
+        "local"
+    )
     difference = np.abs(made.map.coefficients - general.coefficients).max()
     assert difference < 1e-9 * np.abs(general.coefficients).max()

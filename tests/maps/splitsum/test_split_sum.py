@@ -13,8 +13,8 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError, OrderError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.levels import expansion_errors, frequency_pays
-from shrm_cli.maps.splitsum.prefilter import bake_split_sum
+from shrm_cli.maps.splitsum.prefilter import expansion_errors, frequency_pays
+from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.maps.splitsum.roughness import (
     DEFAULT_LEVELS,
     blend,
@@ -207,7 +207,7 @@ def test_numbers_of_levels_that_cannot_be():
 def test_levels_are_brute_force_integrals(real_probes, rng, name):
     """At texels of the cubes and between."""
     probe = open_probe(real_probes / f"{name}.exr")
-    split_sum = bake_split_sum(probe).map
+    split_sum = prefilter_split_sum(probe).map
     image = probe.image()
     for k in (1, 7):
         level, roughness = split_sum.levels[k], split_sum.roughness[k]
@@ -229,7 +229,7 @@ def test_levels_of_every_mapping_are_brute_force_integrals(tmp_path, rng, mappin
     pixels = 0.1 + np.exp(30 * (directions @ lamps.T - 1)) @ colours
     image = pixels.reshape(64, 128, 3).astype(np.float32)
     probe = open_probe(write_exr(tmp_path / "lamps.exr", image))
-    split_sum = bake_split_sum(probe, count, mapping).map
+    split_sum = prefilter_split_sum(probe, count, mapping).map
     directions = latlong_pixels(np.ones((192, 384, 3)))[0]
     fine = (0.1 + np.exp(30 * (directions @ lamps.T - 1)) @ colours).reshape(192, 384, 3)
     asked = {
@@ -256,20 +256,20 @@ def test_both_domains_agree_with_brute_force(real_probes, monkeypatch):
     expected = brute_force(probe.image(), 0.15, directions)
     for domain in ("frequency", "angular"):
         monkeypatch.setattr(
-            "shrm_cli.maps.splitsum.levels.frequency_pays",
+            "shrm_cli.maps.splitsum.prefilter.frequency_pays",
             lambda *_, pays=domain == "frequency": pays,
         )
-        baked = bake_split_sum(probe, [0.15], size=16)
-        assert baked.summary()["levels"][0]["domain"] == baked.map.info.domain == domain
-        assert baked.map.info.predicted_error <= 0.0005
-        found = baked.map.levels[0][::5, ::3].reshape(-1, 3)
+        prefiltered = prefilter_split_sum(probe, [0.15], size=16)
+        assert prefiltered.summary()["levels"][0]["domain"] == prefiltered.map.info.domain == domain
+        assert prefiltered.map.info.predicted_error <= 0.0005
+        found = prefiltered.map.levels[0][::5, ::3].reshape(-1, 3)
         assert difference(found, expected) < 0.002
 
 
 def test_sharp_lobes_on_small_faces_are_integrated(tmp_path):
     pixels = np.random.default_rng(3).uniform(0, 2, (32, 64, 3)).astype(np.float32)
     probe = open_probe(write_exr(tmp_path / "noise.exr", pixels))
-    levels = bake_split_sum(probe, [0.1, 0.5], size=8).summary()["levels"]
+    levels = prefilter_split_sum(probe, [0.1, 0.5], size=8).summary()["levels"]
     assert [each["domain"] for each in levels] == ["angular", "frequency"]
 
 
@@ -279,7 +279,7 @@ def test_lobes_finer_than_the_pixels_meet_what_lies_between_them(tmp_path, rng):
 
     coarse = np.random.default_rng(3).uniform(0, 2, (64, 128, 3)).astype(np.float32)
     probe = open_probe(write_exr(tmp_path / "noise.exr", coarse))
-    made = bake_split_sum(probe, [0.1], size=8, error=0.001)
+    made = prefilter_split_sum(probe, [0.1], size=8, error=0.001)
     assert made.summary()["levels"][0]["domain"] == "angular"
     rows = (np.arange(192) + 0.5) / 3 - 0.5
     columns = (np.arange(384) + 0.5) / 3 - 0.5 + 2
@@ -296,7 +296,7 @@ def test_lobes_finer_than_the_pixels_meet_what_lies_between_them(tmp_path, rng):
 
 def test_smooth_light_is_prefiltered_to_rounding(smooth_probe, rng):
     """Degree 3 is within every expansion: what is left is the probe's single precision."""
-    split_sum = bake_split_sum(smooth_probe, [0.3, 0.6, 1.0], error=1e-5).map
+    split_sum = prefilter_split_sum(smooth_probe, [0.3, 0.6, 1.0], error=1e-5).map
     directions = unit(rng, 6)
     for k, roughness in enumerate(split_sum.roughness):
         at = cube_directions(split_sum.levels[k].shape[1])[7, 3]
@@ -316,31 +316,31 @@ def test_smooth_light_is_prefiltered_to_rounding(smooth_probe, rng):
 
 
 def test_a_constant_probe_gives_constant_levels(furnace):
-    baked = bake_split_sum(furnace)
-    for level in baked.map.levels:
+    prefiltered = prefilter_split_sum(furnace)
+    for level in prefiltered.map.levels:
         assert np.abs(level / [0.5, 1.0, 2.0] - 1).max() < 2e-6
-    assert baked.map.info.predicted_error < 1e-6
+    assert prefiltered.map.info.predicted_error < 1e-6
 
 
 def test_black_light_is_black(tmp_path):
     probe = open_probe(write_exr(tmp_path / "black.exr", np.zeros((16, 32, 3), np.float32)))
-    baked = bake_split_sum(probe, [0.0, 0.1, 0.5], size=8)
-    assert not any(level.any() for level in baked.map.levels)
-    assert baked.summary()["predicted_error"] == 0
+    prefiltered = prefilter_split_sum(probe, [0.0, 0.1, 0.5], size=8)
+    assert not any(level.any() for level in prefiltered.map.levels)
+    assert prefiltered.summary()["predicted_error"] == 0
 
 
 def test_sizes_and_orders_follow_the_lobes(real_probes):
     probe = open_probe(real_probes / "sunset.exr")
-    baked = bake_split_sum(probe)
-    levels = baked.summary()["levels"]
+    prefiltered = prefilter_split_sum(probe)
+    levels = prefiltered.summary()["levels"]
     sizes = [each["size"] for each in levels]
-    assert sizes[0] == baked.map.size == 256
+    assert sizes[0] == prefiltered.map.size == 256
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] <= 128
     assert levels[0]["domain"] == "probe"
     assert {each["domain"] for each in levels[1:]} == {"frequency"}
     assert all(each["predicted_error"] <= 0.0005 for each in levels)
-    small = bake_split_sum(probe, levels=3, mapping="filament", size=32)
+    small = prefilter_split_sum(probe, levels=3, mapping="filament", size=32)
     assert [level.shape[1] for level in small.map.levels] == [32, 32, 32]
     assert small.map.info.probe == "sunset.exr"
 
@@ -380,7 +380,7 @@ def test_what_pays():
 @pytest.mark.parametrize("error", [0.0, 1.0, float("nan")])
 def test_the_error_has_a_range(furnace, error):
     with pytest.raises(OrderError, match="between 0 and 1"):
-        bake_split_sum(furnace, error=error)
+        prefilter_split_sum(furnace, error=error)
 
 
 # ---- reading ----------------------------------------------------------------------------------
@@ -426,7 +426,7 @@ def test_shading_is_the_split_sum(rng):
 
 def test_a_uniform_environment_gives_the_albedo_of_ggx(furnace, rng):
     """The split sum is exact there: against a sum over the model itself."""
-    split_sum = bake_split_sum(furnace, levels=3).map
+    split_sum = prefilter_split_sum(furnace, levels=3).map
     normal = np.array([0.0, 0.0, 1.0])
     view = np.array([0.8, 0.0, 0.6])
     light = unit(rng, 400_000)

@@ -1,15 +1,17 @@
-"""Files of `Table`: OpenEXR images, and numpy's .npz archives. Neither is trusted.
+"""Reading and writing files of `Table`: OpenEXR images, and numpy's .npz archives.
 
-Both hold the values over the angles (theta_h, theta_d, phi_d), the axes in radians and settings:
+Files may come from anywhere, so all that is read from them is checked. Both kinds hold the values
+over the angles (theta_h, theta_d, phi_d), the axes in radians, and settings:
 
 OpenEXR
-    One part, 32-bit float channels R, G, B; row theta_h, column ``theta_d * len(phi_d) + phi_d``.
-    The attribute ``shrm:brdf_table`` is a JSON object: ``version`` (1), ``axes`` (an object of
-    three lists), ``center``, ``includes_cosine``, ``has_horizon``, ``made_from``.
+    The image has one part with the 32-bit float channels R, G and B. The row is the index of
+    theta_h, the column is ``j * len(phi_d) + k`` for the indices j of theta_d and k of phi_d. The
+    attribute ``shrm:brdf_table`` is a JSON object with the items ``version`` (1), ``axes`` (an
+    object of three lists), ``center``, ``includes_cosine``, ``has_horizon`` and ``made_from``.
 .npz
-    Arrays ``values`` (theta_h, theta_d, phi_d, 1 or 3), ``theta_h``, ``theta_d``, ``phi_d``, of
-    32 or 64-bit floats, and ``settings``, the JSON object without its axes as one string, which
-    may be missing: values are f_r then.
+    The archive has the arrays ``values``, of shape (theta_h, theta_d, phi_d, 1 or 3), ``theta_h``,
+    ``theta_d`` and ``phi_d``, of 32 or 64-bit floats. The array ``settings`` is one string, the
+    JSON object without its axes. It may be missing; the values are those of f_r then.
 """
 
 import json
@@ -17,7 +19,6 @@ import math
 import os
 import zipfile
 import zlib
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
 
@@ -28,25 +29,42 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Array
 from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.brdf.measured.table import AXES, Table, TableSettings
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import BrdfError, MapError, OutputError
+from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.files.whole import replacing
 from shrm_cli.vocabulary import Center
 
 ATTRIBUTE = "shrm:brdf_table"
+TABLE_SUFFIXES = (".exr", ".npz")
 MOST_CELLS = 2**24
-"""Of a table: 200 MB in memory."""
+"""The most values of a table for one channel. Three channels take 200 MB as 32-bit floats."""
 
 _VERSION = 1
+"""The version of the format that files hold; files of a later version are refused."""
 _MOST_SETTINGS = 2**20
+"""The most bytes of the settings in an archive, and of what an array has besides its numbers."""
 _ENDS = {"theta_h": math.pi, "theta_d": math.pi / 2, "phi_d": math.pi}
+"""The ends of the axes, radians; all axes begin at 0."""
 _ROUNDING = 1e-6
+"""How far an axis may exceed its range by rounding, radians."""
 _AGAIN = "make it again with shrm brdf --save"
 
 Stored = tuple[Array, tuple[Array, ...], TableSettings]
 
 
 def read_table(path: str | os.PathLike[str]) -> Stored:
-    """Values, shape (theta_h, theta_d, phi_d, 1 or 3), axes (radians) and settings of a table.
+    """Read a table, OpenEXR or .npz, whatever its name ends with.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    values : ndarray, shape (theta_h, theta_d, phi_d, 1 or 3)
+    axes : tuple of three ndarray
+        The angles of the values, radians.
+    settings : TableSettings
 
     Raises
     ------
@@ -60,34 +78,64 @@ def read_table(path: str | os.PathLike[str]) -> Stored:
         raise BrdfError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
-def write_npz(path: str | os.PathLike[str], table: Table) -> None:
-    """Write a table as .npz, whole or not at all; the same table gives the same bytes.
+def write_table(path: str | os.PathLike[str], table: Table) -> None:
+    """Write a table, whole or not at all, as OpenEXR or .npz.
+
+    The same table gives the same bytes.
+
+    Parameters
+    ----------
+    path : path-like
+        The suffix, .exr or .npz, decides on the format.
+    table : Table
 
     Raises
     ------
     OutputError
+        If the name has another suffix, or the file cannot be written.
     """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".npz":
+        _write_npz(path, table)
+    elif suffix == ".exr":
+        _write_exr(path, table)
+    else:
+        raise OutputError(f"{path}: a table is written as {' or '.join(TABLE_SUFFIXES)}")
+
+
+def is_table(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file is a readable OpenEXR image that says it is a table of a BRDF."""
+    found = peek(path)
+    return found is not None and bool(found.first.text(ATTRIBUTE))
+
+
+def _write_exr(path: str | os.PathLike[str], table: Table) -> None:
+    rows = table.table.shape[0]
+    planes = table.table.reshape(rows, -1, table.table.shape[-1])
+    channels = {name: planes[..., k % planes.shape[-1]] for k, name in enumerate("RGB")}
+    axes = {name: axis.tolist() for name, axis in zip(AXES, table.axes, strict=True)}
+    settings = json.dumps({**_settings_object(table.settings), "axes": axes})
+    write_parts(path, [Part(channels, {ATTRIBUTE: settings})], "float")
+
+
+def _write_npz(path: str | os.PathLike[str], table: Table) -> None:
     arrays: dict[str, Any] = dict(zip(AXES, table.axes, strict=True))
-    arrays |= {"values": table.table, "settings": json.dumps(settings_object(table.settings))}
+    arrays |= {"values": table.table, "settings": json.dumps(_settings_object(table.settings))}
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         np.savez_compressed(stream, **arrays)
 
 
-def settings_object(settings: TableSettings) -> dict[str, Any]:
-    """Settings as the JSON of a file, but for the axes."""
+def _settings_object(settings: TableSettings) -> dict[str, Any]:
+    """Return the JSON object of a file's settings, without the axes."""
     return {"version": _VERSION, **vars(settings)}
 
 
 def _read_exr(path: Path) -> Stored:
-    import OpenImageIO as oiio
-
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        with suppress(UnicodeDecodeError):  # it quotes the file's bytes
-            oiio.geterror()  # or it is printed when the process ends
+    found = peek(path)
+    if found is None:
         raise BrdfError(f"{path}: damaged or truncated; copy it, or {_AGAIN}")
-    spec = source.spec()
-    text = spec.get_string_attribute(ATTRIBUTE)
+    part = found.first
+    text = part.text(ATTRIBUTE)
     if not text:
         raise BrdfError(f"{path}: an image, but not a table of a BRDF; shrm brdf --save makes one")
     held = _json_object(path, text)
@@ -96,26 +144,26 @@ def _read_exr(path: Path) -> Stored:
         raise BrdfError(f"{path}: its {ATTRIBUTE} lacks the axes {', '.join(AXES)}; {_AGAIN}")
     axes = tuple(_axis(path, name, listed[name]) for name in AXES)
     rows, middle, inner = (len(axis) for axis in axes)
-    if (spec.width, spec.height) != (middle * inner, rows) or spec.deep:
+    if (part.width, part.height) != (middle * inner, rows):
         raise BrdfError(
-            f"{path}: {spec.width} x {spec.height} pixels do not fit its axes; {_AGAIN}"
+            f"{path}: {part.width} x {part.height} pixels do not fit its axes; {_AGAIN}"
         )
-    if tuple(spec.channelnames) != ("R", "G", "B"):
+    if not part.holds("RGB"):
         raise BrdfError(f"{path}: its channels are not R, G and B; {_AGAIN}")
-    _check_cells(path, spec.width * spec.height)
-    pixels = source.read_image(0, 0, 0, 3, oiio.FLOAT)
-    if pixels is None:
-        with suppress(UnicodeDecodeError):
-            source.geterror()
-        raise BrdfError(f"{path}: damaged or truncated; copy it, or {_AGAIN}")
-    values = np.asarray(pixels).reshape(rows, middle, inner, 3)
-    return _finite(path, values), axes, _settings(path, held)
+    _check_cells(path, part.width * part.height)
+    try:
+        pixels = part.read("RGB")
+    except MapError:
+        raise BrdfError(
+            f"{path}: damaged, truncated, or holds NaN or infinite values; copy it, or {_AGAIN}"
+        ) from None
+    return _finite(path, pixels.reshape(rows, middle, inner, 3)), axes, _settings(path, held)
 
 
 def _read_npz(path: Path) -> Stored:
     try:
         with zipfile.ZipFile(path) as archive:
-            # Sizes come from the archive's directory: nothing is unpacked before they are checked.
+            # The archive's directory tells sizes, which are checked before anything is unpacked.
             members = {info.filename: info for info in archive.infolist()}
             missing = [name for name in ("values", *AXES) if f"{name}.npy" not in members]
             if missing:
@@ -138,7 +186,7 @@ def _read_npz(path: Path) -> Stored:
 def _array(
     path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, dimensions: int, kind: str = "f"
 ) -> NDArray[Any]:
-    """An array of an archive, of floats or text, whose size is checked before it is unpacked."""
+    """Read an array of floats or text from an archive, but check its size before unpacking it."""
     name = info.filename
     if info.file_size > (_MOST_SETTINGS if kind == "U" else 3 * 8 * MOST_CELLS + _MOST_SETTINGS):
         raise BrdfError(f"{path}: {name} unpacks to {info.file_size:,} bytes, which is too much")
@@ -165,7 +213,7 @@ def _npy_header(path: Path, name: str, stream: Any) -> tuple[tuple[int, ...], bo
 
 
 def _axis(path: Path, name: str, values: Any) -> Array:
-    """An axis of finite, ascending angles within its range."""
+    """Check that an axis consists of finite, ascending angles within its range, and return it."""
     try:
         axis = np.asarray(values, dtype=float)
     except (ValueError, TypeError, OverflowError):

@@ -1,0 +1,113 @@
+"""How commands refuse options that do not apply, by one rule and in the same words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import click
+from click.core import ParameterSource
+
+from shrm_cli.errors import ArgumentError
+
+_ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
+
+
+@dataclass(frozen=True)
+class Applies:
+    """Whether an option applies.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether the option applies in this run.
+    words : str
+        Where the option applies, for the error message: ``with --probe`` or ``to maps``.
+    """
+
+    holds: bool
+    words: str
+
+
+def flags(message: str) -> str:
+    """Replace the arguments in a message of the library by flags of the command line.
+
+    The library writes arguments in backticks: `size` becomes --size, and `split=False` becomes
+    --no-split.
+    """
+    return _ARGUMENT.sub(
+        lambda found: ("--no-" if found[2] else "--") + found[1].replace("_", "-"), message
+    )
+
+
+def given_options() -> dict[str, str]:
+    """Return the options given on the command line: flags by the names of their values."""
+    context = click.get_current_context()
+    return {
+        param.name: param.opts[0]
+        for param in context.command.params
+        if param.name
+        and param.expose_value
+        and isinstance(param, click.Option)
+        and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
+    }
+
+
+def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
+    """Refuse options that are given on the command line and would have no effect.
+
+    Parameters
+    ----------
+    rules : mapping of str to Applies
+        Rules by the names of the options' values. Options without a rule always apply.
+
+    Raises
+    ------
+    click.UsageError
+        If an option was given that does not apply.
+    """
+    for name, flag in given_options().items():
+        rule = rules.get(name)
+        if rule is not None and not rule.holds:
+            raise click.UsageError(
+                f"{flag} applies {rule.words}; leave it out", click.get_current_context()
+            )
+
+
+@contextmanager
+def renamed(**options: str) -> Iterator[None]:
+    """Within this context refusals of an argument speak of the option that it came from.
+
+    Parameters
+    ----------
+    **options
+        By the library's name of an argument: the command's name for it.
+
+    Raises
+    ------
+    ArgumentError
+        If the block raises one.
+    """
+    try:
+        yield
+    except ArgumentError as error:
+        name = options.get(error.argument, error.argument)
+        raise ArgumentError(name, error.message) from None
+
+
+def exclude(one: str, other: str) -> None:
+    """Refuse two options, given by the names of their values, that contradict each other.
+
+    Raises
+    ------
+    click.UsageError
+        If both are given on the command line.
+    """
+    given = given_options()
+    if one in given and other in given:
+        raise click.UsageError(
+            f"{given[one]} and {given[other]} exclude each other; leave one out",
+            click.get_current_context(),
+        )

@@ -1,0 +1,228 @@
+"""Files of images in any container format: their parts, with channels and attributes.
+
+Each container format has a module in this folder; `vocabulary.CONTAINERS` names it by the suffix of
+the files. The module writes a file with ``write(path, parts, pixel_type)``. It opens a file with
+``open_file(path)``, which returns a `StoredFile`, or None if the file is of another format.
+"""
+
+import importlib
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError, OutputError
+from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
+
+Array = NDArray[np.floating]
+
+_HALF_MAX = float(np.finfo(np.float16).max)
+_FLOAT_MAX = float(np.finfo(np.float32).max)
+_HALF_OVERFLOW = _HALF_MAX + 16  # values from here on round to infinity
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a file to write.
+
+    Attributes
+    ----------
+    channels : dict of str to ndarray, shape (H, W)
+        Channels by name.
+    header : dict
+        Attributes by name: numbers, text or tuples of numbers. ``name`` is the name of the part,
+        which every part of a file with several parts must have. ``envmap`` says that the image is
+        a border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``.
+        ``displayWindow`` is the width and height of the canvas that parts of different sizes
+        share.
+    """
+
+    channels: dict[str, Array]
+    header: dict[str, Any] = field(default_factory=dict)
+
+
+class StoredPart(ABC):
+    """One part of an opened file.
+
+    Attributes
+    ----------
+    path : str
+        Name of the file, for messages.
+    name : str
+        Name of the part; empty if it has none.
+    width, height : int
+        Pixels.
+    channel_names : tuple of str
+    border_sampled : bool
+        Whether the file says that the pixels at the edge of the image lie on the poles, the seam
+        or the cube's edges.
+    """
+
+    path: str
+    name: str
+    width: int
+    height: int
+    channel_names: tuple[str, ...]
+    border_sampled: bool
+
+    @abstractmethod
+    def attribute(self, name: str) -> Any:
+        """Return the value of an attribute, or None if the part has no such attribute."""
+
+    @abstractmethod
+    def holds(self, names: Sequence[str]) -> bool:
+        """Return whether the part has exactly these channels, all half or 32-bit float."""
+
+    @abstractmethod
+    def read(self, names: Sequence[str]) -> Array:
+        """Read the named channels as float32, shape (H, W, len(names)).
+
+        Raises
+        ------
+        MapError
+            If the file is damaged, or a value is not finite.
+        """
+
+    def text(self, name: str) -> str:
+        """Return the value of a text attribute, or an empty string if there is none."""
+        value = self.attribute(name)
+        return value if isinstance(value, str) else ""
+
+
+class StoredFile(ABC):
+    """An opened file.
+
+    Attributes
+    ----------
+    path : str
+    part_count : int
+        The number of parts according to the beginning of the file. It is known before the parts
+        themselves are read.
+    first : StoredPart
+        The first part.
+    """
+
+    path: str
+    part_count: int
+    first: StoredPart
+
+    @cached_property
+    @abstractmethod
+    def parts(self) -> tuple[StoredPart, ...]:
+        """All parts, in the file's order."""
+
+
+def write_parts(
+    path: str | os.PathLike[str], parts: Sequence[Part], precision: Precision = "auto"
+) -> PixelType:
+    """Write a file, whole or not at all, in the container format of its suffix.
+
+    Parameters
+    ----------
+    path : path-like
+    parts : sequence of Part
+    precision : {"auto", "half", "float"}
+        ``auto`` is half unless a value exceeds its range.
+
+    Returns
+    -------
+    {"half", "float"}
+        The pixel type written.
+
+    Raises
+    ------
+    OutputError
+        If the suffix is unknown, a value is not finite, half would overflow, or the file cannot
+        be written.
+    """
+    container = _container(path)
+    planes = (plane for part in parts for plane in part.channels.values())
+    pixel_type = choose_pixel_type(path, planes, precision)
+    container.write(path, parts, pixel_type)
+    return pixel_type
+
+
+def choose_pixel_type(
+    path: str | os.PathLike[str], planes: Iterable[Array], precision: Precision
+) -> PixelType:
+    """Choose the pixel type, ``"half"`` or ``"float"``, that a precision means for given values.
+
+    Parameters
+    ----------
+    path : path-like
+        Name of the file, for messages.
+    planes : iterable of ndarray
+        The values.
+    precision : {"auto", "half", "float"}
+
+    Raises
+    ------
+    OutputError
+        If a value is not finite in 32-bit float, or half is asked for and would overflow.
+    """
+    largest = 0.0
+    for plane in planes:
+        # A NaN fails this comparison, so it becomes the largest value, which is then refused.
+        high = float(max(plane.max(), -plane.min())) if plane.size else 0.0
+        largest = largest if high <= largest else high
+        if not largest <= _FLOAT_MAX:
+            raise OutputError(f"{path}: a value is not finite in 32-bit float; dim the light")
+    overflows = largest >= _HALF_OVERFLOW
+    if precision == "half" and overflows:
+        raise OutputError(
+            f"{path}: the value {largest:.6g} overflows half ({_HALF_MAX:.0f}); use `precision` "
+            "auto or float"
+        )
+    return "float" if precision == "float" or overflows else "half"
+
+
+def open_file(path: str | os.PathLike[str]) -> StoredFile:
+    """Open a file of parts.
+
+    Raises
+    ------
+    MapError
+        If it is missing, is not a regular file, or is of no known container format.
+    """
+    if not Path(path).exists():
+        raise MapError(f"{path}: no such file")
+    if not Path(path).is_file():  # opening a pipe would block
+        kind = "a directory" if Path(path).is_dir() else "not a regular file"
+        raise MapError(f"{path}: {kind}; name a map")
+    found = peek(path)
+    if found is None:
+        raise MapError(f"{path}: not an OpenEXR file, or a damaged one; shrm prefilter makes maps")
+    return found
+
+
+def peek(path: str | os.PathLike[str]) -> StoredFile | None:
+    """Open a file of parts; return None if it is missing or of no known format."""
+    if not Path(path).is_file():
+        return None
+    for name in CONTAINERS.values():
+        module = importlib.import_module(f"shrm_cli.files.{name}")
+        found: StoredFile | None = module.open_file(path)
+        if found is not None:
+            return found
+    return None
+
+
+def _container(path: str | os.PathLike[str]) -> ModuleType:
+    """Return the module that writes files with the suffix of a name.
+
+    Raises
+    ------
+    OutputError
+        If the suffix is not that of a container format.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in CONTAINERS:
+        raise OutputError(f"{path}: what is written is {' or '.join(CONTAINERS)}; name it so")
+    return importlib.import_module(f"shrm_cli.files.{CONTAINERS[suffix]}")

@@ -1,0 +1,35 @@
+"""The options of `shrm prefilter --to cabral` and of the other explicit maps.
+
+All explicit maps of the vocabulary share one description, to which each adds options of its own.
+This module loads no numpy.
+"""
+
+from shrm_cli.maps.options import BRDF_ARGUMENTS, CUBE_ARGUMENTS, Option, Representation
+from shrm_cli.vocabulary import REPRESENTATIONS
+
+_TAKES = BRDF_ARGUMENTS | CUBE_ARGUMENTS
+_SLICES = Option(
+    "slices",
+    "Angles theta_o of a kautz-mccool map.  [default: 10 P]",
+    "integer",
+    limits=(1, 1024),
+    metavar="T",
+    converts=True,
+)
+_VIEWS = Option(
+    "views",
+    "A lightfield has T x T views.  [default: 10 P]",
+    "integer",
+    limits=(1, 128),
+    metavar="T",
+    converts=True,
+)
+
+_TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
+_OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
+
+DESCRIPTIONS = {
+    name: Representation(name, _TITLES.get(name, name), _TAKES, _OWN.get(name, ()))
+    for name, module in REPRESENTATIONS.items()
+    if module.startswith("explicit.")
+}

@@ -1,0 +1,114 @@
+"""How explicit maps are made: from an SHRM, or by one integral for each texel and view."""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps import registry
+from shrm_cli.maps.explicit.explicit import ExplicitMap
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.shrm.prefilter import centered, order_warnings, prefilter_shrm
+from shrm_cli.maps.size import choose_size
+from shrm_cli.orders import Orders
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
+from shrm_cli.vocabulary import DEFAULT_EPS, Sampling
+
+
+def prefilter(
+    probe: Probe,
+    brdf: Brdf,
+    to: str,
+    eps: float = DEFAULT_EPS,
+    order_f: int | None = None,
+    order_p: int | None = None,
+    center: str | None = None,
+    domain: str = "frequency",
+    source_height: int | None = None,
+    frame: str = "global",
+    size: int | None = None,
+    sampling: Sampling = "center",
+    slices: int | None = None,
+    views: int | None = None,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
+
+    Raises
+    ------
+    ArgumentError, OrderError, ProbeError, BrdfError, MapError
+    """
+    if frame == "local":
+        raise ArgumentError("frame", "local applies with `to` shrm")
+    is_angular = domain == "angular"
+    if is_angular and (order_f, order_p) != (None, None):
+        given = "order_p" if order_f is None else "order_f"
+        raise ArgumentError(given, "applies with `domain` frequency")
+    if source_height is not None and not is_angular:
+        raise ArgumentError("source_height", "applies with `domain` angular")
+    kind = explicit_kind(to)
+    count = kind.view_count(slices, views)
+    brdf, notes = centered(brdf, eps, center)
+    if is_angular:
+        from shrm_cli.maps.explicit.angular import prefilter_angular
+
+        made = prefilter_angular(
+            probe, brdf, eps, kind, count, size, sampling, source_height, progress
+        )
+        return replace(made, notes=notes)
+    made = prefilter_explicit(
+        probe, brdf, eps, to, order_f, order_p, count, size, sampling, np.float32, progress
+    )
+    return replace(made, notes=notes, warnings=order_warnings(made, brdf, eps, order_p))
+
+
+def explicit_kind(representation: str) -> type[ExplicitMap]:
+    """Return the class of the explicit maps of a representation."""
+    return cast(type[ExplicitMap], registry.map_class(representation))
+
+
+def prefilter_explicit(
+    probe: Probe,
+    brdf: Brdf,
+    tolerance: float,
+    representation: str,
+    order_f: int | None = None,
+    order_p: int | None = None,
+    view_count: int | None = None,
+    size: int | None = None,
+    sampling: Sampling = "center",
+    dtype: type = np.float64,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Prefilter a probe in the frequency domain, and tabulate the SHRM.
+
+    Parameters
+    ----------
+    representation : str
+        The representation of an explicit map.
+    view_count : int, optional
+        Samples along an axis of the view; `ExplicitMap.default_view_count` of P by default.
+    probe, brdf, tolerance, order_f, order_p, size, sampling, dtype, progress
+        The same as for `prefilter_shrm`.
+
+    Raises
+    ------
+    OrderError, ProbeError, BrdfError, MapError
+        If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
+        too large.
+    """
+    kind = explicit_kind(representation)
+
+    def check(orders: Orders) -> None:
+        views = kind.default_view_count(orders.order_p) if view_count is None else view_count
+        edge = choose_size(orders.order_f) if size is None else size
+        kind.check_images(edge, kind.image_count(views))
+
+    made = prefilter_shrm(
+        probe, brdf, tolerance, order_f, order_p, size,
+        sampling=sampling, dtype=dtype, progress=progress, check=check,
+    )  # fmt: skip
+    return replace(made, map=kind.from_shrm(made.map.to_shrm(), view_count))

@@ -1,0 +1,103 @@
+"""Writing maps of every representation to files, and reading them back."""
+
+import os
+
+from shrm_cli.errors import MapError
+from shrm_cli.files.parts import StoredFile, open_file, peek, write_parts
+from shrm_cli.maps import registry
+from shrm_cli.maps.arrangement import Arrangement
+from shrm_cli.maps.attributes import has_map_attributes, read_attributes
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.vocabulary import Orientation, Precision
+
+
+def save(
+    path: str | os.PathLike[str],
+    reflection_map: Map,
+    precision: Precision = "auto",
+    layout: str = "openexr",
+    orientation: Orientation = "openexr",
+) -> str:
+    """Write a map to a file, completely or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+    reflection_map : Map
+    precision : {"auto", "half", "float"}
+        ``auto`` is float for an SH exponential. For other maps it is half unless a value exceeds
+        the range of half.
+    layout, orientation
+        The layout of the images and the orientation of cube faces; OpenEXR's stacked cube by
+        default.
+
+    Returns
+    -------
+    str
+        The pixel type written, ``"half"`` or ``"float"``.
+
+    Raises
+    ------
+    OutputError
+        If half would overflow, or the file cannot be written.
+    MapError
+        If the map cannot be written in that layout.
+    """
+    arrangement = Arrangement(layout, orientation, reflection_map.sampling)
+    if layout == "latlong" and reflection_map.turns_with_texels:
+        raise MapError(
+            f"{path}: a local map cannot be resampled as a lat-long; take `frame` global"
+        )
+    if not (arrangement.is_plain or reflection_map.is_rearrangeable):
+        raise MapError(f"{path}: {reflection_map.what} is written as OpenEXR's cube only")
+    if precision == "auto":
+        precision = reflection_map.natural_precision
+    parts = [arrangement.arranged(part) for part in reflection_map.encode()]
+    return write_parts(path, parts, precision)
+
+
+def open_map(path: str | os.PathLike[str]) -> Map:
+    """Read a map that `save` wrote.
+
+    Raises
+    ------
+    MapError
+        If the file is missing, damaged or too large, or is not a map.
+    """
+    file = open_file(path)
+    attributes = read_attributes(file.first)
+    _check_amount(file)
+    name = attributes["representation"]
+    is_plain = (attributes["layout"], attributes["orientation"]) == ("openexr", "openexr")
+    if not (is_plain or registry.map_class(name).is_rearrangeable):
+        raise MapError(
+            f"{path}: a {name} map is never laid out as {attributes['layout']}; make it again"
+        )
+    found: Map = registry.module(name, "file").decode(file)
+    return found
+
+
+def is_map(path: str | os.PathLike[str]) -> bool:
+    """Whether a readable file carries the attributes of a map."""
+    file = peek(path)
+    return file is not None and has_map_attributes(file.first)
+
+
+def _check_amount(file: StoredFile) -> None:
+    """Refuse a file of too many values to load.
+
+    The number is estimated from the first part, so that a huge file is refused before its other
+    parts are looked at.
+
+    Raises
+    ------
+    MapError
+    """
+    first = file.first
+    values = file.part_count * len(first.channel_names) * first.width * first.height
+    if values <= MAX_VALUES:
+        found = (len(part.channel_names) * part.width * part.height for part in file.parts)
+        values = max(values, sum(found))
+    if values > MAX_VALUES:
+        raise MapError(f"{file.path}: {values:,} values are too many to load")

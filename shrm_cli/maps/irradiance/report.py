@@ -1,0 +1,43 @@
+"""The lines that `shrm prefilter` prints about an irradiance map. This module loads no numpy."""
+
+from typing import TYPE_CHECKING, Any
+
+from shrm_cli.maps.options import counted
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.irradiance.irradiance import Irradiance
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return lines for people: first what the map is, then what is known of it.
+
+    Parameters
+    ----------
+    result : dict
+        The object that `shrm prefilter --json` prints.
+    """
+    size, window = result["size"], result["window"]
+    lines = [
+        f"irradiance, {counted(result['coefficients'], 'coefficient')} and a cube of "
+        f"6 x {size} x {size} texels",
+        f"order          F = {result['order_f']}",
+        f"RMS error      {result['predicted_error']:.2%} of the irradiance predicted",
+    ]
+    least = f"minimum        {result['minimum_irradiance']:.4g} over all sides and channels"
+    if window["name"] == "none":
+        asked = " is needed" if window["asked"] == "auto" else ""
+        return [*lines, f"window         none{asked}", least]
+    width = "" if window["width"] is None else f" of width {window['width']:.4g}"
+    return [
+        *lines,
+        f"window         {window['name']}{width}: takes "
+        f"{window['energy_lost']:.2%} of the energy, changes {window['change']:.2%} (RMS)",
+        f"{least}, {result['minimum_without_window']:.4g} without the window",
+    ]
+
+
+def printed(made: "Irradiance", shader: str) -> str:
+    """Return the code that ``--shader`` asks for, with the map's numbers in it."""
+    from shrm_cli.maps.irradiance.shader import irradiance_snippet
+
+    return irradiance_snippet(made, shader)

@@ -1,0 +1,265 @@
+"""The arguments of prefiltering: how representations describe them, and which values they have.
+
+This module and the module ``options`` in each representation's folder load no numpy, because
+``shrm --help`` reads them.
+"""
+
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.vocabulary import (
+    CENTERS,
+    DEFAULT_EPS,
+    DOMAINS,
+    FRAMES,
+    MAX_CUBE_SIZE,
+    MAX_LEVELS,
+    MAX_ORDER_F,
+    MAX_ORDER_P,
+    MAX_SOURCE_HEIGHT,
+    MIN_CUBE_SIZE,
+    SAMPLINGS,
+)
+
+
+@dataclass(frozen=True)
+class Option:
+    """An argument of `shrm_cli.prefilter.prefilter`, which is an option of the command too.
+
+    Attributes
+    ----------
+    name : str
+        The name of the argument. The command line's flag has dashes in place of underscores.
+    help : str
+        What the argument does, for ``shrm prefilter --help``.
+    kind : str
+        What its values are: ``integer`` is a whole number within `limits`, ``fraction`` a number
+        between 0 and 1, ``choice`` one of `choices`, ``switch`` yes or no, ``text`` any text,
+        ``interval`` two rising numbers within `limits`, ``levels`` the number of levels of a
+        split sum or the roughness of each, ``components`` the number of principal components of
+        an SHRM or the error that may be added.
+    choices : tuple of str
+        The values that a ``choice`` may have.
+    limits : tuple of 2 float
+        The least and the largest value.
+    metavar : str
+        What stands for the value in the help; where it is empty, the kind determines it.
+    converts : bool
+        Whether ``shrm convert`` takes the argument too.
+    prints : bool
+        Whether the argument only asks the command for more output, and does not change the map.
+    """
+
+    name: str
+    help: str
+    kind: str
+    choices: tuple[str, ...] = ()
+    limits: tuple[float, float] = (0, 1)
+    metavar: str = ""
+    converts: bool = False
+    prints: bool = False
+
+    def checked(self, value: object) -> Any:
+        """Return a value as the makers of maps take it: numbers of numpy become Python's.
+
+        Raises
+        ------
+        ArgumentError
+            If it is of another kind or outside the limits.
+        """
+        try:
+            found = _CHECKS[self.kind](self, value)
+        except (TypeError, ValueError, OverflowError):
+            found = None
+        if found is None:
+            raise ArgumentError(self.name, f"{value!r} is not {self._wanted()}")
+        return found
+
+    def _wanted(self) -> str:
+        """Return what a value must be, in words."""
+        low, high = self.limits
+        return {
+            "integer": f"a whole number of {low} .. {high}",
+            "fraction": "a number between 0 and 1",
+            "choice": f"one of {', '.join(self.choices)}",
+            "switch": "True or False",
+            "text": "text",
+            "interval": f"two numbers that rise within {low:g} .. {high:g}",
+            "levels": f"a number of levels, 1 .. {MAX_LEVELS}, or the roughnesses of levels",
+            "components": "a number of components, or an error between 0 and 1",
+        }[self.kind]
+
+
+def _whole(value: object) -> int | None:
+    """Return a whole number, or None for anything else; True and False are no numbers."""
+    return None if isinstance(value, bool) else operator.index(value)  # type: ignore[arg-type]
+
+
+def _whole_within(option: Option, value: object) -> int | None:
+    number = _whole(value)
+    low, high = option.limits
+    return number if number is not None and low <= number <= high else None
+
+
+def _fraction(option: Option, value: object) -> float | None:
+    number = float(value)  # type: ignore[arg-type]
+    return number if 0 < number < 1 and not isinstance(value, str) else None
+
+
+def _choice(option: Option, value: object) -> str | None:
+    return value if isinstance(value, str) and value in option.choices else None
+
+
+def _switch(option: Option, value: object) -> bool | None:
+    return value if isinstance(value, bool) else None
+
+
+def _text(option: Option, value: object) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _interval(option: Option, value: object) -> tuple[float, float] | None:
+    first, last = (float(end) for end in value)  # type: ignore[attr-defined]
+    low, high = option.limits
+    return (first, last) if low <= first <= last <= high else None
+
+
+def _levels(option: Option, value: object) -> int | tuple[float, ...] | None:
+    if hasattr(value, "__iter__"):
+        return tuple(float(roughness) for roughness in value) or None
+    count = _whole(value)
+    return count if count is not None and 1 <= count <= MAX_LEVELS else None
+
+
+def _components(option: Option, value: object) -> int | float | None:
+    if isinstance(value, float):
+        return _fraction(option, value)
+    count = _whole(value)
+    return count if count is not None and count >= 1 else None
+
+
+_CHECKS: dict[str, Callable[[Option, object], Any]] = {
+    "integer": _whole_within,
+    "fraction": _fraction,
+    "choice": _choice,
+    "switch": _switch,
+    "text": _text,
+    "interval": _interval,
+    "levels": _levels,
+    "components": _components,
+}
+
+
+@dataclass(frozen=True)
+class Representation:
+    """The description of a representation, and of the arguments that it obeys.
+
+    Attributes
+    ----------
+    name : str
+        The name, as ``--to`` takes it.
+    title : str
+        The name in tables.
+    takes : frozenset of str
+        The shared arguments of `shrm_cli.prefilter.prefilter` that the representation obeys.
+    options : tuple of Option
+        The representation's own arguments.
+    why_no_brdf : str
+        Why the representation takes no BRDF; empty where it needs one.
+    """
+
+    name: str
+    title: str
+    takes: frozenset[str]
+    options: tuple[Option, ...] = ()
+    why_no_brdf: str = ""
+
+    @property
+    def needs_brdf(self) -> bool:
+        """Whether the representation is made for a BRDF, and not from the light alone."""
+        return not self.why_no_brdf
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """All arguments of its making, shared ones and its own."""
+        return self.takes | {option.name for option in self.options if not option.prints}
+
+
+SHARED = {
+    option.name: option
+    for option in (
+        Option(
+            "eps",
+            "Fraction of the BRDF's energy that may be missed; it chooses F and P.  "
+            f"[default: {DEFAULT_EPS:g}]",
+            "fraction",
+            metavar="X",
+        ),
+        Option("order_f", "Order F to use instead.", "integer", limits=(0, MAX_ORDER_F)),
+        Option("order_p", "Order P to use instead.", "integer", limits=(0, MAX_ORDER_P)),
+        Option(
+            "center",
+            "Central direction of the map; auto takes the one with the fewest coefficients.  "
+            "[default: the BRDF's own]",
+            "choice",
+            choices=("auto", *CENTERS),
+        ),
+        Option(
+            "domain",
+            "Where to prefilter explicit maps; angular takes minutes.  [default: frequency]",
+            "choice",
+            choices=DOMAINS,
+        ),
+        Option(
+            "source_height",
+            "In the angular domain: average the probe down to 2H x H first.",
+            "integer",
+            limits=(2, MAX_SOURCE_HEIGHT),
+            metavar="H",
+        ),
+        Option(
+            "frame",
+            "Axes of the view in the map: the world's, or each texel's own.  [default: global]",
+            "choice",
+            choices=FRAMES,
+        ),
+        Option(
+            "size",
+            "Texels along a face's edge.  [default: from F]",
+            "integer",
+            limits=(MIN_CUBE_SIZE, MAX_CUBE_SIZE),
+        ),
+        Option("sampling", "Where the edge texels of the map lie.", "choice", choices=SAMPLINGS),
+    )
+}
+"""The arguments that several representations share, by name."""
+
+CUBE_ARGUMENTS = frozenset(("size", "sampling"))
+"""The arguments that representations which hold cubes share."""
+
+BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS
+"""The arguments that representations which are made for a BRDF share."""
+
+
+def owners(descriptions: Mapping[str, Representation], argument: str) -> list[str]:
+    """Return the names of the representations that obey an argument."""
+    return [name for name, each in descriptions.items() if argument in each.arguments]
+
+
+def all_options(descriptions: Mapping[str, Representation]) -> dict[str, Option]:
+    """Return the options of all representations by name, each option once."""
+    return {option.name: option for each in descriptions.values() for option in each.options}
+
+
+def listing(names: Sequence[str], word: str) -> str:
+    """Join names by commas, and the last by a word: ``a, b or c``."""
+    *others, last = names
+    return f"{', '.join(others)} {word} {last}" if others else last
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun in the singular or the plural: ``1 level``, ``8 levels``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

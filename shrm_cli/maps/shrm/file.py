@@ -1,0 +1,166 @@
+"""Encoding plain SHRMs, compressed ones and sums of terms as parts of a file, and decoding them."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+from shrm_cli.files.parts import Part, StoredFile
+from shrm_cli.maps.attributes import common_header, shortest
+from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.maps.stored import COLORS, StoredImage
+
+Array = NDArray[np.floating]
+
+
+def coefficient_channels(order_p: int, zonal: bool = False) -> list[str]:
+    """Return the names of an SHRM's channels: ``sh000.R sh000.G sh000.B sh001.R ...``.
+
+    A zonal SHRM has the channels of q = 0 only, under the same names.
+    """
+    order = [(p, q) for p in range(order_p + 1) for q in range(-p, p + 1)]
+    return [
+        f"sh{index:03d}.{c}"
+        for index, (_, q) in enumerate(order)
+        if q == 0 or not zonal
+        for c in COLORS
+    ]
+
+
+def component_channels(count: int) -> list[str]:
+    """Return the names of a compressed SHRM's channels: ``pc000.R pc000.G ...``."""
+    return [f"pc{k:03d}.{c}" for k in range(count) for c in COLORS]
+
+
+def term_names(count: int) -> list[str]:
+    """Return the names of the parts of a sum: ``term00``, ``term01`` and so on."""
+    return [f"term{k:02d}" for k in range(count)]
+
+
+def encode(shrm: Shrm | CompressedShrm | SummedShrm) -> list[Part]:
+    """Return the part of a file that holds a map, or one part for each term of a sum.
+
+    Every part of a sum carries what is known of the whole sum.
+    """
+    if isinstance(shrm, SummedShrm):
+        return _encode_sum(shrm)
+    return [_encode_compressed(shrm) if isinstance(shrm, CompressedShrm) else _encode_plain(shrm)]
+
+
+def _encode_plain(shrm: Shrm) -> Part:
+    channels = _channels(coefficient_channels(shrm.order_p), shrm.coefficients)
+    if shrm.azimuth_free:
+        zonal = coefficient_channels(shrm.order_p, zonal=True)
+        channels = {name: channels[name] for name in zonal}
+    return Part(channels, common_header(shrm, shrm.order_p))
+
+
+def _encode_compressed(shrm: CompressedShrm) -> Part:
+    rows = [[shortest(x) for x in row] for row in shrm.matrix]
+    header = common_header(shrm, shrm.order_p) | {"shrm:pca_matrix": json.dumps(rows)}
+    return Part(_channels(component_channels(shrm.cube_count), shrm.components), header)
+
+
+def _encode_sum(summed: SummedShrm) -> list[Part]:
+    size, info = summed.size, summed.info
+    whole: dict[str, Any] = {
+        "shrm:version": summed.format_version,
+        "shrm:predicted_error": float(info.predicted_error),
+        "shrm:brdf_energy_captured": float(info.captured),
+        "shrm:epsilon": float(info.tolerance),
+        "displayWindow": (size, 6 * size),
+    }
+    if info.added_error:
+        whole["shrm:added_error"] = float(info.added_error)
+    parts = [part for term in summed.terms for part in encode(term)]
+    return [
+        Part(part.channels, {"name": name, **part.header, **whole})
+        for name, part in zip(term_names(len(parts)), parts, strict=True)
+    ]
+
+
+def _channels(names: Sequence[str], values: Array) -> dict[str, Array]:
+    """Return the planes of values, shape (6N, N, maps, 3), by the names of their channels."""
+    flat = [values[..., index, k] for index in range(values.shape[2]) for k in range(3)]
+    return dict(zip(names, flat, strict=True))
+
+
+def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
+    """Read the SHRM that a file holds.
+
+    Raises
+    ------
+    MapError
+        If parts, channels or attributes are missing or contradict each other, or if there are too
+        many coefficients to load.
+    """
+    if len(file.parts) == 1:
+        return _decode_term(StoredImage.of(file.first))
+    images = {part.name: StoredImage.of(part) for part in file.parts}
+    names = term_names(len(file.parts))
+    if sorted(images) != names:
+        raise MapError(f"{file.path}: its parts are not the terms of an SHRM; make it again")
+    terms = tuple(_decode_term(images[name]) for name in names)
+    # Every part carries what is known of the sum, but the orders of its own term.
+    info = replace(
+        terms[0].info,
+        order_f=max(term.info.order_f for term in terms),
+        order_p=max(term.order_p for term in terms),
+    )
+    return SummedShrm(terms, info)
+
+
+def _decode_term(image: StoredImage) -> Shrm | CompressedShrm:
+    if image.part.text("shrm:pca_matrix"):
+        return _decode_compressed(image)
+    return _decode_plain(image)
+
+
+def _decode_plain(image: StoredImage) -> Shrm:
+    order_p, size = image.attributes["P"], image.size
+    every, zonal = coefficient_channels(order_p), coefficient_channels(order_p, zonal=True)
+    stored = len(image.part.channel_names)
+    is_zonal = image.attributes["frame"] == "local" and stored == len(zonal)
+    names = zonal if is_zonal else every
+    if stored * len(every) / len(names) * 6 * size**2 > MAX_VALUES:
+        raise MapError(f"{image.path}: its coefficients are too many to load")
+    image.check_channels(names, f"an SHRM of order P = {order_p}")
+    coefficients = np.zeros((6 * size, size, len(every)), dtype=np.float32)
+    coefficients[..., [every.index(name) for name in names]] = image.stack(names)
+    shaped = coefficients.reshape(*coefficients.shape[:2], -1, 3)
+    found = Shrm(shaped, image.attributes["frame"], **image.common())
+    image.check_resampling(found.turns_with_texels)
+    return found
+
+
+def _decode_compressed(image: StoredImage) -> CompressedShrm:
+    order_p, size = image.attributes["P"], image.size
+    matrix = _matrix(image.part.text("shrm:pca_matrix"))
+    if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
+        raise MapError(
+            f"{image.path}: its attribute shrm:pca_matrix is not K x {(order_p + 1) ** 2} "
+            "numbers; make it again"
+        )
+    names = component_channels(len(matrix))
+    image.check_channels(names, f"an SHRM compressed to {len(matrix)} components")
+    if matrix.shape[1] * 18 * size**2 > MAX_VALUES:
+        raise MapError(f"{image.path}: its coefficients are too many to load")
+    image.check_resampling(image.attributes["frame"] == "local")
+    components = image.stack(names).reshape(6 * size, size, -1, 3)
+    return CompressedShrm(components, matrix, image.attributes["frame"], **image.common())
+
+
+def _matrix(text: str) -> Array | None:
+    """Read a matrix of finite numbers from JSON; the result is None for any other text."""
+    try:
+        values = np.array(json.loads(text), dtype=float)
+    except (ValueError, TypeError, RecursionError, OverflowError):
+        return None
+    return values if values.ndim == 2 and values.size and np.isfinite(values).all() else None

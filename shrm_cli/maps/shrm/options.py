@@ -1,0 +1,25 @@
+"""The options of `shrm prefilter --to shrm`. This module loads no numpy."""
+
+from shrm_cli.maps.options import BRDF_ARGUMENTS, CUBE_ARGUMENTS, Option, Representation
+
+DESCRIPTIONS = {
+    "shrm": Representation(
+        "shrm",
+        "SHRM",
+        BRDF_ARGUMENTS | CUBE_ARGUMENTS,
+        (
+            Option(
+                "split",
+                "Prefilter diffuse and glossy terms each about its own centre.  "
+                "[default: by count]",
+                "switch",
+            ),
+            Option(
+                "compress",
+                "Keep K principal components of an SHRM, or as many as an error X needs.",
+                "components",
+                converts=True,
+            ),
+        ),
+    )
+}

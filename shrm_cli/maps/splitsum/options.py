@@ -1,0 +1,22 @@
+"""The options of `shrm prefilter --to splitsum`. This module loads no numpy."""
+
+from shrm_cli.maps.options import CUBE_ARGUMENTS, Option, Representation
+from shrm_cli.vocabulary import LEVEL_MAPPINGS
+
+DESCRIPTIONS = {
+    "splitsum": Representation(
+        "splitsum",
+        "split sum",
+        CUBE_ARGUMENTS,
+        (
+            Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
+            Option(
+                "mapping",
+                "splitsum: how roughness rises with the level.  [default: linear]",
+                "choice",
+                choices=LEVEL_MAPPINGS,
+            ),
+        ),
+        why_no_brdf="a split sum is of GGX",
+    )
+}

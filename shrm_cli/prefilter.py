@@ -1,0 +1,185 @@
+"""Prefiltering: from a probe, a BRDF and options to a map. The command and the library call this.
+
+The meaning and the default of every option, and the representations that it applies to, are
+decided here and in the folders of the representations, and nowhere else.
+"""
+
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError, ShrmWarning
+from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import SHARED, Representation, listing, owners
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.progress import Progress
+from shrm_cli.vocabulary import REPRESENTATIONS, Domain, Frame, Sampling
+
+
+def prefilter(
+    probe: AnyProbe,
+    brdf: Brdf | str | None = None,
+    *,
+    to: str = "shrm",
+    eps: float | None = None,
+    order_f: int | None = None,
+    order_p: int | None = None,
+    center: str | None = None,
+    domain: Domain | None = None,
+    source_height: int | None = None,
+    frame: Frame | None = None,
+    size: int | None = None,
+    sampling: Sampling | None = None,
+    progress: Progress | None = None,
+    **own: Any,
+) -> Map:
+    """Prefilter a light probe.
+
+    Parameters
+    ----------
+    probe : Probe, path-like or array
+        The light. A path is opened with the defaults of `open_probe`, and an array is read as
+        `Probe.from_array` reads it.
+    brdf : Brdf or str, optional
+        A BRDF, or its specification, such as ``"ggx:roughness=0.4"`` or the path of a measured
+        file. Irradiance, split sums and SH exponentials are made without one.
+    to : str
+        The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
+        ``irradiance``, ``splitsum`` and ``she``.
+    eps : float, optional
+        The fraction of the BRDF's energy that may be missed, in (0, 1); 0.03 by default. The
+        orders F and P are chosen from it.
+    order_f, order_p : int, optional
+        Orders to use instead of the chosen ones.
+    center : {"auto", "reflection", "normal", "tangent"}, optional
+        The central direction of the map, which is the BRDF's own by default. ``auto`` takes the
+        direction that needs the fewest coefficients.
+    domain : {"frequency", "angular"}, optional
+        The domain in which explicit maps are made, ``frequency`` by default.
+    source_height : int, optional
+        The number of rows that the probe is averaged down to first, in the angular domain only.
+    frame : {"global", "local"}, optional
+        The axes of the view in an SHRM: those of the world (the default), or those of each
+        texel's direction.
+    size : int, optional
+        Texels along a face's edge; chosen from F by default.
+    sampling : {"center", "border"}, optional
+        Where the edge texels of the map lie; ``center`` by default.
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+    **own
+        Arguments that belong to single representations: ``split`` (bool) and ``compress`` (a
+        number of components, or the error that may be added) of ``shrm``; ``slices`` of
+        ``kautz-mccool``; ``views`` of ``lightfield``; ``window`` of ``irradiance``; ``levels`` (a
+        number, or the roughness of each) and ``mapping`` of ``splitsum``; ``p_order``,
+        ``q_order``, ``roughness`` (two numbers) and ``law`` of ``she``.
+
+    Returns
+    -------
+    Map
+
+    Warns
+    -----
+    ShrmWarning
+        For each remark about the probe or the map that the user should know.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument does not apply, or has a value that it cannot have.
+    BrdfError, ProbeError, OrderError, MapError
+        If the BRDF or the probe cannot be used, the tolerance cannot be met, or the map would be
+        too large.
+    """
+    given = {
+        "brdf": brdf, "eps": eps, "order_f": order_f, "order_p": order_p, "center": center,
+        "domain": domain, "source_height": source_height, "frame": frame, "size": size,
+        "sampling": sampling, **own,
+    }  # fmt: skip
+    light = as_probe(probe)
+    made = prefilter_with_facts(light, to, given, progress)
+    for line in (*light.report.warnings(), *made.warnings):
+        warnings.warn(line, ShrmWarning, stacklevel=2)
+    return made.map
+
+
+def prefilter_with_facts(
+    probe: Probe, to: str, given: Mapping[str, Any], progress: Progress | None = None
+) -> Prefiltered:
+    """Prefilter a light probe, and keep all that is known of how the map was made, for reports.
+
+    Parameters
+    ----------
+    probe : Probe
+    to : str
+        The representation.
+    given : mapping of str to value
+        The other arguments of `prefilter` by name. An argument that is None counts as not given.
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Raises
+    ------
+    ArgumentError, BrdfError, ProbeError, OrderError, MapError
+        For the same reasons as `prefilter`.
+    """
+    given = {name: value for name, value in given.items() if value is not None}
+    check_arguments(to, given)
+    options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
+    given = {
+        name: _material(value) if name == "brdf" else options[name].checked(value)
+        for name, value in given.items()
+    }
+    make = registry.module(to, "prefilter").prefilter
+    several = len(registry.module(to, "options").DESCRIPTIONS) > 1
+    made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=progress)
+    return made
+
+
+def check_arguments(to: str, given: Iterable[str]) -> None:
+    """Check that a representation is known, obeys all given arguments, and has all that it needs.
+
+    Parameters
+    ----------
+    to : str
+        The representation.
+    given : iterable of str
+        Names of the arguments of `prefilter` that are given.
+
+    Raises
+    ------
+    ArgumentError
+        If the representation is unknown, does not obey an argument, or lacks a BRDF.
+    """
+    if to not in REPRESENTATIONS:
+        raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
+    known = registry.descriptions()
+    chosen, given = known[to], set(given)
+    for name in sorted(given - chosen.arguments):
+        raise _not_for(name, chosen, known)
+    if chosen.needs_brdf and "brdf" not in given:
+        raise ArgumentError("brdf", f"is missing; `to` {to} needs one")
+
+
+def _material(brdf: object) -> Brdf:
+    """Return a BRDF from itself or from its specification."""
+    if isinstance(brdf, str):
+        return parse_spec(brdf)
+    if not isinstance(brdf, Brdf):
+        raise ArgumentError("brdf", f"{brdf!r} is neither a BRDF nor the specification of one")
+    return brdf
+
+
+def _not_for(
+    name: str, chosen: Representation, known: Mapping[str, Representation]
+) -> ArgumentError:
+    """Return the error that refuses an argument which a representation does not obey."""
+    of = owners(known, name)
+    if not of:
+        return ArgumentError(name, "is no argument of prefilter")
+    why = f"; {chosen.why_no_brdf}" if name == "brdf" else ""
+    return ArgumentError(name, f"applies with `to` {listing(of, 'or')}{why}")

@@ -1,0 +1,137 @@
+"""The library as its page and its example use it, and what `import shrm_cli` loads."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import shrm_cli as shrm
+from tests import brute_force
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / "docs" / "library.md").read_text()
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+def python(code, **options):
+    """Standard output of a process that runs some code with this checkout's package."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, **options
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_block_of_the_page_runs(tmp_path):
+    """One after the other, as a reader would type them."""
+    assert len(BLOCKS) >= 6
+    (tmp_path / "probes").mkdir()
+    shutil.copy(ROOT / "probes" / "studio.exr", tmp_path / "probes")
+    # What is printed last is the largest error of a map whose radiance is about 0.5.
+    out = python("\n".join(BLOCKS), cwd=tmp_path)
+    assert float(out.split()[-1]) < 0.02
+    assert (tmp_path / "studio.exr").stat().st_size > 1000
+
+
+def test_the_page_names_what_there_is():
+    for name in ("prefilter", "open_probe", "open_map", "reference", "using", "parse_spec"):
+        assert name in shrm.__all__
+        assert f"`{name}" in PAGE or f"shrm.{name}" in PAGE
+    for name in shrm.__all__:
+        assert getattr(shrm, name) is not None
+
+
+def test_the_example_runs(tmp_path):
+    example = str(ROOT / "examples" / "library.py")
+    code = f"import runpy, sys; sys.argv = ['library.py', '.']; runpy.run_path({example!r})"
+    out = python(code, cwd=tmp_path)
+    predicted, measured = (float(value) for value in re.findall(r"([0-9.]+)%", out)[:2])
+    assert measured < 1.5 * predicted
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "lamp.glossy.exr",
+        "lamp.chain.exr",
+        "lamp.diffuse.exr",
+    }
+
+
+def test_the_import_loads_nothing_heavy():
+    loaded = python("import sys, shrm_cli; print(*(m for m in sys.modules))").split()
+    assert not {"numpy", "OpenEXR", "OpenImageIO", "click"} & set(loaded)
+
+
+@pytest.mark.parametrize("name", ["prefilter", "reference"])
+def test_a_function_is_not_the_submodule_of_its_name(name):
+    """Whatever is imported first."""
+    ask = f"print(callable(shrm_cli.{name}))"
+    both = f"import shrm_cli.maps.explicit.angular, shrm_cli.{name}"
+    assert python(f"import shrm_cli; {both}; {ask}") == "True\n"
+    assert python(f"import shrm_cli; shrm_cli.{name}; {both}; {ask}") == "True\n"
+
+
+def test_unknown_names_are_attribute_errors():
+    with pytest.raises(AttributeError, match="no attribute 'prefiltre'"):
+        shrm.prefiltre  # noqa: B018
+
+
+class Wrapped(shrm.Brdf):
+    """A smooth lobe about the normal, of a color of its own."""
+
+    center = "normal"
+
+    def evaluate(self, light, view):
+        value = (1 + light[..., 2]) * (1 + view[..., 2]) / 8
+        return value[..., None] * np.array([1.0, 0.5, 0.25])
+
+
+def test_reference_and_maps_agree_on_a_class_and_an_array(rng):
+    """Both beside a sum over the pixels that shares no code with them."""
+    pixels = rng.uniform(0, 1, (16, 32, 3)).astype(np.float32)
+    pixels = (pixels + np.roll(pixels, 1, 1) + np.roll(pixels, 2, 1)) / 3
+    probe = shrm.Probe.from_array(pixels, layout="latlong")
+    normals, views = brute_force.unit(rng, 24), brute_force.unit(rng, 24)
+    views = np.where(np.sum(normals * views, -1, keepdims=True) < 0, -views, views)
+    exact = shrm.reference(probe, Wrapped(), normals, views)
+    expected = np.zeros_like(exact)
+    theta = (np.arange(16) + 0.5) * np.pi / 16
+    longitude = -((np.arange(32) + 0.5) / 16 - 1) * np.pi
+    sine, cosine = np.sin(theta)[:, None], np.cos(theta)[:, None]
+    light = np.stack(
+        np.broadcast_arrays(sine * np.sin(longitude), cosine, sine * np.cos(longitude)), axis=-1
+    )
+    # The areas of the pixels' cells, where the package has a quadrature rule.
+    areas = (
+        (np.cos(np.arange(16) * np.pi / 16) - np.cos(np.arange(1, 17) * np.pi / 16)) * np.pi / 16
+    )
+    for k, (normal, view) in enumerate(zip(normals, views, strict=True)):
+        height = light @ normal
+        value = (1 + height) * (1 + view @ normal) / 8 * np.maximum(height, 0)
+        color = np.einsum("ij,ijc,i->c", value, pixels, areas)
+        expected[k] = color * [1.0, 0.5, 0.25]
+    np.testing.assert_allclose(exact, expected, rtol=0.02)
+    made = shrm.prefilter(pixels, Wrapped(), order_f=12, order_p=3)
+    error = made.radiance(normals, views) - exact
+    assert np.sqrt(np.mean(error**2) / np.mean(exact**2)) < 0.02
+
+
+def test_what_the_user_should_know_is_a_warning():
+    pixels = np.ones((8, 16, 3), np.float32)
+    pixels[2, 3] = -1
+    with pytest.warns(shrm.ShrmWarning, match="negative"):
+        shrm.prefilter(pixels, "lambertian")
+
+
+def test_refusals_speak_of_arguments():
+    with pytest.raises(shrm.ArgumentError, match="`levels` applies with `to` splitsum"):
+        shrm.prefilter(np.ones((8, 16, 3)), "phong", levels=3)
+    with pytest.raises(shrm.ArgumentError, match="`brdf` is missing"):
+        shrm.prefilter(np.ones((8, 16, 3)))
+    with pytest.raises(shrm.ArgumentError, match="`level` is no argument"):
+        shrm.prefilter(np.ones((8, 16, 3)), to="splitsum", level=3)
+    with pytest.raises(shrm.ArgumentError, match="'shmr' is none of shrm"):
+        shrm.prefilter(np.ones((8, 16, 3)), to="shmr")

@@ -1,0 +1,45 @@
+"""How far work in stages has come, told as one number that grows."""
+
+import pytest
+
+from shrm_cli.progress import Stages
+
+
+def test_stages_are_of_equal_length():
+    told = []
+    stages = Stages(lambda done, total: told.append(done / total), 4)
+    stages.within(1, 2)
+    stages.done(1, 4)
+    stages.within(3, 12)
+    stages.done(2, 4)
+    stages.done(4, 4)
+    assert told == pytest.approx([1 / 8, 1 / 4, 5 / 16, 1 / 2, 1])
+
+
+@pytest.mark.parametrize("rows", [1, 7, 3000])
+def test_it_grows_to_its_end_whatever_the_units_within(rows):
+    told = []
+    stages = Stages(lambda *what: told.append(what), 3)
+    for stage in range(3):
+        for row in range(rows):
+            stages.within(row + 1, rows)
+        stages.done(stage + 1, 3)
+    assert told == sorted(told)
+    assert len({total for _, total in told}) == 1
+    assert told[-1][0] == told[-1][1]
+
+
+def test_what_comes_after_the_last_stage_takes_no_time():
+    told = []
+    stages = Stages(lambda *what: told.append(what), 2)
+    stages.done(2, 5)
+    stages.within(1, 2)
+    stages.done(5, 5)
+    assert len(set(told)) == 1
+    assert told[0][0] == told[0][1]
+
+
+def test_nobody_need_listen():
+    stages = Stages(None, 2)
+    stages.within(1, 2)
+    stages.done(1, 2)
