@@ -1,0 +1,8 @@
+"""Tests. They run with one thread for BLAS, as `shrm` itself does.
+
+The variables must be set before numpy is imported, so it happens here and not in `conftest.py`.
+"""
+
+from shrm_cli.cli.threads import limit_small_products
+
+limit_small_products()

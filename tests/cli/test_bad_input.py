@@ -265,7 +265,7 @@ def test_outputs_that_are_the_input(folder):
     (folder / "link.exr").symlink_to("probe.exr")
     (folder / "hard.exr").hardlink_to("probe.exr")
     for name in ("probe.exr", f"../{folder.name}/probe.exr", "link.exr", "hard.exr"):
-        refused_output(folder, name, "would overwrite the input; name another output with -o")
+        refused_output(folder, name, "would overwrite the input; name another output")
 
 
 def test_the_input_through_a_link_is_not_overwritten_either(folder):

@@ -43,12 +43,6 @@ def test_our_fit_wins_against_the_exact_split_sum(scene):
         assert exponentials.geometric_mean(ratios) <= 0.55
 
 
-def test_more_coefficients_bring_the_error_down(scene):
-    ours = scene.errors(exponentials.exponentials(scene))
-    more = scene.errors(exponentials.exponentials(scene, p_order=6, q_order=4))
-    assert exponentials.geometric_mean(more / ours) < 0.9
-
-
 def test_exponentials_of_all_probes_at_once_are_those_of_each(scene):
     found = exponentials.exponentials(scene)(1, 0.04)
     single = prefilter_exponential(scene.probes[2]).map.shaded(ROUGHNESSES[1], (0.04,) * 3)

@@ -15,11 +15,12 @@ COUNT = 4000
 GRAZING = -0.8
 """Cosine of V and R below which half of the pairs lie, and a tenth of all views."""
 
-MATERIALS = [
-    ("cornell/krylon_blue.brdf", 0.2),
-    ("rgl/paper_white_rgb.bsdf", 0.03),
-    ("nist/PTFE.532.coeff.csv", 0.03),
+CASES = [
+    ("cornell/krylon_blue.brdf", 0.2, "interior"),
+    ("rgl/paper_white_rgb.bsdf", 0.03, "city"),
+    ("nist/PTFE.532.coeff.csv", 0.03, "interior"),
 ]
+"""A measured material, its tolerance, and the probe that lights it."""
 
 
 def pairs():
@@ -39,8 +40,7 @@ def pairs():
     return normals / np.linalg.norm(normals, axis=1)[:, None], views, weights[:, None]
 
 
-@pytest.mark.parametrize("name", ["interior", "city"])
-@pytest.mark.parametrize(("material", "tolerance"), MATERIALS)
+@pytest.mark.parametrize(("material", "tolerance", "name"), CASES)
 def test_measured_error_is_the_predicted_one(shared, tmp_path, material, tolerance, name):
     """Within 20 %; much of the error lies at grazing views, which few pairs meet."""
     pixels = reduced(shared / "probes" / f"{name}.exr").astype(np.float32)

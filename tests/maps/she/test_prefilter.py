@@ -122,7 +122,7 @@ def test_high_orders_are_not_free_between_the_samples(real_probes):
     path = real_probes / "studio.exr"
     probe = open_probe(path)
     few = error(prefilter_exponential(probe).map, path)
-    for orders in [(8, 8), (4, 10)]:
+    for orders in [(8, 0), (4, 10)]:
         assert error(prefilter_exponential(probe, *orders).map, path) < 0.9 * few
 
 
