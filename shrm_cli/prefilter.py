@@ -51,8 +51,8 @@ def prefilter(
         The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
         ``irradiance``, ``splitsum`` and ``she``.
     eps : float, optional
-        The fraction of the BRDF's energy that may be missed, in (0, 1); 0.03 by default. The
-        orders F and P are chosen from it.
+        The fraction of the BRDF's energy that may be missed, in (0, 1), by default
+        `vocabulary.DEFAULT_EPS`. The orders F and P are chosen from it.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones.
     center : {"auto", "reflection", "normal", "tangent"}, optional

@@ -33,7 +33,7 @@ def file_type(path: str | os.PathLike[str]) -> FileType:
         return "png"
     if suffix == ".exr":
         return "exr"
-    raise OutputError(f"{path}: pictures are written as .png or .exr; name such a file with -o")
+    raise OutputError(f"{path}: pictures are written as .png or .exr; name such a file")
 
 
 def write_picture(

@@ -60,7 +60,7 @@ def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> Non
     _check_replaceable(target)
     for path in inputs:
         if target.exists() and Path(path).exists() and os.path.samefile(target, path):
-            raise OutputError(f"{target}: would overwrite the input; name another output with -o")
+            raise OutputError(f"{target}: would overwrite the input; name another output")
 
 
 def _check_replaceable(target: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter, Value, grey
 from shrm_cli.sphere.quadrature import gauss_legendre
+from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _NODES = 128
 
@@ -22,7 +23,9 @@ class GgxLobe(Brdf):
     summary = "GGX seen along the normal, normalised: the kernel of the split sum"
     source = "Karis 2013; Silvennoinen et al. 2025, section 3.2"
     parameters = (
-        Parameter("roughness", 0.4, 0.05, 1.0, "perceptual roughness, the root of GGX's alpha"),
+        Parameter(
+            "roughness", 0.4, MIN_ROUGHNESS, 1.0, "perceptual roughness, the root of GGX's alpha"
+        ),
     )
     includes_cosine = True
     has_horizon = False

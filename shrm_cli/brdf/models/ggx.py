@@ -5,6 +5,7 @@ import numpy as np
 from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
 from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
 from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector, schlick
+from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 
 class Ggx(Brdf):
@@ -19,7 +20,9 @@ class Ggx(Brdf):
     summary = "microfacets with the long tails of real surfaces, as most renderers have them"
     source = "Walter et al. 2007, eq. 33; G: Heitz 2014, eq. 99; a = roughness^2: Burley 2012"
     parameters = (
-        Parameter("roughness", 0.4, 0.05, 1.0, "perceptual roughness, the root of GGX's alpha"),
+        Parameter(
+            "roughness", 0.4, MIN_ROUGHNESS, 1.0, "perceptual roughness, the root of GGX's alpha"
+        ),
         NORMAL_REFLECTANCE,
     )
 

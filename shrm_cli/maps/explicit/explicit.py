@@ -347,15 +347,15 @@ class ExplicitMap(Map):
         shape = np.broadcast_shapes(centers.shape, views.shape)[:-1]
         centers = np.broadcast_to(centers, (*shape, 3)).reshape(-1, 3)
         indices, weights = self.blend(centers.reshape(*shape, 3), views, self.count)
-        neighbours = indices.shape[-1]
-        indices = np.broadcast_to(indices, (*shape, neighbours)).ravel()
-        weights = np.broadcast_to(weights, (*shape, neighbours)).ravel()
+        neighbors = indices.shape[-1]
+        indices = np.broadcast_to(indices, (*shape, neighbors)).ravel()
+        weights = np.broadcast_to(weights, (*shape, neighbors)).ravel()
         order = np.argsort(indices, kind="stable")
         order = order[weights[order] != 0]
         used, starts = np.unique(indices[order], return_index=True)
         result = np.zeros((len(centers), 3))
         for index, pairs in zip(used, np.split(order, starts[1:]), strict=False):
-            points = pairs // neighbours
+            points = pairs // neighbors
             values = self._sampler(int(index))(centers[points])
             np.add.at(result, points, weights[pairs, None] * values)
         return result.reshape(*shape, 3)

@@ -116,12 +116,12 @@ def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
             first = band - order_f - s  # exp(-i s phi) shifts mode m to M = m - s
             modes[first : first + 2 * order_f + 1] = turned
             positive, negative = modes[band:], modes[band::-1]
-            centre, sign = p * (p + 1), (-1.0) ** s
+            middle, sign = p * (p + 1), (-1.0) ** s
             if s == 0:  # the function is real, so that its modes M and -M are conjugates
-                _store(waves, centre, positive, negative, 0.5)
+                _store(waves, middle, positive, negative, 0.5)
                 continue
-            _store(waves, centre + s, positive, negative, sign * np.sqrt(2) / 2)
-            _store(waves, centre - s, positive, negative, -sign * np.sqrt(2) / 2, imaginary=True)
+            _store(waves, middle + s, positive, negative, sign * np.sqrt(2) / 2)
+            _store(waves, middle - s, positive, negative, -sign * np.sqrt(2) / 2, imaginary=True)
     return waves
 
 
@@ -154,10 +154,10 @@ def _integrate(waves: Array, legendre: Array, weights: Array, result: Array) -> 
     sums = sums.reshape(count, count, 2, *result.shape[1:])
     for m in range(count):
         degree = np.arange(m, count)
-        centre = degree * (degree + 1)
+        middle = degree * (degree + 1)
         # The integral over phi of cos^2 or sin^2 is pi for M > 0, where the amplitudes are halved,
         # and real harmonics of M > 0 have a factor sqrt(2).
         scale = 2 * np.pi * (np.sqrt(2) if m else 1.0)
-        result[centre + m] += scale * sums[m, : len(degree), 0]
+        result[middle + m] += scale * sums[m, : len(degree), 0]
         if m:
-            result[centre - m] += scale * sums[m, : len(degree), 1]
+            result[middle - m] += scale * sums[m, : len(degree), 1]
