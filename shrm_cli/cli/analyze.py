@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs, probe_stem
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
-from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, SAMPLINGS
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT, SAMPLINGS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +68,7 @@ _LEAST_ROWS = 128
     help="Width and height of a sphere's picture, pixels.",
 )  # fmt: skip
 @click.option(
-    "--source-height", type=click.IntRange(2, 8192), metavar="ROWS",
+    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
     help="Rows that the probe is averaged down to for the exact pictures: fewer are faster, but "
     "move small lights, at 128 rows by about 1 % of error.  [default: the greater of 128 and 4 F, "
     "or the probe's own if it has no more]",

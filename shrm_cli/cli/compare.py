@@ -22,7 +22,7 @@ from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import f0_option, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation, Fraction, Interval, Within
 from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
-from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS, SAMPLINGS
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, SAMPLINGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -67,7 +67,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps")
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @click.option(
-    "--source-height", type=click.IntRange(2, 8192), metavar="ROWS",
+    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
     help="Rows that the probe is averaged down to for the truth: faster.  [default: all; with "
     "--representations 24 / roughness^2 within 64 .. 256, right to 1 %]",
 )  # fmt: skip

@@ -191,9 +191,8 @@ def conclude(
     err : bool
         Whether the lines go to stderr, because stdout holds something else.
     """
-    warnings = [flags(line) for line in warnings]
     if as_json:
-        print_json({**result, "warnings": warnings})
+        print_json({**result, "warnings": [flags(line) for line in warnings]})
     elif not quiet:
         click.echo("\n".join(lines), err=err)
     warn(warnings, quiet)

@@ -20,6 +20,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes, probe_stem
 from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:
     from shrm_cli.vocabulary import Precision
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @exposure_option
 @click.option(
-    "--source-height", type=click.IntRange(2, 8192), metavar="H",
+    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
     help="Average the probe down to a lat-long of this height first.  [default: all its pixels]",
 )  # fmt: skip
 @precision_option
