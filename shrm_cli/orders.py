@@ -1,9 +1,10 @@
-"""From a tolerance to orders (F, P), and what the truncation costs in the reflected light.
+"""From a tolerance to orders (F, P).
 
 F is the largest degree l of the light that a map keeps, and P the largest degree p of the view.
 Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,13 +49,15 @@ def choose_orders(
     tolerance: float,
     order_f: int | None = None,
     order_p: int | None = None,
+    most_p: Callable[[int], int] | None = None,
 ) -> tuple[Orders, BrdfCoefficients]:
     """Find the least orders that capture all but `tolerance` of a BRDF's energy (eq. 5.17, 5.18).
 
     The coefficients are computed to growing orders until at most a fifth of the tolerance is
     missing beyond their F, and the tolerance is met by their P, or the limits are reached. What
-    lies between the chosen orders and these larger ones is the error that `predicted_error`
-    counts. Then P is reduced as far as the tolerance allows, and then F (section 5.6.2).
+    lies between the chosen orders and these larger ones is the error that
+    `reflected.predicted_error` counts. Then P is reduced as far as the tolerance allows, and then
+    F (section 5.6.2).
 
     Parameters
     ----------
@@ -63,6 +66,9 @@ def choose_orders(
         The fraction of the energy of all colour channels together that may be missed, in (0, 1).
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones; `tolerance` may then not be met.
+    most_p : callable, optional
+        Returns the largest P that may be chosen with an order F. With it, a tolerance that cannot
+        be met is no error: the coefficients then reach that P, and the orders are their largest.
 
     Returns
     -------
@@ -73,8 +79,8 @@ def choose_orders(
     Raises
     ------
     OrderError
-        If the tolerance is outside (0, 1) or cannot be met within F = 512 and P = 32, or if a
-        given order is outside these limits.
+        If the tolerance is outside (0, 1) or, without `most_p`, cannot be met within F = 512 and
+        P = 32, or if a given order is outside these limits.
     BrdfError
         If the coefficients of the BRDF cannot be computed.
     """
@@ -83,10 +89,10 @@ def choose_orders(
     for name, order, most in (("F", order_f, MAX_ORDER_F), ("P", order_p, MAX_ORDER_P)):
         if order is not None and not 0 <= order <= most:
             raise OrderError(f"order {name} = {order} is outside 0 .. {most}")
-    coefficients = _sufficient_coefficients(brdf, tolerance, order_f or 0, order_p or 0)
+    coefficients = _sufficient_coefficients(brdf, tolerance, order_f or 0, order_p or 0, most_p)
     captured = coefficients.captured()
     enough = captured >= 1 - tolerance
-    if not enough[-1, -1] and order_f is None and order_p is None:
+    if most_p is None and not enough[-1, -1] and order_f is None and order_p is None:
         raise OrderError(
             f"{brdf!r}: tolerance {tolerance:g} cannot be met within F = {MAX_ORDER_F} and "
             f"P = {MAX_ORDER_P}; they reach {1 - captured[-1, -1]:.3g}; ask for more than that, or "
@@ -178,8 +184,43 @@ def _least(enough: NDArray[np.bool_]) -> int:
     return int(np.argmax(enough)) if enough.any() else len(enough) - 1
 
 
+def extended(
+    brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float, order_f: int
+) -> BrdfCoefficients:
+    """Compute the coefficients of a BRDF to a higher order F, and the same order P.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    coefficients : BrdfCoefficients
+        Its coefficients to the orders that they have.
+    tolerance : float
+        The fraction of the energy that may be missed, which sets the accuracy of sampling.
+    order_f : int
+        The order F of the result, where it is higher than that of the coefficients.
+
+    Raises
+    ------
+    BrdfError
+        If the coefficients cannot be computed.
+    """
+    if order_f <= coefficients.order_f:
+        return coefficients
+    return _coefficients(brdf, tolerance, order_f, coefficients.order_p)
+
+
+def _coefficients(brdf: Brdf, tolerance: float, order_f: int, order_p: int) -> BrdfCoefficients:
+    """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
+    accuracy = max(tolerance / (30 if brdf.is_measured else 300), 1e-5)
+    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients)
+
+
 def _sufficient_coefficients(
-    brdf: Brdf, tolerance: float, order_f: int, order_p: int
+    brdf: Brdf,
+    tolerance: float,
+    order_f: int,
+    order_p: int,
+    most_p: Callable[[int], int] | None,
 ) -> BrdfCoefficients:
     """Compute coefficients to orders at which a tolerance is met, and at least to those given.
 
@@ -187,9 +228,9 @@ def _sufficient_coefficients(
     """
     f = max(_FIRST_ORDER_F, order_f)
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
+    largest = MAX_ORDER_P
     while True:
-        accuracy = max(tolerance / (30 if brdf.is_measured else 300), 1e-5)
-        coefficients = cached_coefficients(brdf, f, p, accuracy, compute_coefficients)
+        coefficients = _coefficients(brdf, tolerance, f, p)
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients
@@ -197,125 +238,11 @@ def _sufficient_coefficients(
         missing = 1 - coefficients.captured()[-1, -1]
         if missing_f > tolerance / 5 and f < MAX_ORDER_F:
             f = min(2 * f, MAX_ORDER_F)
-        elif missing > tolerance and p < MAX_ORDER_P and not brdf.zonal:
-            p = min(2 * p, MAX_ORDER_P)
+            continue
+        if most_p is not None:
+            known = np.cumsum(coefficients.degree_energy.sum(axis=-1))
+            largest = most_p(_least(known >= (1 - tolerance) * total))
+        if missing > tolerance and p < largest and not brdf.zonal:
+            p = min(2 * p, largest)
         else:
             return coefficients
-
-
-def predicted_error(
-    lighting_power: Array, coefficients: BrdfCoefficients, order_f: int, order_p: int
-) -> float:
-    """Predict the relative RMS error of the reflected light over all orientations and views.
-
-    By Parseval, ``int |B|^2 dR dV = sum_lmpq |L_lm|^2 |rho_hat_lpq|^2 4 pi / (2l+1)``. The error is
-    the square root of the ratio of the terms with l > F or p > P to the whole sum.
-
-    Parameters
-    ----------
-    lighting_power : ndarray, shape (>= coefficients.order_f + 1, 3)
-        ``sum_m |L_lm|^2`` for each l and channel.
-    coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to orders well above F and P.
-    order_f, order_p : int
-        The orders F and P of the map.
-
-    Returns
-    -------
-    float
-        The error, which is 0 for black light.
-    """
-    power = lighting_power[: coefficients.order_f + 1]
-    light = _convolution_measure(coefficients.order_f)[:, None] * power
-    whole = np.sum(light * coefficients.degree_energy)
-    kept = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p))
-    return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
-
-
-def reflected_rms(lighting_power: Array, coefficients: BrdfCoefficients) -> float:
-    """Return the root of the integral of the squared reflected light, by Parseval.
-
-    The integral is over all orientations, views and channels.
-
-    Parameters
-    ----------
-    lighting_power : ndarray, shape (>= coefficients.order_f + 1, 3)
-        ``sum_m |L_lm|^2`` for each l and channel.
-    coefficients : BrdfCoefficients
-    """
-    power = lighting_power[: coefficients.order_f + 1]
-    light = _convolution_measure(coefficients.order_f)[:, None] * power
-    return float(np.sqrt(np.sum(light * coefficients.degree_energy)))
-
-
-def truncated_lobe_error(
-    lighting_power: Array, coefficients: BrdfCoefficients, tail: BrdfCoefficients
-) -> float:
-    """Return the relative RMS error of leaving out the outer part of the BRDF's lobe.
-
-    The integral is that of `predicted_error`, but the error is the light that the missing part
-    of the lobe would reflect, instead of what lies beyond some orders.
-
-    Parameters
-    ----------
-    lighting_power : ndarray, shape (>= coefficients.order_f + 1, 3)
-        ``sum_m |L_lm|^2`` for each l and channel.
-    coefficients, tail : BrdfCoefficients
-        The coefficients of the whole BRDF and of the part that is missing, to the same order_f.
-
-    Returns
-    -------
-    float
-        The error, which is 0 for black light.
-    """
-    whole = reflected_rms(lighting_power, coefficients)
-    return reflected_rms(lighting_power, tail) / whole if whole > 0 else 0.0
-
-
-def error_bound(
-    lighting_power: Array,
-    lighting_energy: Array,
-    coefficients: BrdfCoefficients,
-    order_f: int,
-    order_p: int,
-) -> float:
-    """Return a conservative relative RMS error, the square root of eps_B of eq. 5.19.
-
-    All that is missing beyond F is taken to sit in mode F + 1, with all the residual energy of
-    the light and of the BRDF: ``Lambda_{F+1}^2 (eps_L L_tot) (eps_rho rho_tot)``. (Eq. 5.19 is
-    printed with Lambda_{F+1}, but energies go with its square, ``|B_lmpq|^2 = Lambda_l^2 |L_lm|^2
-    |rho_hat_lpq|^2``.) The part with l <= F and p > P does not occur in the radially symmetric
-    case of eq. 5.19. It is known for each degree, and is added as it is.
-
-    Parameters
-    ----------
-    lighting_power, coefficients, order_f, order_p
-        The same as for `predicted_error`.
-    lighting_energy : ndarray, shape (3,)
-        The integral L_tot of the squared radiance of each channel (eq. 5.15).
-
-    Returns
-    -------
-    float
-        The error, which is 0 for black light.
-    """
-    power = lighting_power[: order_f + 1]
-    light = _convolution_measure(order_f)[:, None] * power
-    kept = _kept(coefficients, order_f, order_p)
-    low = coefficients.degree_energy[: order_f + 1]
-    light_left = np.maximum(lighting_energy - power.sum(axis=0), 0)
-    rho_left = np.maximum(coefficients.total_energy - low.sum(axis=0), 0)
-    residual = _convolution_measure(order_f + 1)[-1] * np.sum(light_left * rho_left)
-    residual += np.sum(light * (low - kept))
-    whole = np.sum(light * kept) + residual
-    return float(np.sqrt(residual / whole)) if whole > 0 else 0.0
-
-
-def _kept(coefficients: BrdfCoefficients, order_f: int, order_p: int) -> Array:
-    """Return the energy of the BRDF at each degree l <= F with p <= P, shape (F+1, 3)."""
-    return coefficients.energies()[: order_f + 1, : order_p + 1].sum(axis=1)
-
-
-def _convolution_measure(order: int) -> Array:
-    """Return ``Lambda_l^2 = 4 pi / (2l+1)`` of eq. 5.7 for each l, shape (order+1,)."""
-    return 4 * np.pi / (2 * np.arange(order + 1) + 1)

@@ -79,6 +79,8 @@ MAX_LEVELS = 64
 
 DEFAULT_EPS = 0.03
 """The fraction of a BRDF's energy that a map may miss, where no other is asked for."""
+DEFAULT_MAX_SIZE = 32 * 10**6
+"""The most bytes that the cubes of a map take in half precision, where its orders are chosen."""
 DEFAULT_ROUGHNESS = 0.5
 """The perceptual roughness of the GGX surface as which split sums and spherical harmonic
 exponentials are shown, where no other is asked for."""

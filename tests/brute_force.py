@@ -107,3 +107,26 @@ def band_limited(coefficients):
         return total.real
 
     return rho_hat
+
+
+def bright_pairs(rng, reflection_map, count):
+    """Mirror directions and views where a map is bright, and the weights of integrals over all.
+
+    A lamp's few directions hold most of the energy and of the error of reflected light, so that
+    pairs drawn evenly tell little. These are drawn in proportion to the map's own squared light,
+    with a part of it everywhere, and their weights undo that.
+
+    Returns
+    -------
+    reflections, views : ndarray, shape (count, 3)
+    weights : ndarray, shape (count, 1)
+    """
+    reflections, views = unit(rng, 20 * count), unit(rng, 20 * count)
+    normals = reflections + views
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    energy = np.sum(reflection_map.radiance(normals, views) ** 2, axis=1)
+    share = energy + energy.mean() / 4
+    share /= share.sum()
+    order = np.argsort(share)
+    chosen = order[np.searchsorted(np.cumsum(share[order]), (np.arange(count) + 0.5) / count)]
+    return reflections[chosen], views[chosen], 1 / share[chosen, None]

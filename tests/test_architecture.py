@@ -26,7 +26,7 @@ STOPS = [
     {"sphere"},
     {"files"},
     {"probe", "brdf"},
-    {"orders"},
+    {"orders", "reflected"},
     {"reference"},
     {"maps"},
     {"prefilter"},

@@ -16,8 +16,9 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
-from shrm_cli.orders import Orders, choose_orders, error_bound, predicted_error
+from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
 from shrm_cli.render.image import expose
@@ -162,14 +163,13 @@ def accuracy_curve(
         raise ValueError(f"lighting of order {lighting.order}, not {coefficients.order_f}")
     if order_f > coefficients.order_f or order_p > coefficients.order_p:
         raise ValueError(f"orders {order_f}, {order_p} are more than the coefficients have")
-    power, energy = lighting.power(), lighting.energy
     # The values keep only these p, but the energies still count the others.
     known = replace(coefficients, values=coefficients.truncated(coefficients.order_f, order_p))
     orders = range(order_f + 1)
-    error = np.array([predicted_error(power, known, f, order_p) for f in orders])
-    bound = np.array([error_bound(power, energy, known, f, order_p) for f in orders])
+    error = np.array([predicted_error(lighting, known, f, order_p) for f in orders])
+    bound = np.array([error_bound(lighting, known, f, order_p) for f in orders])
     captured = known.captured()[:, order_p]
-    light = _missing(power, energy)[: order_f + 1]
+    light = _missing(lighting.power(), lighting.energy)[: order_f + 1]
     brdf = np.clip(1 - captured[: order_f + 1], 0, 1)
     minimum = np.minimum(light + max(1 - captured[-1], 0), brdf)
     return AccuracyCurve(
@@ -299,8 +299,8 @@ def order_pictures(
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
     _pictures_layout(len(orders), len(views), size, truth is not None)
     check_size(order_f, orders[-1])
-    captured, power = coefficients.captured()[order_f, : len(orders)], lighting.power()
-    errors = np.array([predicted_error(power, coefficients, order_f, p) for p in orders])
+    captured = coefficients.captured()[order_f, : len(orders)]
+    errors = np.array([predicted_error(lighting, coefficients, order_f, p) for p in orders])
     parts = zip(orders, captured.tolist(), errors.tolist(), strict=True)
     infos = [MapInfo(order_f, p, 1 - part, part, error) for p, part, error in parts]
     whole = Shrm.from_coefficients(

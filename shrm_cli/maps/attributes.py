@@ -63,6 +63,10 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         header["shrm:added_error"] = float(info.added_error)
     if info.fit_residual:
         header["shrm:fit_residual"] = float(info.fit_residual)
+    if info.order_carried != info.order_f:
+        header["shrm:carried"] = info.order_carried
+    if info.filter_error:
+        header["shrm:filter_error"] = float(info.filter_error)
     if info.domain != "frequency":
         header["shrm:domain"] = info.domain
     if info.chromaticities is not None:
@@ -144,7 +148,9 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
         tuple(primaries) if is_known else None,
         attributes["added_error"],
         attributes["fit_residual"],
-        attributes["domain"],
+        carried=attributes["carried"] if attributes["carried"] >= 0 else None,
+        filter_error=attributes["filter_error"],
+        domain=attributes["domain"],
     )
 
 
@@ -170,6 +176,8 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "probe_sha256": (str, lambda value: True),
     "added_error": (float, math.isfinite),
     "fit_residual": (float, math.isfinite),
+    "carried": (int, lambda value: -1 <= value <= MAX_ORDER_F),
+    "filter_error": (float, math.isfinite),
     "domain": (str, DOMAINS.__contains__),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
@@ -180,6 +188,8 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
 _OPTIONAL: dict[str, Any] = {
     "added_error": 0.0,
     "fit_residual": 0.0,
+    "carried": -1,
+    "filter_error": 0.0,
     "domain": "frequency",
     "layout": "openexr",
     "orientation": "openexr",

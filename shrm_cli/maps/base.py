@@ -185,10 +185,12 @@ class Map(ABC):
             "domain": info.domain,
             "order_f": info.order_f,
             "order_p": info.order_p,
+            "order_carried": info.order_carried,
             "epsilon": info.tolerance,
             "brdf_energy_captured": info.captured,
             "predicted_error": info.predicted_error,
             "added_error": info.added_error,
+            "filter_error": info.filter_error,
         }
 
     def details(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ class MapInfo:
     Attributes
     ----------
     order_f, order_p : int
-        The largest orders F and P that the map keeps, inclusive.
+        The orders F and P, inclusive. The map keeps no higher order of the view than P.
     tolerance : float
         The fraction of the BRDF's energy that the orders were allowed to miss (eps).
     captured : float
@@ -32,6 +32,12 @@ class MapInfo:
     fit_residual : float
         The relative RMS of what an SHRM that was fitted to another representation leaves of it;
         0 for other maps.
+    carried : int, optional
+        The largest order of the light that the map keeps. F is the order that the tolerance asks
+        for; maps carry all that is visible of the orders beyond. None is F itself.
+    filter_error : float
+        The predicted relative RMS error of looking the map up as a GPU does, by bilinear filtering
+        in its cubes.
     domain : {"frequency", "angular"}
         The domain in which the map was prefiltered. In the angular domain `captured` is the
         fraction of the BRDF's energy in the integrated part of its lobe, and the orders were only
@@ -49,7 +55,14 @@ class MapInfo:
     chromaticities: tuple[float, ...] | None = None
     added_error: float = 0.0
     fit_residual: float = 0.0
+    carried: int | None = None
+    filter_error: float = 0.0
     domain: Domain = "frequency"
+
+    @property
+    def order_carried(self) -> int:
+        """The largest order of the light that the map keeps."""
+        return self.order_f if self.carried is None else self.carried
 
     def origin(self) -> dict[str, Any]:
         """Return the BRDF and the probe that the map was made from, as reports name them."""

@@ -16,6 +16,14 @@ MAX_SERIES = 2**26
 They take 0.5 GB as 64-bit floats, and several times that while they are computed.
 """
 
+_BYTES_A_TEXEL = 6
+"""The bytes of three colours in half precision."""
+
+_ORDERS_A_TEXEL = 1.25
+"""The largest order that maps carry, for each texel along a face's edge. Texels in the middle of a
+face could tell twice as many orders apart, and this much of a guard band keeps what filtering
+between them adds small."""
+
 _SMALLEST_CHOICE = 16
 """The least texels along a face's edge that `choose_size` returns."""
 
@@ -28,6 +36,21 @@ def choose_size(order_f: int) -> int:
     """
     needed = max(10 * order_f / 4, _SMALLEST_CHOICE)
     return int(min(2 ** int(np.ceil(np.log2(needed))), MAX_CUBE_SIZE))
+
+
+def supported_order(size: int) -> int:
+    """Return the largest order that a cube with so many texels along an edge supports."""
+    return int(_ORDERS_A_TEXEL * size)
+
+
+def stored_bytes(size: int, cubes: int) -> int:
+    """Return the bytes of RGB cubes in half precision, before they are packed."""
+    return 6 * size**2 * cubes * _BYTES_A_TEXEL
+
+
+def most_cubes(size: int, max_size: int) -> int:
+    """Return how many RGB cubes fit into `max_size` bytes in half precision; it may be 0."""
+    return max_size // stored_bytes(size, 1)
 
 
 def check_size(order_f: int, order_p: int, size: int | None = None) -> None:

@@ -42,6 +42,34 @@ class Lighting:
         return np.add.reduceat(self.coefficients**2, starts)
 
 
+class Projection:
+    """The light of a probe, projected when it is first asked for, and again for higher orders.
+
+    Parameters
+    ----------
+    probe : Probe
+    progress : callable, optional
+        Called with the rows read and their number.
+    """
+
+    def __init__(self, probe: Probe, progress: Progress | None = None) -> None:
+        self.probe = probe
+        self._progress = progress
+        self._known: Lighting | None = None
+
+    def to_order(self, order: int) -> Lighting:
+        """Return the light to an order at least as high as this one.
+
+        Raises
+        ------
+        ProbeError
+            If the probe cannot be read.
+        """
+        if self._known is None or self._known.order < order:
+            self._known = project(self.probe, order, self._progress)
+        return self._known
+
+
 def project(probe: Probe, order: int, progress: Progress | None = None) -> Lighting:
     """Project a probe onto the spherical harmonics.
 

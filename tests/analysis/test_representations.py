@@ -40,7 +40,7 @@ def probe(tmp_path_factory):
 @pytest.fixture(scope="module")
 def table(probe):
     surfaces = [ggx_surface(roughness, F0) for roughness in ROUGHNESS]
-    return compare_representations(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 64)
+    return compare_representations(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 128)
 
 
 def ggx(roughness, normal, view, light):
@@ -67,12 +67,12 @@ def disc():
     view = np.array([np.sin(azimuth), 0, np.cos(azimuth)]) * np.cos(elevation)
     view[1] = np.sin(elevation)
     right = np.array([np.cos(azimuth), 0, -np.sin(azimuth)])
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    depth, phi = (nodes + 1) / 2, 2 * np.pi * np.arange(48) / 48
+    nodes, weights = np.polynomial.legendre.leggauss(48)
+    depth, phi = (nodes + 1) / 2, 2 * np.pi * np.arange(96) / 96
     x, y = (np.sqrt(1 - depth**2)[:, None] * turn for turn in (np.cos(phi), np.sin(phi)))
     z = np.broadcast_to(depth[:, None], x.shape)
     normals = np.stack([x, y, z], axis=-1) @ np.array([right, np.cross(view, right), view])
-    return normals.reshape(-1, 3), np.repeat(weights * depth, 48)[:, None], view
+    return normals.reshape(-1, 3), np.repeat(weights * depth, 96)[:, None], view
 
 
 @pytest.fixture(scope="module")
@@ -131,10 +131,10 @@ def test_storage_is_that_of_files(probe, table, tmp_path):
 
 
 def test_pictures_and_shapes(table):
-    assert table.truth.shape == (2, 1, 64, 64, 3)
+    assert table.truth.shape == (2, 1, 128, 128, 3)
     assert [each.representation.name for each in table.results] == list(COMPARED)
     for each in table.results:
-        assert [picture.shape for picture in each.pictures] == [(1, 64, 64, 3)] * 2
+        assert [picture.shape for picture in each.pictures] == [(1, 128, 128, 3)] * 2
         assert each.seconds > 0
     assert table.source_heights == (None, None)  # the probe's own rows are fewer
 

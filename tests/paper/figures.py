@@ -20,10 +20,10 @@ from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.orders import predicted_error
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
+from shrm_cli.reflected import predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import compare_spheres
 
@@ -104,7 +104,7 @@ def figure_5_8(probe: Probe, folder: Path) -> tuple[str, list[Method]]:
     shrm = whole.truncated(5)
     texture = KautzMcCool.from_shrm(whole, shrm.cube_count)
     return _compare(folder / "figure-5.8.png", probe, brdf, [
-        ("SHRM, P = 5", shrm, predicted_error(light.power(), coefficients, _HIGH_F, 5)),
+        ("SHRM, P = 5", shrm, predicted_error(light, coefficients, _HIGH_F, 5)),
         ("Kautz-McCool", texture, texture.info.added_error),
     ])  # fmt: skip
 
@@ -120,7 +120,7 @@ def figure_5_9(
     twelve = Cabral.from_shrm(whole)
     return _compare(folder / name, probe, brdf, [
         (f"SHRM, P = {order_p}", shrm,
-         predicted_error(light.power(), coefficients, _HIGH_F, order_p)),
+         predicted_error(light, coefficients, _HIGH_F, order_p)),
         ("Cabral", twelve, twelve.info.added_error),
     ])  # fmt: skip
 

@@ -16,11 +16,12 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size, choose_size
-from shrm_cli.orders import choose_orders, truncated_lobe_error
+from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
+from shrm_cli.reflected import truncated_lobe_error
 from shrm_cli.vocabulary import Sampling
 
 _TEXELS_TO_MEASURE = 16
@@ -80,7 +81,7 @@ def prefilter_angular(
     orders = replace(orders, captured=float(captured))
     info = replace(
         provenance(probe, brdf, orders),
-        predicted_error=truncated_lobe_error(lighting.power(), coefficients, tail),
+        predicted_error=truncated_lobe_error(lighting, coefficients, tail),
         domain="angular",
     )
     # The error of interpolating between views is measured in the frequency domain, where it takes

@@ -11,8 +11,8 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.shrm.prefilter import centered, order_warnings, prefilter_shrm
-from shrm_cli.maps.size import choose_size
 from shrm_cli.orders import Orders
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import DEFAULT_EPS, Sampling
@@ -102,13 +102,12 @@ def prefilter_explicit(
     """
     kind = explicit_kind(representation)
 
-    def check(orders: Orders) -> None:
+    def check(orders: Orders, edge: int) -> None:
         views = kind.default_view_count(orders.order_p) if view_count is None else view_count
-        edge = choose_size(orders.order_f) if size is None else size
         kind.check_images(edge, kind.image_count(views))
 
     made = prefilter_shrm(
-        probe, brdf, tolerance, order_f, order_p, size,
-        sampling=sampling, dtype=dtype, progress=progress, check=check,
+        Projection(probe, progress), brdf, tolerance, order_f, order_p, size,
+        sampling=sampling, dtype=dtype, check=check,
     )  # fmt: skip
     return replace(made, map=kind.from_shrm(made.map.to_shrm(), view_count))

@@ -168,7 +168,7 @@ class CompressedShrm(Map):
         return self.expand()
 
 
-def compressed(shrm: Shrm, compress: int | float | None) -> Map:
+def compressed(shrm: Shrm, compress: int | float | None) -> Shrm | CompressedShrm:
     """Compress an SHRM, if that is asked for.
 
     Parameters

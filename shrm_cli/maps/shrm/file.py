@@ -79,6 +79,8 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
     }
     if info.added_error:
         whole["shrm:added_error"] = float(info.added_error)
+    if info.filter_error:
+        whole["shrm:filter_error"] = float(info.filter_error)
     parts = [part for term in summed.terms for part in encode(term)]
     return [
         Part(part.channels, {"name": name, **part.header, **whole})
@@ -113,6 +115,7 @@ def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
         terms[0].info,
         order_f=max(term.info.order_f for term in terms),
         order_p=max(term.order_p for term in terms),
+        carried=max(term.info.order_carried for term in terms),
     )
     return SummedShrm(terms, info)
 

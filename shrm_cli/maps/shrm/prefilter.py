@@ -10,17 +10,17 @@ import numpy as np
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.expansion import carry
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.shrm.budget import affordable
 from shrm_cli.maps.shrm.compressed import compressed
-from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
-from shrm_cli.maps.size import check_size
-from shrm_cli.orders import Orders, choose_center, choose_orders, error_bound, predicted_error
-from shrm_cli.probe.lighting import project
+from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
+from shrm_cli.maps.size import check_size, choose_size
+from shrm_cli.orders import Orders, choose_center, choose_orders
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Frame, Sampling
 
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
@@ -40,6 +40,7 @@ def prefilter(
     compress: int | float | None = None,
     domain: str = "frequency",
     source_height: int | None = None,
+    max_size: int = DEFAULT_MAX_SIZE,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
@@ -64,17 +65,18 @@ def prefilter(
         raise ArgumentError(
             "split", "applies with neither `center` nor orders; leave one of them out"
         )
+    light = Projection(probe, progress)
     if is_free and split is not False:
-        plan = plan_terms(brdf, eps, probe, progress)
+        plan = plan_terms(light, brdf, eps, max_size, size)
         if plan is not None:
             takes = split or plan.pays
             count = f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
             notes = (*notes, ("split" if takes else "not split", count))
             if takes:
-                made = prefilter_terms(probe, plan, size, frame, sampling, np.float32, compress)
+                made = prefilter_terms(plan, frame, sampling, np.float32, compress)
                 return replace(made, notes=notes)
     made = prefilter_shrm(
-        probe, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, progress
+        light, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, max_size
     )
     return replace(made, notes=notes, warnings=order_warnings(made, brdf, eps, order_p))
 
@@ -136,7 +138,7 @@ def order_warnings(
 
 
 def prefilter_shrm(
-    probe: Probe,
+    light: Projection,
     brdf: Brdf,
     tolerance: float,
     order_f: int | None = None,
@@ -146,50 +148,47 @@ def prefilter_shrm(
     sampling: Sampling = "center",
     dtype: type = np.float64,
     compress: int | float | None = None,
-    progress: Progress | None = None,
-    check: Callable[[Orders], object] | None = None,
+    max_size: int = DEFAULT_MAX_SIZE,
+    check: Callable[[Orders, int], object] | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
     Parameters
     ----------
-    probe : Probe
+    light : Projection
+        The light of the probe.
     brdf : Brdf
     tolerance : float
         The fraction of the BRDF's energy that may be missed.
     order_f, order_p : int, optional
-        Orders to use instead of the chosen ones.
+        Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     size, frame, sampling, dtype
         The form of the map, as `Shrm.from_coefficients` takes it.
     compress : int or float, optional
         How far the map is compressed, as `compressed` takes it.
-    progress : callable, optional
-        Called with the number of rows of the probe that are read, and of all rows.
+    max_size : int
+        The most bytes of a map whose orders are chosen.
     check : callable, optional
-        Called with the orders before the work starts; it may refuse them by raising an error.
+        Called with the orders and the size before the work starts; it may refuse them by raising
+        an error.
 
     Raises
     ------
     OrderError, ProbeError, BrdfError, MapError
-        If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
-        too large.
+        If the tolerance cannot be met with a given order, the probe or the BRDF cannot be used, or
+        the map would be too large.
     """
-    if order_f is not None and not brdf.zonal:
-        check_size(order_f, order_p or 0, size)
-    orders, coefficients = choose_orders(brdf, tolerance, order_f, order_p)
-    f, p = orders.order_f, orders.order_p
-    check_size(f, p, size)
+    if order_f is None and order_p is None:
+        choice, coefficients = affordable(light, brdf, tolerance, max_size, size, sampling)
+        orders, size = choice.orders, choice.size
+    else:
+        if order_f is not None and not brdf.zonal:
+            check_size(order_f, order_p or 0, size)
+        orders, coefficients = choose_orders(brdf, tolerance, order_f, order_p)
+        size = choose_size(orders.order_f) if size is None else size
+    check_size(orders.order_f, orders.order_p, size)
     if check is not None:
-        check(orders)
-    lighting = project(probe, coefficients.order_f, progress)
-    power = lighting.power()
-    info = replace(
-        provenance(probe, brdf, orders),
-        predicted_error=predicted_error(power, coefficients, f, p),
-    )
-    made = Shrm.from_coefficients(
-        lighting.coefficients, coefficients.truncated(f, p), brdf.center, info,
-        size, frame, sampling, dtype,
-    )  # fmt: skip
-    bound = error_bound(power, lighting.energy, coefficients, f, p)
-    return Prefiltered(compressed(made, compress), {"error_bound": bound})
+        check(orders, size)
+    expansion = carry(light, brdf, orders, coefficients, size, is_exact=order_f is not None)
+    made = from_expansion(expansion, light.probe, frame, sampling, dtype)
+    return Prefiltered(compressed(made, compress), {"error_bound": expansion.bound})

@@ -34,11 +34,17 @@ def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
     if result["domain"] == "angular":
         energy = f"{captured:.2%} in the truncated lobe"
     at_most = "" if bound is None else f", {bound:.2%} at most"
+    carried = result["order_carried"]
+    further = f"; carried to {carried}" if carried > result["order_f"] else ""
     lines = [
-        f"orders         F = {result['order_f']}, P = {result['order_p']}",
+        f"orders         F = {result['order_f']}, P = {result['order_p']}{further}",
         f"BRDF energy    {energy}",
         f"RMS error      {result['predicted_error']:.2%} of the reflected light predicted{at_most}",
     ]
     if result["added_error"] >= 5e-5:
         lines.append(f"and            {result['added_error']:.2%} from {added_by}")
+    if result["filter_error"]:
+        lines.append(
+            f"and            {result['filter_error']:.2%} from bilinear look-ups, as on a GPU"
+        )
     return lines

@@ -8,26 +8,20 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
-from shrm_cli.errors import BrdfError, OrderError
+from shrm_cli.errors import BrdfError
+from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
-from shrm_cli.maps.shrm.compressed import compressed
+from shrm_cli.maps.shrm.budget import Choice, affordable, most_order_p
+from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.maps.size import check_size
-from shrm_cli.orders import (
-    Orders,
-    choose_orders,
-    coefficient_count,
-    error_bound,
-    least_orders,
-    predicted_error,
-    reflected_rms,
-)
-from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.maps.size import check_size, choose_size
+from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
+from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import Frame, Sampling
+from shrm_cli.reflected import predicted_error, reflected_rms
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
 
 _LOOSER = 2.0 ** (np.arange(24, -5, -1) / 4)
 """The tolerances that are tried for the terms, in units of the whole BRDF's: from 64 to a half."""
@@ -43,19 +37,19 @@ class Term:
     ----------
     brdf : Brdf
     coefficients : BrdfCoefficients
-        The coefficients of the term, to orders at least as high as `orders`.
-    orders : Orders
-        The orders that are kept.
+        The coefficients of the term, to orders at least as high as those of the choice.
+    choice : Choice
+        The orders that are kept, and the size of the map.
     """
 
     brdf: Brdf
     coefficients: BrdfCoefficients
-    orders: Orders
+    choice: Choice
 
     @property
     def count(self) -> int:
         """The number of coefficients that are kept."""
-        return coefficient_count(self.orders, self.coefficients)
+        return coefficient_count(self.choice.orders, self.coefficients)
 
 
 @dataclass(frozen=True)
@@ -66,19 +60,24 @@ class Plan:
     ----------
     terms : tuple of Term
     whole : Term
-        The whole BRDF, with the orders that it would need as one map.
-    light : Lighting
-        The light of the probe that the plan was made for, to the orders of all coefficients.
+        The whole BRDF, with the orders that it would have as one map.
+    light : Projection
+        The light of the probe that the plan was made for.
     """
 
     terms: tuple[Term, ...]
     whole: Term
-    light: Lighting
+    light: Projection
 
     @property
     def count(self) -> int:
         """The number of coefficients of all terms."""
         return sum(term.count for term in self.terms)
+
+    @property
+    def bytes(self) -> int:
+        """The bytes of all terms in half precision, before they are packed."""
+        return sum(term.choice.bytes for term in self.terms)
 
     @property
     def pays(self) -> bool:
@@ -87,7 +86,11 @@ class Plan:
 
 
 def plan_terms(
-    brdf: Brdf, tolerance: float, probe: Probe, progress: Progress | None = None
+    light: Projection,
+    brdf: Brdf,
+    tolerance: float,
+    max_size: int = DEFAULT_MAX_SIZE,
+    size: int | None = None,
 ) -> Plan | None:
     """Split a BRDF into terms, with orders that cause no larger error than those of the whole.
 
@@ -97,17 +100,21 @@ def plan_terms(
 
     Parameters
     ----------
+    light : Projection
+        The light of the probe.
     brdf : Brdf
     tolerance : float
         The fraction of the whole BRDF's energy that may be missed.
-    probe : Probe
-    progress : callable, optional
-        Called with the number of rows of the probe that are read, and of all rows.
+    max_size : int
+        The most bytes of the map.
+    size : int, optional
+        Texels along a face's edge of every term, where they are given.
 
     Returns
     -------
     Plan or None
-        None if there is nothing to split, or the terms cannot reach the error of the whole.
+        None if there is nothing to split, or the terms cannot reach the error of the whole within
+        the bytes.
 
     Raises
     ------
@@ -117,42 +124,64 @@ def plan_terms(
     terms = split(brdf)
     if len(terms) == 1:
         return None
-    whole_orders, whole = choose_orders(brdf, tolerance)
+    choice, coefficients = affordable(light, brdf, tolerance, max_size, size)
+    whole = Term(brdf, coefficients, choice)
+    most_p = most_order_p(max_size, size)
     try:
-        found = [choose_orders(term, tolerance)[1] for term in terms]
-    except (OrderError, BrdfError):
+        found = [choose_orders(term, tolerance, most_p=most_p)[1] for term in terms]
+    except BrdfError:
         return None
-    light = project(probe, max(each.order_f for each in [whole, *found]), progress)
-    power = light.power()
-    goal = predicted_error(power, whole, whole_orders.order_f, whole_orders.order_p)
+    lighting = light.to_order(max(each.order_f for each in [coefficients, *found]))
+    goal = combined_error([whole], lighting)
     for factor in _LOOSER:
-        chosen = [
-            Term(term, each, least_orders(each, min(factor * tolerance, _LARGEST_TOLERANCE)))
-            for term, each in zip(terms, found, strict=True)
-        ]
-        if combined_error(chosen, light) <= goal:
-            return Plan(tuple(chosen), Term(brdf, whole, whole_orders), light)
+        looser = min(factor * tolerance, _LARGEST_TOLERANCE)
+        plan = Plan(
+            tuple(
+                _least_term(term, each, looser, size)
+                for term, each in zip(terms, found, strict=True)
+            ),
+            whole,
+            light,
+        )
+        if plan.bytes > max_size:
+            return None
+        if combined_error(plan.terms, lighting) <= goal:
+            return plan
     return None
+
+
+def _least_term(
+    brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float, size: int | None
+) -> Term:
+    """Return a term with the least orders that meet a tolerance."""
+    orders = least_orders(coefficients, tolerance)
+    return Term(
+        brdf, coefficients, Choice(orders, choose_size(orders.order_f) if size is None else size)
+    )
 
 
 def combined_error(terms: Sequence[Term], light: Lighting) -> float:
     """Predict the relative RMS error of a sum, taking the errors of its terms as independent.
 
-    Each error is weighted by the light that its term reflects.
+    Each error is weighted by the light that its term reflects. Nothing is carried beyond F.
     """
-    power = light.power()
-    strengths = np.array([reflected_rms(power, term.coefficients) for term in terms])
+    orders = [term.choice.orders for term in terms]
     errors = [
-        predicted_error(power, term.coefficients, term.orders.order_f, term.orders.order_p)
-        for term in terms
+        predicted_error(light, term.coefficients, each.order_f, each.order_p)
+        for term, each in zip(terms, orders, strict=True)
     ]
-    return float(np.linalg.norm(strengths * errors) / max(strengths.sum(), 1e-300))
+    strengths = [reflected_rms(light, term.coefficients) for term in terms]
+    return _combined(strengths, errors)
+
+
+def _combined(strengths: Sequence[float], errors: Sequence[float]) -> float:
+    """Return the error of a sum relative to the sum, from the relative errors of its terms."""
+    whole = max(sum(strengths), 1e-300)
+    return float(np.linalg.norm(np.multiply(strengths, errors)) / whole)
 
 
 def prefilter_terms(
-    probe: Probe,
     plan: Plan,
-    size: int | None = None,
     frame: Frame = "global",
     sampling: Sampling = "center",
     dtype: type = np.float64,
@@ -162,10 +191,8 @@ def prefilter_terms(
 
     Parameters
     ----------
-    probe : Probe
-        The probe that the plan was made for.
     plan : Plan
-    size, frame, sampling, dtype, compress
+    frame, sampling, dtype, compress
         The form of each term's map, as `prefilter_shrm` takes it.
 
     Raises
@@ -173,35 +200,82 @@ def prefilter_terms(
     MapError
         If a term would be too large, or cannot be compressed as asked.
     """
-    light = plan.light
-    power = light.power()
-    energies = np.array([term.coefficients.total_energy.sum() for term in plan.terms])
-    kept = np.array([term.orders.captured for term in plan.terms])
-    orders = Orders(
-        max(term.orders.order_f for term in plan.terms),
-        max(term.orders.order_p for term in plan.terms),
-        plan.whole.orders.tolerance,
-        float(np.sum(energies * kept) / max(energies.sum(), 1e-300)),
+    probe = plan.light.probe
+    expansions = [
+        carry(plan.light, term.brdf, term.choice.orders, term.coefficients, term.choice.size)
+        for term in plan.terms
+    ]
+    strengths = [reflected_rms(each.lighting, each.coefficients) for each in expansions]
+    whole = provenance(probe, plan.whole.brdf, _joint_orders(plan))
+    maps = [_term_map(each, probe, frame, sampling, dtype, compress) for each in expansions]
+    maps = [replace(each, info=replace(each.info, brdf=whole.brdf)) for each in maps]
+    infos = [each.info for each in maps]
+    info = replace(
+        whole,
+        predicted_error=_combined(strengths, [each.predicted_error for each in infos]),
+        added_error=_combined(strengths, [each.added_error for each in infos]),
+        filter_error=_combined(strengths, [each.filter_error for each in infos]),
+        carried=max(each.order_carried for each in infos),
     )
-    error = combined_error(plan.terms, light)
-    info = replace(provenance(probe, plan.whole.brdf, orders), predicted_error=error)
-    strengths = np.array([reflected_rms(power, term.coefficients) for term in plan.terms])
-    shares = strengths / max(strengths.sum(), 1e-300)
-    maps, added, bound = [], 0.0, 0.0
-    for term, share in zip(plan.terms, shares, strict=True):
-        f, p = term.orders.order_f, term.orders.order_p
-        check_size(f, p, size)
-        own = replace(info, order_f=f, order_p=p)
-        built = Shrm.from_coefficients(
-            light.coefficients, term.coefficients.truncated(f, p), term.brdf.center, own,
-            size, frame, sampling, dtype,
-        )  # fmt: skip
-        few = compress
-        if isinstance(few, int):  # a term of low order has few components
-            few = min(few, (p + 1) ** 2)
-        maps.append(compressed(built, few))
-        added = float(np.hypot(added, share * maps[-1].info.added_error))
-        bound += float(share * error_bound(power, light.energy, term.coefficients, f, p))
-    info = replace(info, added_error=added)
-    summed = SummedShrm(tuple(maps), info)  # type: ignore[arg-type]
-    return Prefiltered(summed, {"error_bound": bound})
+    bounds = np.array([each.bound for each in expansions])
+    bound = float(bounds @ strengths / max(sum(strengths), 1e-300))
+    return Prefiltered(SummedShrm(tuple(maps), info), {"error_bound": bound})
+
+
+def _joint_orders(plan: Plan) -> Orders:
+    """Return the largest orders of the terms, and the energy that they capture together."""
+    orders = [term.choice.orders for term in plan.terms]
+    energies = np.array([term.coefficients.total_energy.sum() for term in plan.terms])
+    captured = energies @ [each.captured for each in orders] / max(energies.sum(), 1e-300)
+    return Orders(
+        max(each.order_f for each in orders),
+        max(each.order_p for each in orders),
+        plan.whole.choice.orders.tolerance,
+        float(captured),
+    )
+
+
+def _term_map(
+    expansion: Expansion,
+    probe: Probe,
+    frame: Frame,
+    sampling: Sampling,
+    dtype: type,
+    compress: int | float | None,
+) -> Shrm | CompressedShrm:
+    """Make the map of a term; a term of low order has few components to keep."""
+    orders = expansion.orders
+    check_size(orders.order_f, orders.order_p, expansion.size)
+    few = min(compress, (orders.order_p + 1) ** 2) if isinstance(compress, int) else compress
+    return compressed(from_expansion(expansion, probe, frame, sampling, dtype), few)
+
+
+def from_expansion(
+    expansion: Expansion,
+    probe: Probe,
+    frame: Frame = "global",
+    sampling: Sampling = "center",
+    dtype: type = np.float64,
+) -> Shrm:
+    """Make the SHRM of an expansion.
+
+    Parameters
+    ----------
+    expansion : Expansion
+    probe : Probe
+        The probe of the expansion's light.
+    frame, sampling, dtype
+        The form of the map, as `Shrm.from_coefficients` takes it.
+    """
+    orders, brdf = expansion.orders, expansion.brdf
+    info = replace(
+        provenance(probe, brdf, orders),
+        predicted_error=expansion.error,
+        filter_error=expansion.filter_error(sampling),
+        carried=expansion.carried,
+    )
+    return Shrm.from_coefficients(
+        expansion.lighting.coefficients,
+        expansion.coefficients.truncated(expansion.carried, orders.order_p), brdf.center, info,
+        expansion.size, frame, sampling, dtype,
+    )  # fmt: skip

@@ -9,6 +9,7 @@ from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
 from tests.cli.helpers import write_exr
 from tests.maps.shrm.test_predicted_error import reduced
@@ -39,7 +40,9 @@ def test_the_same_map(real_probes, tmp_path, suffix, bound):
     write(tmp_path / f"ggx{suffix}", brdf)
     stored = parse_spec(str(tmp_path / f"ggx{suffix}"))
     orders = {"order_f": 12, "order_p": 4, "size": 24, "dtype": np.float32}
-    one, other = (prefilter_shrm(probe, each, 0.2, **orders).map for each in (brdf, stored))
+    one, other = (
+        prefilter_shrm(Projection(probe), each, 0.2, **orders).map for each in (brdf, stored)
+    )
     difference = np.sum((one.coefficients - other.coefficients) ** 2)
     error = np.sqrt(difference / np.sum(one.coefficients**2))
     print(f"{suffix}: {error:.4f}")

@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from tests import brute_force
@@ -47,7 +48,7 @@ def test_measured_error_is_the_predicted_one(shared, tmp_path, material, toleran
     pixels = pixels.reshape(64, 2, 128, 2, 3).mean(axis=(1, 3))
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
     brdf = parse_spec(str(shared / "brdf" / material))
-    prefiltered = prefilter_shrm(probe, brdf, tolerance, dtype=np.float32)
+    prefiltered = prefilter_shrm(Projection(probe), brdf, tolerance, dtype=np.float32)
     normals, views, weights = pairs()
     truth = Reference(probe, brdf).radiance(normals, views)
     found = prefiltered.map.radiance(normals, views)

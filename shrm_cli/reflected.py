@@ -1,0 +1,252 @@
+"""The energy of the reflected light, degree by degree: errors of orders, and how far they show.
+
+By Parseval, the integral of ``|B|^2`` over all central directions and views is
+``sum_lmpq |L_lm|^2 |rho_hat_lpq|^2 4 pi / (2l+1)``. The coefficients of light and BRDF therefore
+tell the error of leaving some of them out, without integrating anything. About the mirror direction
+this measure is that of the pixels of spheres, seen in parallel projection from all sides.
+
+Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.sphere.bilinear import bilinear_errors
+from shrm_cli.vocabulary import Sampling
+
+Array = NDArray[np.floating]
+
+_LAST_DEGREES = 16
+"""The number of the light's last known degrees whose mean density the unknown degrees take."""
+_INVISIBLE = 1e-4
+"""The RMS of a part of the reflected light, relative to the light's mean, that is never seen. It is
+half a per cent of the darkest places that `shrm compare` judges, those of 2 % of the mean."""
+
+
+def predicted_error(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+) -> float:
+    """Predict the relative RMS error of the reflected light over all orientations and views.
+
+    The error is the square root of the ratio of the terms with l > F or p > P to the whole sum.
+    Energy of the BRDF beyond its coefficients counts too; see `energy_beyond`.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+        The coefficients of the BRDF, to orders above F and P.
+    order_f, order_p : int
+        The largest l and p that are kept.
+
+    Returns
+    -------
+    float
+        The error, which is 0 for black light.
+    """
+    light = _weighted_power(lighting, coefficients.order_f)
+    whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
+    kept = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p))
+    return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
+
+
+def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
+    """Return the root of the integral of the squared reflected light, by Parseval.
+
+    The integral is over all orientations, views and channels, and counts the energy beyond the
+    coefficients; see `energy_beyond`.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+    """
+    light = _weighted_power(lighting, coefficients.order_f)
+    known = np.sum(light * coefficients.degree_energy)
+    return float(np.sqrt(known + energy_beyond(lighting, coefficients)))
+
+
+def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
+    """Estimate the energy of the reflected light beyond the coefficients of the BRDF.
+
+    The BRDF's own energy there is known, because its whole energy is. Two estimates are made of
+    the light that it meets, and the smaller one counts. In the first, the light goes on as a small
+    lamp's does, with ``(2l+1)`` times the mean power of its last known degrees. In the second, all
+    energy of the light that is left sits in the first unknown degree, as in eq. 5.19.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+
+    Returns
+    -------
+    float
+        In the units of ``|B|^2``, integrated over orientations and views, all channels together.
+    """
+    order = coefficients.order_f
+    rest = np.maximum(coefficients.total_energy - coefficients.degree_energy.sum(axis=0), 0.0)
+    power = lighting.power()[: order + 1]
+    last = slice(max(order + 1 - _LAST_DEGREES, 0), order + 1)
+    density = _weighted_power(lighting, order)[last].mean(axis=0)
+    light_left = np.maximum(lighting.energy - power.sum(axis=0), 0.0)
+    return float(
+        np.sum(np.minimum(density, _convolution_measure(order + 1)[-1] * light_left) * rest)
+    )
+
+
+def carried_order(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+) -> int:
+    """Find the order l beyond which nothing of the reflected light is visible.
+
+    A truncated series rings, and beside a lamp rings are seen where the RMS error is small. What
+    is left out is therefore compared with the mean of the reflected light, channel by channel.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+        The coefficients of the BRDF, to at least the orders F and P.
+    order_f, order_p : int
+        The orders F and P that the tolerance asks for.
+
+    Returns
+    -------
+    int
+        At least F, and at most the order of the coefficients.
+    """
+    seen = visible_beyond(lighting, coefficients, order_p) > _INVISIBLE
+    return max(order_f, int(np.argmin(seen)))
+
+
+def visible_beyond(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Array:
+    """Return what truncation after each order l leaves out, relative to the mean reflected light.
+
+    It is the RMS over all orientations and views of the known terms with p <= P beyond l, in the
+    channel where it is largest relative to the channel's mean. The last entry is 0.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+    order_p : int
+        The order P of the map.
+
+    Returns
+    -------
+    ndarray, shape (coefficients.order_f + 1,)
+    """
+    order = coefficients.order_f
+    energy = _weighted_power(lighting, order) * _kept(coefficients, order, order_p)
+    beyond = np.append(np.cumsum(energy[::-1], axis=0)[-2::-1], np.zeros((1, 3)), axis=0)
+    mean = np.abs(lighting.coefficients[0] * coefficients.values[0, 0, 0]) / np.sqrt(4 * np.pi)
+    rms = np.sqrt(beyond) / (4 * np.pi)
+    return np.asarray(np.max(rms / np.maximum(mean, 1e-300), axis=1))
+
+
+def filtering_error(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    order_f: int,
+    order_p: int,
+    size: int,
+    sampling: Sampling = "center",
+) -> float:
+    """Predict the relative RMS error of looking a map up by bilinear filtering.
+
+    Parameters
+    ----------
+    lighting, coefficients, order_f, order_p
+        The same as for `predicted_error`.
+    size, sampling
+        Those of the map's cubes.
+
+    Returns
+    -------
+    float
+        The error of the map as it is made, without that of its orders; 0 for black light.
+    """
+    kept = _weighted_power(lighting, order_f) * _kept(coefficients, order_f, order_p)
+    energy = kept.sum(axis=1)
+    whole = energy.sum()
+    lost = bilinear_errors(order_f, size, sampling) @ energy
+    return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+
+
+def truncated_lobe_error(
+    lighting: Lighting, coefficients: BrdfCoefficients, tail: BrdfCoefficients
+) -> float:
+    """Return the relative RMS error of leaving out the outer part of the BRDF's lobe.
+
+    The integral is that of `predicted_error`, but the error is the light that the missing part
+    of the lobe would reflect, instead of what lies beyond some orders.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients, tail : BrdfCoefficients
+        The coefficients of the whole BRDF and of the part that is missing, to the same order_f.
+
+    Returns
+    -------
+    float
+        The error, which is 0 for black light.
+    """
+    whole = reflected_rms(lighting, coefficients)
+    return reflected_rms(lighting, tail) / whole if whole > 0 else 0.0
+
+
+def error_bound(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+) -> float:
+    """Return a conservative relative RMS error, the square root of eps_B of eq. 5.19.
+
+    All that is missing beyond F is taken to sit in mode F + 1, with all the residual energy of
+    the light and of the BRDF: ``Lambda_{F+1}^2 (eps_L L_tot) (eps_rho rho_tot)``. (Eq. 5.19 is
+    printed with Lambda_{F+1}, but energies go with its square, ``|B_lmpq|^2 = Lambda_l^2 |L_lm|^2
+    |rho_hat_lpq|^2``.) The part with l <= F and p > P does not occur in the radially symmetric
+    case of eq. 5.19. It is known for each degree, and is added as it is.
+
+    Parameters
+    ----------
+    lighting, coefficients, order_f, order_p
+        The same as for `predicted_error`.
+
+    Returns
+    -------
+    float
+        The error, which is 0 for black light.
+    """
+    light = _weighted_power(lighting, order_f)
+    kept = _kept(coefficients, order_f, order_p)
+    low = coefficients.degree_energy[: order_f + 1]
+    light_left = np.maximum(lighting.energy - lighting.power()[: order_f + 1].sum(axis=0), 0)
+    rho_left = np.maximum(coefficients.total_energy - low.sum(axis=0), 0)
+    residual = _convolution_measure(order_f + 1)[-1] * np.sum(light_left * rho_left)
+    residual += np.sum(light * (low - kept))
+    whole = np.sum(light * kept) + residual
+    return float(np.sqrt(residual / whole)) if whole > 0 else 0.0
+
+
+def _kept(coefficients: BrdfCoefficients, order_f: int, order_p: int) -> Array:
+    """Return the energy of the BRDF at each degree l <= F with p <= P, shape (F+1, 3)."""
+    return coefficients.energies()[: order_f + 1, : order_p + 1].sum(axis=1)
+
+
+def _weighted_power(lighting: Lighting, order: int) -> Array:
+    """Return ``Lambda_l^2 sum_m |L_lm|^2`` for each l and channel, shape (order+1, 3)."""
+    return _convolution_measure(order)[:, None] * lighting.power()[: order + 1]
+
+
+def _convolution_measure(order: int) -> Array:
+    """Return ``Lambda_l^2 = 4 pi / (2l+1)`` of eq. 5.7 for each l, shape (order+1,)."""
+    return 4 * np.pi / (2 * np.arange(order + 1) + 1)

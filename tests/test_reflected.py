@@ -1,0 +1,119 @@
+"""Predicted errors against sums written again, closed forms and brute force."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.coefficients import compute_coefficients
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.orders import choose_orders
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.reflected import (
+    carried_order,
+    energy_beyond,
+    error_bound,
+    predicted_error,
+    visible_beyond,
+)
+
+
+def lit(power, energy=None):
+    """Light with a given power in each degree, shape (n, 3), all of it in m = 0."""
+    power = np.asarray(power, dtype=float)
+    coefficients = np.zeros((len(power) ** 2, 3))
+    degree = np.arange(len(power))
+    coefficients[degree * (degree + 1)] = np.sqrt(power)
+    return Lighting(coefficients, power.sum(axis=0) if energy is None else energy)
+
+
+def lamp(order):
+    """A lamp that is a point: every degree has the power 2l + 1."""
+    power = np.repeat(2.0 * np.arange(order + 1)[:, None] + 1, 3, axis=1)
+    return lit(power, np.full(3, 1e12))
+
+
+def test_predicted_error_is_exact_where_everything_is_known():
+    """One degree of light: the error is the missing part of that degree alone."""
+    coefficients = compute_coefficients(parse_spec("phong:exponent=8"), 32, 0)
+    power = np.zeros((33, 3))
+    power[3] = 2.0
+    assert predicted_error(lit(power), coefficients, 3, 0) == 0
+    assert predicted_error(lit(power), coefficients, 2, 0) == pytest.approx(1)
+    power[5] = 1.0
+    squares = coefficients.values[:, 0, 0, 0] ** 2 / (2 * np.arange(33) + 1)
+    expected = np.sqrt(squares[5] / (2 * squares[3] + squares[5]))
+    assert predicted_error(lit(power), coefficients, 4, 0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.2", "phong:exponent=50", "lambertian"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_bound_is_conservative(spec, seed):
+    rng = np.random.default_rng(seed)
+    orders, coefficients = choose_orders(parse_spec(spec), 0.05)
+    power = (
+        rng.random((coefficients.order_f + 1, 3))
+        * np.exp(-rng.random() * np.arange(coefficients.order_f + 1))[:, None]
+    )
+    light = lit(power, power.sum(axis=0) * 1.3)
+    for f in (0, 1, orders.order_f):
+        predicted = predicted_error(light, coefficients, f, orders.order_p)
+        bound = error_bound(light, coefficients, f, orders.order_p)
+        assert predicted <= bound * (1 + 1e-9)
+        assert bound <= 1
+
+
+def test_black_light_has_no_error():
+    coefficients = compute_coefficients(parse_spec("microfacet"), 32, 8)
+    black = lit(np.zeros((33, 3)))
+    assert predicted_error(black, coefficients, 4, 2) == 0
+    assert error_bound(black, coefficients, 4, 2) == 0
+    assert carried_order(black, coefficients, 4, 2) == 4
+
+
+@pytest.mark.parametrize(("spec", "order"), [("phong:exponent=512", 52), ("phong:exponent=64", 16)])
+def test_what_lies_beyond_the_coefficients_counts(spec, order):
+    """A lamp lights all degrees, and a sharp lobe has energy in all of them."""
+    brdf = parse_spec(spec)
+    known = compute_coefficients(brdf, order, 0)
+    whole = compute_coefficients(brdf, 400, 0)
+    squares = whole.degree_energy.sum(axis=1)  # for a lamp, (2l + 1) cancels Lambda_l^2
+    expected = np.sqrt(squares[order + 1 :].sum() / squares.sum())
+    assert expected > 0.03
+    found = predicted_error(lamp(order), known, order, 0)
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_energy_beyond_is_never_more_than_the_light_has():
+    """Light that ends at the known degrees reflects nothing beyond them."""
+    known = compute_coefficients(parse_spec("phong:exponent=512"), 20, 0)
+    power = np.ones((21, 3))
+    assert energy_beyond(lit(power), known) == 0
+    assert energy_beyond(lit(power, power.sum(axis=0) + 1e-3), known) > 0
+
+
+def test_visible_part_is_the_rms_of_the_missing_degrees():
+    """The missing part of the light of a lamp, from its Legendre series (eq. 5.8)."""
+    order, kept = 60, 14
+    coefficients = compute_coefficients(parse_spec("phong:exponent=64"), order, 0)
+    cosines, weights = np.polynomial.legendre.leggauss(200)
+    # L_l0 = sqrt(2l + 1), so the reflected light has the coefficients rho_l Lambda_l sqrt(2l + 1),
+    # and Y_l0 = sqrt((2l + 1) / 4 pi) P_l.
+    degree = np.arange(order + 1)
+    series = coefficients.values[:, 0, 0, 0] * np.sqrt(2.0 * degree + 1) / np.sqrt(4 * np.pi)
+    left = np.where(degree > kept, series, 0) * np.sqrt(4 * np.pi)
+    missing = np.polynomial.legendre.legval(cosines, left / np.sqrt(4 * np.pi))
+    whole = np.polynomial.legendre.legval(cosines, series)
+    rms = np.sqrt(weights @ missing**2 / 2)
+    mean = weights @ whole / 2
+    found = visible_beyond(lamp(order), coefficients, 0)
+    assert found[kept] == pytest.approx(rms / mean, rel=1e-6)
+    assert found[-1] == 0
+    assert (np.diff(found) <= 0).all()
+
+
+def test_carried_order_leaves_nothing_visible():
+    coefficients = compute_coefficients(parse_spec("phong:exponent=64"), 80, 0)
+    light = lamp(80)
+    carried = carried_order(light, coefficients, 10, 0)
+    seen = visible_beyond(light, coefficients, 0)
+    assert seen[carried] <= 1e-4 < seen[carried - 1]
+    assert carried_order(light, coefficients, 70, 0) == 70
