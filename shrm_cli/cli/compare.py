@@ -185,10 +185,11 @@ def compare(
             baseline = Reference(source, brdf, source_height, progress=stages.within)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
     flips = None
-    if can_flip() and not no_flip:
+    wanted = not no_flip and (as_json or not quiet)  # only if it will be printed
+    if wanted and can_flip():
         with progress_bar("flipping", quiet) as bar:
             flips = _flips(comparison, bar)
-    elif not no_flip:
+    elif wanted:
         warnings.append(_NO_FLIP)
     warnings += [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
     warnings += differing_origins(infos, label, digest, record)
