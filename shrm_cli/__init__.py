@@ -31,6 +31,8 @@ _HOMES = {
     "Brdf": "brdf.base",
     "Parameter": "brdf.base",
     "parse_spec": "brdf.spec",
+    "seen_errors": "render.seen",
+    "SeenErrors": "render.seen",
     "using": "settings",
     "ShrmError": "errors",
     "ProbeError": "errors",
@@ -65,6 +67,8 @@ if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe as Probe
     from shrm_cli.probe.probe import open_probe as open_probe
     from shrm_cli.reference import reference as reference
+    from shrm_cli.render.seen import SeenErrors as SeenErrors
+    from shrm_cli.render.seen import seen_errors as seen_errors
     from shrm_cli.settings import using as using
 
 

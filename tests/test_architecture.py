@@ -44,6 +44,7 @@ USERS = {
 EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
     "brdf/measured/reading/spectrum.py": {"colour"},
+    "render/flip.py": {"flip_evaluator"},
 }
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}

@@ -22,7 +22,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.comparison import measure
+from shrm_cli.render.comparison import Difference, measure
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
@@ -51,10 +51,10 @@ class RepresentationResult:
         How many files were written, and their bytes in all.
     seconds : float
         Wall-clock time of making the maps, which includes reading the probe for each.
-    errors : tuple of float or None
-        Relative RMS error of the pictures of each surface; None where no map was made.
-    error : float or None
-        Relative RMS error of all pictures of all surfaces; None if any map was not made.
+    differences : tuple of Difference or None
+        The pictures of each surface compared with the truth; None where no map was made.
+    difference : Difference or None
+        All pictures of all surfaces compared with the truth; None if any map was not made.
     failures : tuple of str
         The reasons why maps were not made.
     pictures : tuple of ndarray of float32, shape (V, S, S, 3), or None
@@ -65,10 +65,20 @@ class RepresentationResult:
     files: int
     stored: int
     seconds: float
-    errors: tuple[float | None, ...]
-    error: float | None
+    differences: tuple[Difference | None, ...]
+    difference: Difference | None
     failures: tuple[str, ...]
     pictures: tuple[Picture | None, ...]
+
+    @property
+    def errors(self) -> tuple[float | None, ...]:
+        """Relative RMS error of the pictures of each surface; None where no map was made."""
+        return tuple(None if each is None else each.relative_rmse for each in self.differences)
+
+    @property
+    def error(self) -> float | None:
+        """Relative RMS error of all pictures of all surfaces; None if any map was not made."""
+        return None if self.difference is None else self.difference.relative_rmse
 
 
 @dataclass(frozen=True)
@@ -239,15 +249,16 @@ def _judge(
             seconds += duration
             files, stored = files + 1, stored + path.stat().st_size
             pictures += [_draw(_shaded(found, each), viewers, truth.shape[-2]) for each in group]
-    errors = tuple(
-        None if found is None else measure(found, expected).relative_rmse
+    differences = tuple(
+        None if found is None else measure(found, expected)
         for found, expected in zip(pictures, truth, strict=True)
     )
     whole = [found for found in pictures if found is not None]
-    error = measure(np.stack(whole), truth).relative_rmse if len(whole) == len(truth) else None
+    difference = measure(np.stack(whole), truth) if len(whole) == len(truth) else None
     return RepresentationResult(
-        representation, files, stored, seconds, errors, error, tuple(failures), tuple(pictures)
-    )
+        representation, files, stored, seconds, differences, difference, tuple(failures),
+        tuple(pictures),
+    )  # fmt: skip
 
 
 def _draw(reflection_map: ReflectionMap, viewers: Sequence[Viewer], size: int) -> Picture:

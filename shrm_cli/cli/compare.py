@@ -27,13 +27,16 @@ from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, S
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from shrm_cli.progress import Progress
     from shrm_cli.render.comparison import Comparison, Difference
+    from shrm_cli.render.flip import FlipError
 
 _VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
 _SIZE = 128
 """Default width and height of a sphere's picture where maps are compared, pixels."""
-_OF_MAPS = ("spec", "amplify", "no_picture")
+_NO_FLIP = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install 'shrm[flip]'"
+_OF_MAPS = ("spec", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
 _OF_REPRESENTATIONS = ("tolerance", "steps")
 """Arguments that apply only with --representations."""
@@ -92,6 +95,9 @@ _OF_REPRESENTATIONS = ("tolerance", "steps")
     "--representations none]",
 )  # fmt: skip
 @click.option("--no-picture", is_flag=True, help="Write no picture.")
+@click.option(
+    "--no-flip", is_flag=True, help="Leave out HDR-FLIP, which takes long for large spheres."
+)
 @click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where the probe's edge pixels lie.")
 @read_options
 @report_options
@@ -111,6 +117,7 @@ def compare(
     amplify: float,
     output: str | None,
     no_picture: bool,
+    no_flip: bool,
     sampling: str | None,
     as_json: bool,
     quiet: bool,
@@ -120,6 +127,11 @@ def compare(
 
     Prints the differences over the sphere, and draws it: a view in each row, with the absolute
     differences. The options from --sampling to --clamp are about the file of the probe.
+
+    RMSE, relative RMSE, maximum and PSNR are those of radiance. Median and p95 (95th percentile)
+    are those of the relative error of the luminance over the sphere's pixels, where the truth
+    counts as 2 % of its mean at least; negative is the share of pixels below 0. FLIP is the mean
+    HDR-FLIP error, 0 to 1, if flip-evaluator is installed.
 
     \b
       shrm compare a.shrm.exr b.shrm.exr
@@ -144,6 +156,7 @@ def compare(
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.comparison import compare_spheres, comparison_layout
+    from shrm_cli.render.flip import can_flip
 
     _check_usage(maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
     size = size or _SIZE
@@ -171,6 +184,13 @@ def compare(
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=stages.within)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
+    flips = None
+    wanted = not no_flip and (as_json or not quiet)  # only if it will be printed
+    if wanted and can_flip():
+        with progress_bar("flipping", quiet) as bar:
+            flips = _flips(comparison, bar)
+    elif wanted:
+        warnings.append(_NO_FLIP)
     warnings += [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
     warnings += differing_origins(infos, label, digest, record)
     result = {
@@ -179,13 +199,13 @@ def compare(
         "brdf": record,
         "size": size,
         **surface_values(surface),
-        **_numbers(comparison, names, views),
+        **_numbers(comparison, names, views, flips),
         "picture": target,
     }
-    report = [_table(result)]
+    # The first label is that of the baseline, which is the truth or the first map.
+    labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
+    report = [_table(result, labels[1:], flips is not None)]
     if target is not None:
-        # The first label is that of the baseline, which is the truth or the first map.
-        labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
         pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
         primaries = {each.info.chromaticities for each in loaded}
@@ -258,19 +278,46 @@ def _attributes(
     return picture_attributes(recipe, primaries)
 
 
+def _flips(comparison: Comparison, progress: Progress | None) -> list[list[FlipError | None]]:
+    """Return HDR-FLIP of each view and, in that, of each map."""
+    views, maps = len(comparison.viewers), len(comparison.others)
+    found: list[list[FlipError | None]] = [[] for _ in range(views)]
+    for view, of_view in enumerate(found):
+        for other in range(maps):
+            of_view.append(comparison.flip(other, view))
+            if progress is not None:
+                progress(view * maps + other + 1, views * maps)
+    return found
+
+
 def _numbers(
-    comparison: Comparison, names: Sequence[str], views: Sequence[tuple[float, float]]
+    comparison: Comparison,
+    names: Sequence[str],
+    views: Sequence[tuple[float, float]],
+    flips: Sequence[Sequence[FlipError | None]] | None,
 ) -> dict[str, Any]:
     """Return the differences in each view and in all views together, as the JSON has them."""
+    per_view = flips or [[None] * len(names)] * len(views)
 
-    def rows(view: int | None) -> list[dict[str, Any]]:
-        return [
-            {"file": name, **_values(comparison.difference(index, view))}
-            for index, name in enumerate(names)
-        ]
+    def row(index: int, view: int | None) -> dict[str, Any]:
+        of_views = [each[index] for each in (per_view if view is None else [per_view[view]])]
+        # Each view has as many pixels of the sphere as the others.
+        means = [each.mean for each in of_views if each is not None]
+        flip = sum(means) / len(means) if len(means) == len(of_views) else None
+        return {
+            "file": names[index],
+            **_values(comparison.difference(index, view)),
+            "hdr_flip": flip,
+        }
 
-    each = [{"view": list(view), "maps": rows(index)} for index, view in enumerate(views)]
-    return {"views": each, "summary": rows(None)}
+    each = []
+    for index, view in enumerate(views):
+        # The exposures come from the baseline, so that those of all maps are the same.
+        known = [found.exposures for found in per_view[index] if found is not None]
+        maps = [row(other, index) for other in range(len(names))]
+        exposures = asdict(known[0]) if known else None
+        each.append({"view": list(view), "flip_exposures": exposures, "maps": maps})
+    return {"views": each, "summary": [row(other, None) for other in range(len(names))]}
 
 
 def _values(difference: Difference) -> dict[str, float | None]:
@@ -278,29 +325,45 @@ def _values(difference: Difference) -> dict[str, float | None]:
     return {key: v if math.isfinite(v) else None for key, v in asdict(difference).items()}
 
 
-def _table(result: dict[str, Any]) -> str:
-    """Return a table with rows for each view, and then for all views together."""
-    rows = [["view", "map", "RMSE", "relative", "maximum", "PSNR"]]
-    for each in result["views"]:
-        rows += [["{:g},{:g}".format(*each["view"]), *_cells(row)] for row in each["maps"]]
-    rows += [["all", *_cells(row)] for row in result["summary"]]
+def _table(result: dict[str, Any], names: Sequence[str], flipped: bool) -> str:
+    """Return a table with rows for each view, and then for all views together.
+
+    The name of a map comes last, because it may be long. FLIP has a column if it was measured.
+    """
+    titles = ["RMSE", "relative", "median", "p95", "negative", "FLIP", "maximum", "PSNR"]
+    rows = [["view", *titles, "map"]]
+    of_views = [("{:g},{:g}".format(*each["view"]), each["maps"]) for each in result["views"]]
+    for view, maps in [*of_views, ("all", result["summary"])]:
+        rows += [[view, *_cells(row), name] for row, name in zip(maps, names, strict=True)]
+    if not flipped:
+        column = rows[0].index("FLIP")
+        rows = [row[:column] + row[column + 1 :] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     of_probe = "" if result["probe"] is None else f" of {result['probe']}"
     lines = [f"compared with {result['baseline']}{of_probe}"]
-    for view, name, *numbers in rows:
-        cells = [view.ljust(widths[0]), name.ljust(widths[1])]
-        cells += [text.rjust(width) for text, width in zip(numbers, widths[2:], strict=True)]
-        lines.append("  ".join(cells))
+    for view, *numbers, name in rows:
+        cells = [text.rjust(width) for text, width in zip(numbers, widths[1:-1], strict=True)]
+        lines.append("  ".join([view.ljust(widths[0]), *cells, name]))
     return "\n".join(lines)
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
-    rmse, relative, psnr = row["rmse"], row["relative_rmse"], row["psnr"]
+    rmse, psnr, flip = row["rmse"], row["psnr"], row["hdr_flip"]
     none = "inf dB" if rmse == 0 else "-inf dB"
     return [
-        row["file"],
         f"{rmse:.4g}",
-        "inf" if relative is None else f"{relative:.2%}",
+        _percent(row["relative_rmse"], 2),
+        _percent(row["median_relative_error"], 1),
+        _percent(row["p95_relative_error"], 1),
+        _percent(row["negative_share"], 2),
+        "-" if flip is None else f"{flip:.3f}",
         f"{row['maximum']:.4g}",
         none if psnr is None else f"{psnr:.1f} dB",
     ]
+
+
+def _percent(value: float | None, digits: int) -> str:
+    """Return a share in percent; those that JSON cannot hold are infinite."""
+    if value is None:
+        return "inf"
+    return f"{value:.{digits}%}" if value < 100 else f"{100 * value:.3g}%"

@@ -105,8 +105,21 @@ def _values(result: RepresentationResult) -> dict[str, Any]:
         "seconds": result.seconds,
         "relative_rmse": [_finite(each) for each in result.errors],
         "relative_rmse_of_all": _finite(result.error),
+        **_seen(result),
         "failures": [flags(each) for each in result.failures],
     }
+
+
+def _seen(result: RepresentationResult) -> dict[str, Any]:
+    """Return what `shrm compare` says of pixels, of each roughness and of all together."""
+    values: dict[str, Any] = {}
+    for key in ("median_relative_error", "p95_relative_error", "negative_share"):
+        *each, whole = [
+            None if found is None else _finite(getattr(found, key))
+            for found in (*result.differences, result.difference)
+        ]
+        values |= {key: each, f"{key}_of_all": whole}
+    return values
 
 
 def _finite(value: float | None) -> float | None:
@@ -119,16 +132,22 @@ def _report(table: RepresentationTable, path: str) -> str:
 
     roughness = [f"{each.number('roughness'):.3g}" for each in table.surfaces]
     f0 = value_text(table.surfaces[0].color("f0"))
-    rows = [["", "files", "storage", "build", *roughness, *(["all"] if roughness[1:] else [])]]
+    rows = [
+        ["", "files", "storage", "build", *roughness, *(["all"] if roughness[1:] else []), "p95"]
+    ]
     for each in table.results:
         errors = [*each.errors, *([each.error] if roughness[1:] else [])]
         costs = [_bytes(each.stored), f"{each.seconds:.2f} s"] if each.files else ["-", "-"]
+        errors.append(None if each.difference is None else each.difference.p95_relative_error)
         rows.append([each.representation.title, str(each.files), *costs, *map(_share, errors)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [f"{path} on GGX of f0 {f0}: relative RMS error by roughness, against brute force"]
     for title, *cells in rows:
         right = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
         lines.append("  ".join([title.ljust(widths[0]), *right]))
+    lines.append(
+        "p95: the 95th percentile of the relative error over all the pixels of the spheres."
+    )
     single = " and ".join(
         each.representation.title for each in table.results if each.representation.needs_brdf
     )

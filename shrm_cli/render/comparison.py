@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
+from shrm_cli.render.flip import FlipError, hdr_flip
 from shrm_cli.render.image import expose
+from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
 
@@ -32,18 +34,24 @@ class Difference:
     psnr : float
         The largest value of the baseline divided by `rmse`, in decibels; infinite for equal
         pictures, otherwise minus infinity if no value of the baseline is above 0.
+    median_relative_error, p95_relative_error, negative_share : float
+        What is seen of it, pixel by pixel; see `SeenErrors`.
     """
 
     rmse: float
     relative_rmse: float
     maximum: float
     psnr: float
+    median_relative_error: float
+    p95_relative_error: float
+    negative_share: float
 
 
 def measure(pictures: Picture, baselines: Picture) -> Difference:
     """Compare pictures of one or more views.
 
-    Only the sphere counts: the weight of a pixel is the fraction of it that the sphere covers.
+    Only the sphere counts: the weight of a pixel is the fraction of it that the sphere covers, in
+    means and in percentiles. Pixels on the silhouette are divided by that fraction first.
 
     Parameters
     ----------
@@ -56,17 +64,22 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
         Over all views together.
     """
     size = pictures.shape[-2]
-    coverage = sphere_coverage(size, *pixel_centers(size, 0, size))
+    coverage = _coverage(size)
     seen = coverage > 0
     weights = coverage[seen][:, None]
     expected = baselines[..., seen, :].astype(float) / weights
-    error = pictures[..., seen, :].astype(float) / weights - expected
+    found = pictures[..., seen, :].astype(float) / weights
+    error = found - expected
+    what_is_seen = seen_errors(found, expected, coverage[seen])
     rmse = _root_mean_square(error, weights)
     return Difference(
         rmse,
         _ratio(rmse, _root_mean_square(expected, weights)),
         float(np.abs(error).max()),
         _decibels(float(expected.max()), rmse),
+        what_is_seen.median_relative_error,
+        what_is_seen.p95_relative_error,
+        what_is_seen.negative_share,
     )
 
 
@@ -91,6 +104,25 @@ class Comparison:
         """Measure how far a map is from the baseline, in one view or by default in all."""
         views = slice(None) if view is None else slice(view, view + 1)
         return measure(self.others[other, views], self.baseline[views])
+
+    def flip(self, other: int, view: int) -> FlipError | None:
+        """Measure HDR-FLIP between a map and the baseline in one view.
+
+        FLIP sees the pictures as they are, with the sphere on black, and chooses its exposures
+        from that of the baseline. The mean of its error is over the sphere alone.
+
+        Returns
+        -------
+        FlipError or None
+            None where FLIP is not defined: if the baseline is black or a pixel is not finite.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If `flip_evaluator` is not installed.
+        """
+        coverage = _coverage(self.baseline.shape[-2])
+        return hdr_flip(self.others[other, view], self.baseline[view], coverage)
 
     def picture(
         self,
@@ -189,6 +221,11 @@ def compare_spheres(
                 progress(len(drawn), total)
     pictures = np.stack(drawn).reshape(1 + len(others), len(viewers), size, size, 3)
     return Comparison(viewers, pictures[0], pictures[1:])
+
+
+def _coverage(size: int) -> Array:
+    """Return the fraction of each pixel that the sphere covers, shape (size, size)."""
+    return sphere_coverage(size, *pixel_centers(size, 0, size))
 
 
 def _root_mean_square(values: Array, weights: Array) -> float:

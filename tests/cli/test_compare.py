@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 
 import numpy as np
 import OpenImageIO as oiio
@@ -107,12 +108,12 @@ def by_formula(name, other, view, size):
 
 def test_a_map_compared_with_itself_says_zero(folder):
     value = strict(done("compare", "fine.map.exr", "fine.map.exr", *SMALL, "--json"))
-    zero = {"rmse": 0, "relative_rmse": 0, "maximum": 0, "psnr": None}
+    errors = ("rmse", "relative_rmse", "maximum", "median_relative_error", "p95_relative_error")
+    zero = {**dict.fromkeys((*errors, "negative_share", "hdr_flip"), 0), "psnr": None}
     maps = [{"file": "fine.map.exr", **zero}]
     assert value["baseline"] == "fine.map.exr"
-    assert value["views"] == [
-        {"view": view, "maps": maps} for view in ([0, 0], [120, 20], [240, -20])
-    ]
+    assert [each["view"] for each in value["views"]] == [[0, 0], [120, 20], [240, -20]]
+    assert [each["maps"] for each in value["views"]] == [maps] * 3
     assert value["summary"] == maps
     assert value["picture"] is None
     assert value["warnings"] == []
@@ -147,23 +148,138 @@ def test_table(folder):
     save("a.black.one.exr", furnace((0, 0, 0)), "float")
     views = ["--view", "0,0", "--view", "-33.5,10"]
     lines = done("compare", "one.exr", "two.exr", "a.black.one.exr", *views, *SMALL).splitlines()
+    columns = "RMSE  relative  median     p95  negative   FLIP  maximum     PSNR"
+    # The luminance of (1, 1, 1.5) is 1 + 0.5 * 0.0722. What FLIP says is another test's matter.
+    two = "0.2887    28.87%    3.6%    3.6%     0.00%  FLIP?      0.5  10.8 dB  two"
+    black = "     1   100.00%  100.0%  100.0%     0.00%  FLIP?        1   0.0 dB  a.black.one"
+    lines = [re.sub(r" 0\.\d{3} ", " FLIP? ", line) for line in lines]
     assert lines == [
         "compared with one.exr",
-        "view      map                RMSE  relative  maximum     PSNR",
-        "0,0       two.exr          0.2887    28.87%      0.5  10.8 dB",
-        "0,0       a.black.one.exr       1   100.00%        1   0.0 dB",
-        "-33.5,10  two.exr          0.2887    28.87%      0.5  10.8 dB",
-        "-33.5,10  a.black.one.exr       1   100.00%        1   0.0 dB",
-        "all       two.exr          0.2887    28.87%      0.5  10.8 dB",
-        "all       a.black.one.exr       1   100.00%        1   0.0 dB",
+        "view        " + columns + "  map",
+        "0,0       " + two,
+        "0,0       " + black,
+        "-33.5,10  " + two,
+        "-33.5,10  " + black,
+        "all       " + two,
+        "all       " + black,
     ]
     out = done("compare", "a.black.one.exr", "two.exr", "a.black.one.exr", *SMALL)
     cells = [line.split() for line in out.splitlines()[-2:]]
-    assert cells[0] == ["all", "two.exr", "1.19", "inf", "1.5", "-inf", "dB"]
-    assert cells[1] == ["all", "a.black.one.exr", "0", "0.00%", "0", "inf", "dB"]
+    assert cells[0] == [
+        *("all", "1.19", "inf", "inf", "inf", "0.00%", "-", "1.5", "-inf", "dB", "two")
+    ]
+    assert cells[1] == [
+        *("all", "0", "0.00%", "0.0%", "0.0%", "0.00%", "-", "0", "inf", "dB", "a.black.one")
+    ]
     value = told("a.black.one.exr", "two.exr", *SMALL)
-    assert value["summary"][0]["relative_rmse"] is None
-    assert value["summary"][0]["psnr"] is None
+    assert value["views"][0]["flip_exposures"] is None
+    for key in ("relative_rmse", "psnr", "median_relative_error", "p95_relative_error", "hdr_flip"):
+        assert value["summary"][0][key] is None, key
+
+
+def of_luminance(name, other, views, size):
+    """Median and p95 of the relative error, and the share of negatives, of pictures of two maps.
+
+    A pixel counts as often as thousandths of it are covered.
+    """
+    right = np.arange(size) + 0.5 - size / 2
+    weights = sphere_coverage(size, *np.meshgrid(right, right))
+    inside = weights > 0
+    shown, true = (
+        np.concatenate([
+            render_sphere(open_map(path), Viewer(*view), size)[inside] @ [0.2126, 0.7152, 0.0722]
+            for view in views
+        ]) / np.tile(weights[inside], len(views))
+        for path in (other, name)
+    )  # fmt: skip
+    often = np.tile(np.round(1000 * weights[inside]).astype(int), len(views))
+    shown, true = np.repeat(shown, often), np.repeat(true, often)
+    errors = np.abs(shown - true) / np.maximum(true, 0.02 * true.mean())
+    return [np.percentile(errors, 50), np.percentile(errors, 95), np.mean(shown < 0)]
+
+
+def test_what_is_seen_of_each_view_and_of_all(folder):
+    views = [[30, 10], [-100, -50]]
+    options = ["--view", "30,10", "--view", "-100,-50", "--size", 40, "--no-picture"]
+    names = ["fine.map.exr", "coarse.map.exr"]
+    value = told("noisy.map.exr", *names, *options)
+    keys = ["median_relative_error", "p95_relative_error", "negative_share"]
+    for index, name in enumerate(names):
+        for view, each in zip(views, value["views"], strict=True):
+            expected = of_luminance("noisy.map.exr", name, [view], 40)
+            row = each["maps"][index]
+            np.testing.assert_allclose([row[key] for key in keys], expected, rtol=0.01, atol=1e-3)
+        expected = of_luminance("noisy.map.exr", name, views, 40)
+        row = value["summary"][index]
+        np.testing.assert_allclose([row[key] for key in keys], expected, rtol=0.01, atol=1e-3)
+        assert expected[1] > 1.2 * expected[0] > 0.01
+
+
+def test_flip_and_its_exposures(folder):
+    evaluator = pytest.importorskip("flip_evaluator")
+    options = ["--view", "30,10", "--view", "-100,-50", "--size", 40, "--no-picture"]
+    names = ["coarse.map.exr", "yawed.map.exr"]
+    value = told("fine.map.exr", *names, *options)
+    right = np.arange(40) + 0.5 - 20
+    weights = sphere_coverage(40, *np.meshgrid(right, right))
+    for each in value["views"]:
+        truth, *shown = (
+            np.maximum(render_sphere(open_map(path), Viewer(*each["view"]), 40), 0)
+            for path in ("fine.map.exr", *names)
+        )
+        for row, picture in zip(each["maps"], shown, strict=True):
+            errors, _, chosen = evaluator.evaluate(
+                truth, picture, "HDR", applyMagma=False, parameters={}
+            )
+            expected = np.average(errors[..., 0], weights=weights)
+            assert row["hdr_flip"] == pytest.approx(expected, abs=1e-5)
+            exposures = [chosen[key] for key in ("startExposure", "stopExposure", "numExposures")]
+            assert list(each["flip_exposures"]) == ["start", "stop", "number"]
+            assert list(each["flip_exposures"].values()) == pytest.approx(exposures, abs=1e-4)
+    for index, row in enumerate(value["summary"]):
+        of_views = [each["maps"][index]["hdr_flip"] for each in value["views"]]
+        assert row["hdr_flip"] == pytest.approx(sum(of_views) / 2)
+        assert row["hdr_flip"] > 0.01
+
+
+HINT = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install 'shrm[flip]'"
+
+
+@pytest.mark.parametrize(("options", "hints"), [([], [HINT]), (["--no-flip"], [])])
+def test_without_flip_its_column_is_left_out(folder, monkeypatch, options, hints):
+    monkeypatch.setattr("shrm_cli.render.flip.can_flip", lambda: False)
+    result = run("compare", "fine.map.exr", "coarse.map.exr", *SMALL, *options)
+    assert result.code == 0
+    assert result.err.splitlines() == [f"Warning: {hint}" for hint in hints]
+    header = result.out.splitlines()[1].split()
+    assert header == ["view", "RMSE", "relative", "median", "p95", "negative", "maximum", "PSNR",
+                      "map"]  # fmt: skip
+    value = told("fine.map.exr", "coarse.map.exr", *SMALL, *options)
+    assert value["warnings"] == hints
+    assert value["summary"][0]["hdr_flip"] is None
+    assert [each["flip_exposures"] for each in value["views"]] == [None] * 3
+    assert value["summary"][0]["p95_relative_error"] > 0
+
+
+@pytest.mark.parametrize("option", ["--no-flip", "--quiet"])
+def test_flip_is_not_loaded_unless_it_is_needed(folder, option):
+    code = (
+        "import sys\nsys.argv = ['shrm', 'compare', 'fine.map.exr', 'coarse.map.exr', "
+        f"'--size', '16', '--no-picture', '{option}']\n"
+        "from shrm_cli.cli.main import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "assert 'flip_evaluator' not in sys.modules"
+    )
+    found = process(code=code)
+    assert (found.code, found.err) == (0, "")
+
+
+def test_the_table_fits_into_a_hundred_columns(folder):
+    save("city.microfacet.shrm.exr", furnace((12, 34, 5)))
+    out = done("compare", "noisy.map.exr", "city.microfacet.shrm.exr", *SMALL)
+    assert out.splitlines()[-1].endswith("city.microfacet.shrm")
+    assert "240,-20" in out
+    assert max(len(line) for line in out.splitlines()) <= 100
 
 
 def test_picture_has_a_row_for_each_view(folder):
@@ -311,21 +427,23 @@ def test_warnings_of_the_probe_are_told(folder):
 
 
 def test_progress_of_the_truth(folder, monkeypatch):
-    seen = []
+    bars = {}
 
     class Bar:
         def __init__(self, label, quiet):
-            assert label
             assert not quiet
+            self.seen = bars.setdefault(label, [])
 
         def __enter__(self):
-            return lambda done, total: seen.append((done, total))
+            return lambda done, total: self.seen.append((done, total))
 
         def __exit__(self, *error):
             return None
 
     monkeypatch.setattr("shrm_cli.cli.compare.progress_bar", Bar)
     done("compare", "fine.map.exr", "--probe", "room.exr", *SMALL)
+    assert bars["flipping"] == [(1, 3), (2, 3), (3, 3)]
+    seen = bars["comparing"]
     (total,) = {total for _, total in seen}
     steps = [steps for steps, _ in seen]
     assert steps == sorted(steps)

@@ -71,11 +71,15 @@ def test_json(folder):
         assert len(each["relative_rmse"]) == 2
         low, high = sorted(each["relative_rmse"])
         assert 0 < low <= each["relative_rmse_of_all"] <= high < 0.4
+        for key in ("median_relative_error", "p95_relative_error", "negative_share"):
+            low, high = sorted(each[key])
+            assert 0 <= low <= each[f"{key}_of_all"] <= high < 0.5
+        assert 0 < each["median_relative_error_of_all"] < each["p95_relative_error_of_all"]
     lines = done("compare", "room.exr", *TWO, "--f0", "1/0.5/0.5").splitlines()
     assert lines[0] == (
         "room.exr on GGX of f0 1/0.5/0.5: relative RMS error by roughness, against brute force"
     )
-    assert lines[1].split() == ["files", "storage", "build", "0.6", "1", "all"]
+    assert lines[1].split() == ["files", "storage", "build", "0.6", "1", "all", "p95"]
     for line, title, each in zip(
         lines[2:6], ["SHRM", "split sum", "SH exponential", "Cabral"], value["representations"],
         strict=True,
@@ -84,11 +88,13 @@ def test_json(folder):
         cells = line[len(title) :].split()
         assert cells[0] == str(each["files"])
         errors = [*each["relative_rmse"], each["relative_rmse_of_all"]]
-        assert cells[-3:] == [f"{error:.2%}" for error in errors]
+        errors.append(each["p95_relative_error_of_all"])
+        assert cells[-4:] == [f"{error:.2%}" for error in errors]
         assert cells[2] in ("B", "kB")
         assert cells[4] == "s"
     assert lines[6:] == [
-        "SHRM and Cabral need a file for each roughness, all counted; the others serve all."
+        "p95: the 95th percentile of the relative error over all the pixels of the spheres.",
+        "SHRM and Cabral need a file for each roughness, all counted; the others serve all.",
     ]
     assert len({len(line) for line in lines[1:6]}) == 1  # the columns are flush
 
@@ -109,7 +115,7 @@ def test_a_single_roughness(folder):
 
 def test_the_table_of_a_single_roughness(folder, only_shrm):
     header = done("compare", "room.exr", *QUICK, "--roughness", 0.8).splitlines()[1]
-    assert header.split() == ["files", "storage", "build", "0.8"]
+    assert header.split() == ["files", "storage", "build", "0.8", "p95"]
 
 
 def test_defaults(folder, monkeypatch):
@@ -172,12 +178,14 @@ def test_what_cannot_be_made_is_said(folder, monkeypatch):
         "Warning: SHRM: roughness 0.6: too sharp",
         "Warning: SHRM: roughness 1: too sharp",
     ]
-    assert result.out.splitlines()[2].split() == ["SHRM", "0", "-", "-", "-", "-", "-"]
+    assert result.out.splitlines()[2].split() == ["SHRM", "0", "-", "-", "-", "-", "-", "-"]
     assert result.out.splitlines()[3].startswith("Cabral")
     result = run("compare", "room.exr", *TWO, "--json")
     first = json.loads(result.out)["representations"][0]
     assert first["relative_rmse"] == [None, None]
     assert (first["relative_rmse_of_all"], first["bytes"]) == (None, 0)
+    assert first["p95_relative_error"] == [None, None]
+    assert first["p95_relative_error_of_all"] is None
     assert first["failures"] == ["roughness 0.6: too sharp", "roughness 1: too sharp"]
 
 

@@ -49,6 +49,18 @@ def formulas(values, expected):
     return rmse, rmse / math.sqrt(scale / total), largest, 20 * math.log10(peak / rmse)
 
 
+def seen(values, expected):
+    """Median and p95 of the relative error, and the share of negatives, by the definition."""
+    weights = np.broadcast_to(coverage(), values.shape[:-1])
+    inside = weights > 0
+    weights = weights[inside] / weights.sum()
+    shown, true = (each[inside] @ [0.2126, 0.7152, 0.0722] for each in (values, expected))
+    errors = np.abs(shown - true) / np.maximum(true, 0.02 * (weights * true).sum())
+    up_to = np.array([weights[errors <= error].sum() for error in errors])
+    found = [errors[up_to >= fraction].min() for fraction in (0.5, 0.95)]
+    return *found, weights[shown < 0].sum()
+
+
 def numbers(difference):
     return difference.rmse, difference.relative_rmse, difference.maximum, difference.psnr
 
@@ -58,6 +70,34 @@ def test_formulas(views):
     values, expected = noise(1, *views, low=-0.2), noise(2, *views, high=5)
     found = numbers(measure(disc(values), disc(expected)))
     np.testing.assert_allclose(found, formulas(values, expected), rtol=1e-6)
+
+
+@pytest.mark.parametrize("views", [(), (2,)])
+def test_what_is_seen(views):
+    values, expected = noise(1, *views, low=-0.7), noise(2, *views, high=3)
+    found = measure(disc(values), disc(expected))
+    numbers = found.median_relative_error, found.p95_relative_error, found.negative_share
+    np.testing.assert_allclose(numbers, seen(values, expected), rtol=1e-5)
+    assert 0.01 < found.negative_share < 0.5
+
+
+def test_flip_sees_the_sphere_on_black():
+    evaluator = pytest.importorskip("flip_evaluator")
+    baseline, others = disc(noise(1, 2)), disc(noise(2, 3, 2, low=-0.5))
+    comparison = Comparison(VIEWERS, baseline, others)
+    for other, view in np.ndindex(3, 2):
+        errors, _, chosen = evaluator.evaluate(
+            baseline[view],
+            np.maximum(others[other, view], 0),
+            "HDR",
+            applyMagma=False,
+            parameters={},
+        )
+        found = comparison.flip(other, view)
+        expected = (errors[..., 0] * coverage()).sum() / coverage().sum()
+        assert found.mean == pytest.approx(expected, abs=1e-5)
+        assert found.exposures.start == pytest.approx(chosen["startExposure"], abs=1e-5)
+    assert Comparison(VIEWERS, 0 * baseline, others).flip(0, 0) is None
 
 
 def test_the_integral_over_a_disc():

@@ -1,0 +1,115 @@
+"""Errors of what is seen, beside the root mean square.
+
+A root mean square over HDR radiance is nearly the error of the few brightest pixels. These numbers
+count the pixels instead: the median and the 95th percentile of the relative error of the
+luminance, and the share of pixels whose luminance is negative, which a screen shows as black.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.errors import ArgumentError
+
+Array = NDArray[np.floating]
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Weights of linear R, G and B in the luminance (ITU-R BT.709).
+
+They serve pictures of any primaries: probes are filtered as they are, and never converted.
+"""
+
+FLOOR = 0.02
+"""Least truth that an error is divided by, as a fraction of the mean truth.
+
+It keeps pixels that are all but black, whose error nobody sees, from having the largest ones.
+"""
+
+
+@dataclass(frozen=True)
+class SeenErrors:
+    """How far the luminance of a picture's pixels is from the truth.
+
+    Attributes
+    ----------
+    median_relative_error, p95_relative_error : float
+        Median and 95th percentile, over the pixels, of `|picture - truth| / max(truth, floor)`,
+        where the floor is `FLOOR` of the mean truth; 1 is 100 %. Infinite where the truth is not
+        above 0 and the picture differs.
+    negative_share : float
+        Share of the pixels whose luminance is below 0 in the picture, from 0 to 1.
+    """
+
+    median_relative_error: float
+    p95_relative_error: float
+    negative_share: float
+
+
+def seen_errors(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) -> SeenErrors:
+    """Measure the relative errors of the luminance, pixel by pixel.
+
+    Parameters
+    ----------
+    picture, truth : array_like, shape (..., 3)
+        Linear radiance, not premultiplied, in any unit that they share. All pixels count together.
+    weights : array_like, broadcastable to shape (...)
+        How much each pixel counts, at least 0, such as the fraction of it that an object covers.
+        Pixels of weight 0 are not looked at. By default all count alike.
+
+    Returns
+    -------
+    SeenErrors
+        All are nan if a pixel that counts is not finite.
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes do not fit, or no pixel counts.
+    """
+    found, expected = np.asarray(picture, dtype=float), np.asarray(truth, dtype=float)
+    if found.shape != expected.shape or found.ndim < 1 or found.shape[-1] != 3:
+        raise ArgumentError(
+            "picture",
+            f"of shape {found.shape} must be (..., 3) and that of `truth`, {expected.shape}",
+        )
+    shares = spread_weights(weights, found.shape[:-1])
+    counts = shares > 0
+    found, expected, shares = found[counts], expected[counts], shares[counts]
+    if not (np.isfinite(found).all() and np.isfinite(expected).all()):
+        return SeenErrors(np.nan, np.nan, np.nan)
+    shown, true = found @ LUMINANCE, expected @ LUMINANCE
+    floor = FLOOR * max(float(np.average(true, weights=shares)), 0.0)
+    errors, scale = np.abs(shown - true), np.maximum(true, floor)
+    # Where nothing is expected, no error is none, and any error is infinitely large.
+    relative = np.where(errors > 0, np.inf, 0.0)
+    np.divide(errors, scale, out=relative, where=scale > 0)
+    median, p95 = _quantiles(relative, shares, (0.5, 0.95))
+    return SeenErrors(median, p95, float(np.average(shown < 0, weights=shares)))
+
+
+def spread_weights(weights: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return the weight of each pixel of a picture.
+
+    Raises
+    ------
+    ArgumentError
+        If the weights do not fit the shape, or no pixel counts.
+    """
+    given = np.asarray(weights, dtype=float)
+    try:
+        spread = np.broadcast_to(given, shape)
+    except ValueError:
+        raise ArgumentError("weights", f"of shape {given.shape} do not fit {shape}") from None
+    if not (spread > 0).any():
+        raise ArgumentError("weights", "are all 0: no pixel counts")
+    return spread
+
+
+def _quantiles(values: Array, weights: Array, fractions: tuple[float, ...]) -> list[float]:
+    """Return the least values up to which at least these fractions of the weight lie."""
+    order = np.argsort(values, kind="stable")
+    weight = np.cumsum(weights[order])
+    # The last one is the whole weight, which rounding must not leave out of reach.
+    places = np.searchsorted(weight, np.array(fractions) * weight[-1])
+    return [float(values[order[place]]) for place in places]
