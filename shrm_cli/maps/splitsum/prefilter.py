@@ -16,6 +16,13 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.size import choose_size
+from shrm_cli.maps.splitsum.expansion import (
+    expand,
+    faded_order,
+    multipliers,
+    synthesized,
+    unknown_light,
+)
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
@@ -28,9 +35,8 @@ from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.sphere.harmonics import degrees, legendre_degrees
+from shrm_cli.sphere.harmonics import legendre_degrees
 from shrm_cli.sphere.quadrature import gauss_legendre
-from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
@@ -128,7 +134,9 @@ def prefilter(
     rows = min(default_size(probe, LatLong), LatLong.largest)
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
     lobes = [level_lobe(value, error, rows, largest) if value > 0 else None for value in roughness]
-    wanted = (lobe.order if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe)
+    wanted = (
+        faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
+    )
     lighting = project(probe, max(wanted, default=0), progress)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     cubes: list[Array] = []
@@ -242,17 +250,14 @@ def expanded(
     lobe: LevelLobe, lighting: Lighting, known: MapInfo, largest: int, sampling: Sampling
 ) -> tuple[Array, MapInfo]:
     """Make a level by multiplying the coefficients of light and lobe, and one synthesis."""
-    errors = expansion_errors(lighting, lobe.coefficients)
-    enough = errors <= known.tolerance
-    order = int(np.argmax(enough)) if enough.any() else len(errors) - 1
-    size = min(choose_size(order), largest)
-    passed = _multipliers(lobe.coefficients)[: order + 1]
-    cube = _synthesized(lighting, passed / passed[0], size, sampling)
+    expansion = expand(lighting, lobe.coefficients, known.tolerance)
+    size = min(choose_size(expansion.order), largest)
+    cube = synthesized(lighting, expansion.multipliers, size, sampling)
     info = replace(
         known,
-        order_f=order,
-        captured=float(lobe.coefficients.captured()[order, 0]),
-        predicted_error=float(errors[order]),
+        order_f=expansion.order,
+        captured=float(lobe.coefficients.captured()[expansion.order, 0]),
+        predicted_error=expansion.error,
         brdf=_named(lobe.brdf.number("roughness")),
     )
     return cube, info
@@ -260,55 +265,6 @@ def expanded(
 
 def _named(roughness: float) -> dict[str, Any]:
     return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
-
-
-def expansion_errors(lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
-    """Predict the relative RMS error of a level for each order that it may be expanded to.
-
-    The prediction is by Parseval, like that of `orders.predicted_error`. It counts the light beyond
-    the light's own expansion too, as `_unknown_light` estimates it.
-
-    Parameters
-    ----------
-    lighting : Lighting
-    coefficients : BrdfCoefficients
-        Coefficients of a zonal lobe, to at least the light's order.
-
-    Returns
-    -------
-    ndarray, shape (order + 1,)
-        One error for each order from 0 to that of the light.
-    """
-    passed = _multipliers(coefficients) ** 2
-    light = lighting.power().sum(axis=1) * passed[: lighting.order + 1]
-    beyond = _unknown_light(lighting, passed)
-    whole = light.sum() + beyond
-    missing = np.cumsum(light[::-1])[::-1] - light + beyond
-    return np.sqrt(missing / whole) if whole > 0 else np.zeros_like(light)
-
-
-def _unknown_light(lighting: Lighting, passed: Array) -> float:
-    """Estimate the energy of the filtered light that is beyond the light's expansion.
-
-    `passed` holds the squared multipliers of the lobe. Two estimates are made, and the smaller one
-    counts. In the first, the light goes on as white light does, with ``(2l+1)`` times the mean
-    power of its last 16 degrees. In the second, all energy of the light that is left sits in the
-    degree that the lobe passes most of.
-    """
-    known = lighting.order + 1
-    power = lighting.power().sum(axis=1)
-    rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
-    width = 2 * np.arange(len(passed)) + 1
-    last = slice(max(known - 16, 0), known)
-    density = power[last].sum() / width[last].sum()
-    white = density * float(width[known:] @ passed[known:])
-    return min(white, rest * float(passed[known:].max(initial=0.0)))
-
-
-def _multipliers(coefficients: BrdfCoefficients) -> Array:
-    """Return what a zonal lobe multiplies the light's degrees with; for l = 0, its integral."""
-    values = coefficients.values[:, 0, 0, 0]
-    return values / np.sqrt(2 * np.arange(len(values)) + 1)
 
 
 def integrated(
@@ -322,28 +278,28 @@ def integrated(
     progress: Progress | None,
 ) -> tuple[Array, MapInfo]:
     """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded."""
-    whole = _multipliers(lobe.coefficients)
+    whole = multipliers(lobe.coefficients)
     light = lighting.power().sum(axis=1) @ whole[: lighting.order + 1] ** 2
-    light += _unknown_light(lighting, whole**2)
+    light += unknown_light(lighting, whole**2)
     part, predicted = 2 * _MOST_TAIL, 2 * known.tolerance
     while predicted > known.tolerance and part > _LEAST_TAIL:
         part /= 2
         tail = whole - _core_multipliers(lobe.brdf, lobe_angle(lobe.brdf, part))
-        predicted = float(np.sqrt(_unknown_light(lighting, tail**2) / light)) if light > 0 else 0.0
+        predicted = float(np.sqrt(unknown_light(lighting, tail**2) / light)) if light > 0 else 0.0
     wanted = _source_rows(rows, lobe.brdf.ggx_alpha)
     height = None if wanted == rows else wanted
     integral = Reference(probe, lobe.brdf, height, part, progress=progress)
     order = min(lobe.order, MAX_ORDER_F)
     size = min(choose_size(order), largest)
     directions = cube_directions(size, sampling)
-    cube = integral.radiance(directions, directions) + _synthesized(lighting, tail, size, sampling)
+    cube = integral.radiance(directions, directions) + synthesized(lighting, tail, size, sampling)
     brdf = _named(lobe.brdf.number("roughness"))
     info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
     return cube, info
 
 
 def _core_multipliers(brdf: GgxLobe, angle: float) -> Array:
-    """Compute `_multipliers` for the part of a lobe that is within an angle, to F = 512."""
+    """Compute `multipliers` for the part of a lobe that is within an angle, to F = 512."""
     nodes, weights = gauss_legendre(_CORE_NODES)
     theta = (nodes + 1) / 2 * angle
     lobe = brdf.evaluate(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))[:, 0]
@@ -354,13 +310,6 @@ def _core_multipliers(brdf: GgxLobe, angle: float) -> Array:
             for degree, legendre in legendre_degrees(MAX_ORDER_F, np.cos(theta), max_m=0)
         ]
     )
-
-
-def _synthesized(lighting: Lighting, passed: Array, size: int, sampling: Sampling) -> Array:
-    """Synthesize light with its degrees multiplied, to the lower of both orders: (6N, N, 3)."""
-    degree = degrees(min(lighting.order, len(passed) - 1))
-    series = lighting.coefficients[: len(degree)] * passed[degree, None]
-    return np.ascontiguousarray(synthesize_cube(series, size, sampling).transpose(1, 2, 0))
 
 
 def _source_rows(rows: int, alpha: float) -> int:

@@ -13,7 +13,8 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError, OrderError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.prefilter import expansion_errors, frequency_pays
+from shrm_cli.maps.splitsum.expansion import expansion_errors
+from shrm_cli.maps.splitsum.prefilter import frequency_pays
 from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.maps.splitsum.roughness import (
     DEFAULT_LEVELS,
