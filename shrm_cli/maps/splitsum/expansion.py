@@ -19,7 +19,7 @@ from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
 Array = NDArray[np.floating]
 
-_DARK_ERROR = 3e-4
+DARK_ERROR = 3e-4
 """Degrees are carried until the RMS of what is left beyond them is this part of the mean radiance.
 An error that is relative to the RMS of the level says little about dark places, because lamps make
 that RMS many times the mean."""
@@ -65,7 +65,7 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
     light, missing = _energies(lighting, passed)
     whole = light[0] + missing[0]
     order = _least(missing <= tolerance**2 * whole)
-    dark = _least(missing <= _DARK_ERROR**2 * light[0])
+    dark = _least(missing <= DARK_ERROR**2 * light[0])
     carried = min(max(dark, faded_order(order)), lighting.order)
     fade = _fading(order, carried)
     lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])

@@ -10,19 +10,13 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.brdf.lobe import lobe_angle
 from shrm_cli.errors import OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.size import choose_size
-from shrm_cli.maps.splitsum.expansion import (
-    expand,
-    faded_order,
-    multipliers,
-    synthesized,
-    unknown_light,
-)
+from shrm_cli.maps.splitsum.core import split_lobe
+from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
@@ -32,11 +26,8 @@ from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.sphere.harmonics import legendre_degrees
-from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
@@ -48,7 +39,7 @@ LARGEST_SIZE = 256
 # order, that of direct integration with the pairs of a texel and a pixel within its lobe.
 _SECONDS_A_CUBED_ORDER = 3e-8
 _SECONDS_A_TEXEL_AND_ORDER = 3e-9
-_SECONDS_A_PAIR = 1e-8
+_SECONDS_A_PAIR = 2e-8
 _SOON = 1.0
 """Seconds that an expansion may always take, because it is exact and the levels share it."""
 _ACCURACY = 1e-5
@@ -59,13 +50,10 @@ _KINK = 1e-3
 """A lobe that lacks no more than this beyond `LEAST_ORDER`, as relative RMS error in white light,
 is expanded no further. Broad lobes are not smooth where the light grazes, so that their
 coefficients fall slowly beyond that order, and direct integration costs most for broad lobes."""
-_MOST_TAIL = 0.03
-"""The largest part of a lobe that may be left to the frequency domain where the core of the lobe is
-integrated directly. If more is cut off, it begins to show which pixels fall within the edge."""
-_LEAST_TAIL = 1e-4
-"""A part of a lobe that is cut off is not halved any more once it is this small."""
-_CORE_NODES = 256
-"""Gauss's nodes over the angle of a lobe's core."""
+_CORE_ANGLE = np.radians(4)
+"""The angle at which the core of a lobe typically ends, from which its time is estimated."""
+_TILE_ROWS = 9
+"""Rows of pixels that a sum goes on beyond that angle, because it takes pixels by whole tiles."""
 _ROWS_A_LOBE = 1.5
 """The least number of rows of pixels, from pole to pole, that a lobe is summed over, times its
 ggx_alpha. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
@@ -214,11 +202,10 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     """
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
-    # The part a^2 / (a^2 + t^2) of the lobe lies beyond the angle with t = tan(angle / 2). The cap
-    # is the part of the sphere within the angle at which this is _MOST_TAIL.
-    cap = alpha**2 * (1 - _MOST_TAIL) / (_MOST_TAIL + alpha**2 * (1 - _MOST_TAIL))
-    pixels = 2 * _source_rows(rows, alpha) ** 2 * cap
-    return expansion <= max(_SECONDS_A_PAIR * texels * pixels, _SOON)
+    source_rows = _source_rows(rows, alpha)
+    angle = min(_CORE_ANGLE + _TILE_ROWS * np.pi / source_rows, np.pi)
+    pixels = 2 * source_rows**2 * np.sin(angle / 2) ** 2
+    return bool(expansion <= max(_SECONDS_A_PAIR * texels * pixels, _SOON))
 
 
 def level_lobe(roughness: float, error: float, rows: int, largest: int) -> LevelLobe:
@@ -278,17 +265,13 @@ def integrated(
     progress: Progress | None,
 ) -> tuple[Array, MapInfo]:
     """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded."""
-    whole = multipliers(lobe.coefficients)
-    light = lighting.power().sum(axis=1) @ whole[: lighting.order + 1] ** 2
-    light += unknown_light(lighting, whole**2)
-    part, predicted = 2 * _MOST_TAIL, 2 * known.tolerance
-    while predicted > known.tolerance and part > _LEAST_TAIL:
-        part /= 2
-        tail = whole - _core_multipliers(lobe.brdf, lobe_angle(lobe.brdf, part))
-        predicted = float(np.sqrt(unknown_light(lighting, tail**2) / light)) if light > 0 else 0.0
+    # Between the pixels of a coarse probe there is light of finer degrees than it resolves.
+    resolved = min(lighting.order, probe.grid.resolved_order)
+    lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
+    core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
     wanted = _source_rows(rows, lobe.brdf.ggx_alpha)
     height = None if wanted == rows else wanted
-    integral = Reference(probe, lobe.brdf, height, part, progress=progress)
+    integral = Reference(probe, core, height, progress=progress)
     order = min(lobe.order, MAX_ORDER_F)
     size = min(choose_size(order), largest)
     directions = cube_directions(size, sampling)
@@ -296,20 +279,6 @@ def integrated(
     brdf = _named(lobe.brdf.number("roughness"))
     info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
     return cube, info
-
-
-def _core_multipliers(brdf: GgxLobe, angle: float) -> Array:
-    """Compute `multipliers` for the part of a lobe that is within an angle, to F = 512."""
-    nodes, weights = gauss_legendre(_CORE_NODES)
-    theta = (nodes + 1) / 2 * angle
-    lobe = brdf.evaluate(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))[:, 0]
-    rings = angle / 2 * weights * np.sin(theta) * lobe
-    return np.array(
-        [
-            2 * np.pi * np.sqrt(4 * np.pi / (2 * degree + 1)) * float(legendre[0] @ rings)
-            for degree, legendre in legendre_degrees(MAX_ORDER_F, np.cos(theta), max_m=0)
-        ]
-    )
 
 
 def _source_rows(rows: int, alpha: float) -> int:
