@@ -11,6 +11,18 @@ from shrm_cli.vocabulary import MIN_ROUGHNESS
 _NODES = 128
 
 
+def square_half_sine(light: Array, view: Array) -> Array:
+    """Return ``sin(angle / 2)^2`` of the angle between light and mirror direction, shape (...).
+
+    ``|L - R|^2 / 4`` is exact for small angles, where ``1 - R.L`` would cancel. Both directions,
+    shape (..., 3), are in the frame of the normal.
+    """
+    x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
+    z = light[..., 2] - view[..., 2]
+    value: Array = (x * x + y * y + z * z) / 4
+    return value
+
+
 class GgxLobe(Brdf):
     """The lobe ``f_DV N.L`` of `Ggx` for ``N = V = R``, normalized to be a mean of light about R.
 
@@ -36,14 +48,15 @@ class GgxLobe(Brdf):
         self.ggx_alpha = self.number("roughness") ** 2
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        # |L - R|^2 / 4 = sin(angle / 2)^2 is exact for small angles, where 1 - R.L would cancel.
-        x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
-        z = light[..., 2] - view[..., 2]
-        square_sine = (x * x + y * y + z * z) / 4
+        return grey(self.radial(square_half_sine(light, view)))
+
+    def radial(self, square_sine: Array) -> Array:
+        """Evaluate the lobe, from the square of the sine of half the angle to its axis."""
         cosine = np.maximum(1 - 2 * square_sine, 0)
         a2 = self.ggx_alpha**2
         distribution = (self._peak * a2 * a2) / (a2 + (1 - a2) * square_sine) ** 2
-        return grey(distribution * cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2)))
+        value: Array = distribution * cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2))
+        return value
 
     @cached_property
     def _peak(self) -> float:

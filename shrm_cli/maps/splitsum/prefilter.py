@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.brdf.lobe import lobe_angle
 from shrm_cli.errors import OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.size import choose_size
+from shrm_cli.maps.splitsum.core import split_lobe
+from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
@@ -25,12 +26,8 @@ from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.sphere.harmonics import degrees, legendre_degrees
-from shrm_cli.sphere.quadrature import gauss_legendre
-from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
@@ -42,7 +39,7 @@ LARGEST_SIZE = 256
 # order, that of direct integration with the pairs of a texel and a pixel within its lobe.
 _SECONDS_A_CUBED_ORDER = 3e-8
 _SECONDS_A_TEXEL_AND_ORDER = 3e-9
-_SECONDS_A_PAIR = 1e-8
+_SECONDS_A_PAIR = 2e-8
 _SOON = 1.0
 """Seconds that an expansion may always take, because it is exact and the levels share it."""
 _ACCURACY = 1e-5
@@ -53,13 +50,10 @@ _KINK = 1e-3
 """A lobe that lacks no more than this beyond `LEAST_ORDER`, as relative RMS error in white light,
 is expanded no further. Broad lobes are not smooth where the light grazes, so that their
 coefficients fall slowly beyond that order, and direct integration costs most for broad lobes."""
-_MOST_TAIL = 0.03
-"""The largest part of a lobe that may be left to the frequency domain where the core of the lobe is
-integrated directly. If more is cut off, it begins to show which pixels fall within the edge."""
-_LEAST_TAIL = 1e-4
-"""A part of a lobe that is cut off is not halved any more once it is this small."""
-_CORE_NODES = 256
-"""Gauss's nodes over the angle of a lobe's core."""
+_CORE_ANGLE = np.radians(4)
+"""The angle at which the core of a lobe typically ends, from which its time is estimated."""
+_TILE_ROWS = 9
+"""Rows of pixels that a sum goes on beyond that angle, because it takes pixels by whole tiles."""
 _ROWS_A_LOBE = 1.5
 """The least number of rows of pixels, from pole to pole, that a lobe is summed over, times its
 ggx_alpha. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
@@ -128,7 +122,9 @@ def prefilter(
     rows = min(default_size(probe, LatLong), LatLong.largest)
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
     lobes = [level_lobe(value, error, rows, largest) if value > 0 else None for value in roughness]
-    wanted = (lobe.order if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe)
+    wanted = (
+        faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
+    )
     lighting = project(probe, max(wanted, default=0), progress)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     cubes: list[Array] = []
@@ -206,11 +202,10 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     """
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
-    # The part a^2 / (a^2 + t^2) of the lobe lies beyond the angle with t = tan(angle / 2). The cap
-    # is the part of the sphere within the angle at which this is _MOST_TAIL.
-    cap = alpha**2 * (1 - _MOST_TAIL) / (_MOST_TAIL + alpha**2 * (1 - _MOST_TAIL))
-    pixels = 2 * _source_rows(rows, alpha) ** 2 * cap
-    return expansion <= max(_SECONDS_A_PAIR * texels * pixels, _SOON)
+    source_rows = _source_rows(rows, alpha)
+    angle = min(_CORE_ANGLE + _TILE_ROWS * np.pi / source_rows, np.pi)
+    pixels = 2 * source_rows**2 * np.sin(angle / 2) ** 2
+    return bool(expansion <= max(_SECONDS_A_PAIR * texels * pixels, _SOON))
 
 
 def level_lobe(roughness: float, error: float, rows: int, largest: int) -> LevelLobe:
@@ -242,17 +237,14 @@ def expanded(
     lobe: LevelLobe, lighting: Lighting, known: MapInfo, largest: int, sampling: Sampling
 ) -> tuple[Array, MapInfo]:
     """Make a level by multiplying the coefficients of light and lobe, and one synthesis."""
-    errors = expansion_errors(lighting, lobe.coefficients)
-    enough = errors <= known.tolerance
-    order = int(np.argmax(enough)) if enough.any() else len(errors) - 1
-    size = min(choose_size(order), largest)
-    passed = _multipliers(lobe.coefficients)[: order + 1]
-    cube = _synthesized(lighting, passed / passed[0], size, sampling)
+    expansion = expand(lighting, lobe.coefficients, known.tolerance)
+    size = min(choose_size(expansion.order), largest)
+    cube = synthesized(lighting, expansion.multipliers, size, sampling)
     info = replace(
         known,
-        order_f=order,
-        captured=float(lobe.coefficients.captured()[order, 0]),
-        predicted_error=float(errors[order]),
+        order_f=expansion.order,
+        captured=float(lobe.coefficients.captured()[expansion.order, 0]),
+        predicted_error=expansion.error,
         brdf=_named(lobe.brdf.number("roughness")),
     )
     return cube, info
@@ -260,55 +252,6 @@ def expanded(
 
 def _named(roughness: float) -> dict[str, Any]:
     return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
-
-
-def expansion_errors(lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
-    """Predict the relative RMS error of a level for each order that it may be expanded to.
-
-    The prediction is by Parseval, like that of `orders.predicted_error`. It counts the light beyond
-    the light's own expansion too, as `_unknown_light` estimates it.
-
-    Parameters
-    ----------
-    lighting : Lighting
-    coefficients : BrdfCoefficients
-        Coefficients of a zonal lobe, to at least the light's order.
-
-    Returns
-    -------
-    ndarray, shape (order + 1,)
-        One error for each order from 0 to that of the light.
-    """
-    passed = _multipliers(coefficients) ** 2
-    light = lighting.power().sum(axis=1) * passed[: lighting.order + 1]
-    beyond = _unknown_light(lighting, passed)
-    whole = light.sum() + beyond
-    missing = np.cumsum(light[::-1])[::-1] - light + beyond
-    return np.sqrt(missing / whole) if whole > 0 else np.zeros_like(light)
-
-
-def _unknown_light(lighting: Lighting, passed: Array) -> float:
-    """Estimate the energy of the filtered light that is beyond the light's expansion.
-
-    `passed` holds the squared multipliers of the lobe. Two estimates are made, and the smaller one
-    counts. In the first, the light goes on as white light does, with ``(2l+1)`` times the mean
-    power of its last 16 degrees. In the second, all energy of the light that is left sits in the
-    degree that the lobe passes most of.
-    """
-    known = lighting.order + 1
-    power = lighting.power().sum(axis=1)
-    rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
-    width = 2 * np.arange(len(passed)) + 1
-    last = slice(max(known - 16, 0), known)
-    density = power[last].sum() / width[last].sum()
-    white = density * float(width[known:] @ passed[known:])
-    return min(white, rest * float(passed[known:].max(initial=0.0)))
-
-
-def _multipliers(coefficients: BrdfCoefficients) -> Array:
-    """Return what a zonal lobe multiplies the light's degrees with; for l = 0, its integral."""
-    values = coefficients.values[:, 0, 0, 0]
-    return values / np.sqrt(2 * np.arange(len(values)) + 1)
 
 
 def integrated(
@@ -322,45 +265,20 @@ def integrated(
     progress: Progress | None,
 ) -> tuple[Array, MapInfo]:
     """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded."""
-    whole = _multipliers(lobe.coefficients)
-    light = lighting.power().sum(axis=1) @ whole[: lighting.order + 1] ** 2
-    light += _unknown_light(lighting, whole**2)
-    part, predicted = 2 * _MOST_TAIL, 2 * known.tolerance
-    while predicted > known.tolerance and part > _LEAST_TAIL:
-        part /= 2
-        tail = whole - _core_multipliers(lobe.brdf, lobe_angle(lobe.brdf, part))
-        predicted = float(np.sqrt(_unknown_light(lighting, tail**2) / light)) if light > 0 else 0.0
+    # Between the pixels of a coarse probe there is light of finer degrees than it resolves.
+    resolved = min(lighting.order, probe.grid.resolved_order)
+    lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
+    core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
     wanted = _source_rows(rows, lobe.brdf.ggx_alpha)
     height = None if wanted == rows else wanted
-    integral = Reference(probe, lobe.brdf, height, part, progress=progress)
+    integral = Reference(probe, core, height, progress=progress)
     order = min(lobe.order, MAX_ORDER_F)
     size = min(choose_size(order), largest)
     directions = cube_directions(size, sampling)
-    cube = integral.radiance(directions, directions) + _synthesized(lighting, tail, size, sampling)
+    cube = integral.radiance(directions, directions) + synthesized(lighting, tail, size, sampling)
     brdf = _named(lobe.brdf.number("roughness"))
     info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
     return cube, info
-
-
-def _core_multipliers(brdf: GgxLobe, angle: float) -> Array:
-    """Compute `_multipliers` for the part of a lobe that is within an angle, to F = 512."""
-    nodes, weights = gauss_legendre(_CORE_NODES)
-    theta = (nodes + 1) / 2 * angle
-    lobe = brdf.evaluate(from_angles(theta, 0.0), np.array([0.0, 0.0, 1.0]))[:, 0]
-    rings = angle / 2 * weights * np.sin(theta) * lobe
-    return np.array(
-        [
-            2 * np.pi * np.sqrt(4 * np.pi / (2 * degree + 1)) * float(legendre[0] @ rings)
-            for degree, legendre in legendre_degrees(MAX_ORDER_F, np.cos(theta), max_m=0)
-        ]
-    )
-
-
-def _synthesized(lighting: Lighting, passed: Array, size: int, sampling: Sampling) -> Array:
-    """Synthesize light with its degrees multiplied, to the lower of both orders: (6N, N, 3)."""
-    degree = degrees(min(lighting.order, len(passed) - 1))
-    series = lighting.coefficients[: len(degree)] * passed[degree, None]
-    return np.ascontiguousarray(synthesize_cube(series, size, sampling).transpose(1, 2, 0))
 
 
 def _source_rows(rows: int, alpha: float) -> int:

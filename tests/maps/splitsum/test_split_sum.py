@@ -13,7 +13,8 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError, OrderError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.prefilter import expansion_errors, frequency_pays
+from shrm_cli.maps.splitsum.expansion import expansion_errors
+from shrm_cli.maps.splitsum.prefilter import frequency_pays
 from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.maps.splitsum.roughness import (
     DEFAULT_LEVELS,
@@ -264,6 +265,63 @@ def test_both_domains_agree_with_brute_force(real_probes, monkeypatch):
         assert prefiltered.map.info.predicted_error <= 0.0005
         found = prefiltered.map.levels[0][::5, ::3].reshape(-1, 3)
         assert difference(found, expected) < 0.002
+
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def dark_error(probe, level, roughness, rng):
+    """Median relative error where the luminance is below a fifth of the mean; None if nowhere."""
+    light = latlong_pixels(probe.image())[1]
+    mean = light.sum(axis=0) @ LUMINANCE / (4 * np.pi)
+    at, found = cube_directions(level.shape[1]).reshape(-1, 3), level.reshape(-1, 3) @ LUMINANCE
+    dim = np.nonzero(found < 0.25 * mean)[0]
+    if len(dim) < 50:
+        return None
+    texels = rng.choice(dim, 50, replace=False)
+    expected = brute_force(probe.image(), roughness, at[texels]) @ LUMINANCE
+    dark = expected < 0.2 * mean
+    return np.median(np.abs(found[texels] / expected - 1)[dark]) if dark.sum() > 20 else None
+
+
+@pytest.mark.parametrize("domain", ["frequency", "angular"])
+def test_dark_places_beside_a_lamp_keep_their_light(tmp_path, rng, monkeypatch, domain):
+    """The lamp has 2000 times the radiance of the room, whose dark half has a tenth of the rest."""
+    where = latlong_pixels(np.ones((256, 512, 3)))[0].reshape(256, 512, 3)
+    room = np.where(where[..., 0] > 0, 1.0, 0.1)
+    pixels = np.where(where @ [0.6, 0.64, 0.48] > np.cos(0.06), 2000.0, room)
+    image = np.repeat(pixels[..., None], 3, axis=-1).astype(np.float32)
+    probe = open_probe(write_exr(tmp_path / "lamp.exr", image))
+    monkeypatch.setattr(
+        "shrm_cli.maps.splitsum.prefilter.frequency_pays", lambda *_: domain == "frequency"
+    )
+    roughness, size = ([0.15, 0.2, 0.3], 64) if domain == "frequency" else ([0.15], 24)
+    made = prefilter_split_sum(probe, roughness, size=size).map
+    for level, asked, info in zip(made.levels, roughness, made.level_info, strict=True):
+        assert info.domain == domain
+        assert info.predicted_error <= 0.0005
+        assert dark_error(probe, level, asked, rng) < 0.002, asked
+
+
+@pytest.mark.parametrize("name", ["studio", "sunrise", "night"])
+def test_dark_places_of_real_probes_keep_their_light(real_probes, rng, name):
+    probe = open_probe(real_probes / f"{name}.exr")
+    made = prefilter_split_sum(probe, [0.15, 0.2, 0.4]).map
+    for level, roughness in zip(made.levels, made.roughness, strict=True):
+        assert dark_error(probe, level, roughness, rng) < 0.005, roughness
+
+
+def test_the_predicted_error_is_that_of_the_level(real_probes, rng):
+    """As much as the fading leaves out, against brute force, where the tolerance is loose."""
+    probe = open_probe(real_probes / "studio.exr")
+    made = prefilter_split_sum(probe, [0.3], error=0.02).map
+    every = cube_directions(made.levels[0].shape[1]).reshape(-1, 3)
+    solid_angles = np.abs(every).max(axis=1) ** 3
+    texels = rng.choice(len(every), 600, p=solid_angles / solid_angles.sum())
+    found = made.levels[0].reshape(-1, 3)[texels]
+    error = difference(found, brute_force(probe.image(), 0.3, every[texels]))
+    assert made.info.predicted_error <= 0.02
+    assert error == pytest.approx(made.info.predicted_error, rel=0.3)
 
 
 def test_sharp_lobes_on_small_faces_are_integrated(tmp_path):

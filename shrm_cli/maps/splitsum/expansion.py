@@ -1,0 +1,154 @@
+"""How far a level's light is expanded in harmonics, and what that leaves out.
+
+A level is the light with each degree l multiplied by a number of the lobe. The least order that
+keeps the error decides how many texels the level has, because texels cost storage. Degrees cost
+none, so more of them are carried than that. They fade out slowly: an expansion that ends abruptly
+rings about lamps, and the rings are large beside the light of dark places.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
+
+Array = NDArray[np.floating]
+
+DARK_ERROR = 3e-4
+"""Degrees are carried until the RMS of what is left beyond them is this part of the mean radiance.
+An error that is relative to the RMS of the level says little about dark places, because lamps make
+that RMS many times the mean."""
+_FADE = 0.05
+"""The least number of degrees over which an expansion fades out, as a part of its order."""
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """What the degrees of the light are multiplied with for a level, and what is known of it.
+
+    Attributes
+    ----------
+    multipliers : ndarray, shape (carried + 1,)
+        One number a degree; for l = 0 it is 1.
+    order : int
+        The least order that keeps the error, or the largest that the light has.
+    error : float
+        The predicted relative RMS error of the level.
+    """
+
+    multipliers: Array
+    order: int
+    error: float
+
+
+def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float) -> Expansion:
+    """Choose the degrees of a level: the order that keeps an error, and those carried beyond it.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    coefficients : BrdfCoefficients
+        Coefficients of a zonal lobe, to at least the light's order.
+    tolerance : float
+        The relative RMS error that the order may leave.
+
+    Returns
+    -------
+    Expansion
+    """
+    passed = multipliers(coefficients)
+    light, missing = _energies(lighting, passed)
+    whole = light[0] + missing[0]
+    order = _least(missing <= tolerance**2 * whole)
+    dark = _least(missing <= DARK_ERROR**2 * light[0])
+    carried = min(max(dark, faded_order(order)), lighting.order)
+    fade = _fading(order, carried)
+    lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
+    error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    return Expansion(passed[: carried + 1] / passed[0] * fade, order, error)
+
+
+def faded_order(order: int) -> int:
+    """Return the order to which the light is to be known, so that an expansion can fade out."""
+    return min(int(np.ceil(order * (1 + _FADE))), MAX_ORDER_F)
+
+
+def expansion_errors(lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
+    """Predict the relative RMS error of a level for each order at which it may end abruptly.
+
+    The prediction is by Parseval, like that of `orders.predicted_error`. It counts the light beyond
+    the light's own expansion too, as `unknown_light` estimates it.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    coefficients : BrdfCoefficients
+        Coefficients of a zonal lobe, to at least the light's order.
+
+    Returns
+    -------
+    ndarray, shape (order + 1,)
+        One error for each order from 0 to that of the light.
+    """
+    light, missing = _energies(lighting, multipliers(coefficients))
+    whole = light[0] + missing[0]
+    return np.sqrt(missing / whole) if whole > 0 else np.zeros_like(light)
+
+
+def unknown_light(lighting: Lighting, passed: Array) -> float:
+    """Estimate the energy of the filtered light that is beyond the light's expansion.
+
+    Two estimates are made, and the smaller one counts. In the first, the light goes on as white
+    light does, with ``(2l+1)`` times the mean power of its last 16 degrees. In the second, all
+    energy of the light that is left sits in the degree that the lobe passes most of.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    passed : ndarray, shape (degrees,)
+        The squared multipliers of the lobe.
+    """
+    known = lighting.order + 1
+    power = lighting.power().sum(axis=1)
+    rest = max(float(lighting.energy.sum() - power.sum()), 0.0)
+    width = 2 * np.arange(len(passed)) + 1
+    last = slice(max(known - 16, 0), known)
+    density = power[last].sum() / width[last].sum()
+    white = density * float(width[known:] @ passed[known:])
+    return min(white, rest * float(passed[known:].max(initial=0.0)))
+
+
+def multipliers(coefficients: BrdfCoefficients) -> Array:
+    """Return what a zonal lobe multiplies the light's degrees with; for l = 0, its integral."""
+    values = coefficients.values[:, 0, 0, 0]
+    return values / np.sqrt(2 * np.arange(len(values)) + 1)
+
+
+def synthesized(lighting: Lighting, passed: Array, size: int, sampling: Sampling) -> Array:
+    """Synthesize light with its degrees multiplied, to the lower of both orders: (6N, N, 3)."""
+    degree = degrees(min(lighting.order, len(passed) - 1))
+    series = lighting.coefficients[: len(degree)] * passed[degree, None]
+    return np.ascontiguousarray(synthesize_cube(series, size, sampling).transpose(1, 2, 0))
+
+
+def _energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
+    """Return the energy of a level in each degree that is known of the light, and beyond each."""
+    light = lighting.power().sum(axis=1) * passed[: lighting.order + 1] ** 2
+    beyond = unknown_light(lighting, passed**2)
+    return light, np.cumsum(light[::-1])[::-1] - light + beyond
+
+
+def _fading(order: int, carried: int) -> Array:
+    """Return the factor of each degree: 1 up to the order, and then smoothly down to 0."""
+    beyond = np.maximum(np.arange(carried + 1) - order, 0)
+    return np.cos(np.pi / 2 * beyond / (carried + 1 - order)) ** 2
+
+
+def _least(enough: NDArray[np.bool_]) -> int:
+    """Return the first degree that is enough, or the last one where none is."""
+    return int(np.argmax(enough)) if enough.any() else len(enough) - 1
