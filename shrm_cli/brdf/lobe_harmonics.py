@@ -37,11 +37,13 @@ def lobe_harmonics(
     """
     count, azimuth_count = samples
     by_m = np.empty((count, len(view_theta), 3, max_m + 1))
-    waves = np.cos(np.outer(azimuths(azimuth_count), np.arange(max_m + 1)))
+    phi = azimuths(azimuth_count)
+    waves = np.cos(np.outer(phi, np.arange(max_m + 1)))
     waves *= 2 * np.pi / azimuth_count
     waves[:, 1:] *= np.sqrt(2)
+    everywhere = np.broadcast_to(phi, (len(view_theta), azimuth_count))
     for rows, values, coverage in transfer_samples(
-        brdf, PolarRule(), count, view_theta, azimuth_count
+        brdf, PolarRule(), count, view_theta, everywhere
     ):
         covered = values if coverage is None else scaled(values, coverage)
         for channel in range(3):

@@ -6,19 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.polar_rule import PolarRule, azimuths
+from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 
 Array = NDArray[np.floating]
 
 _SAMPLES_AT_ONCE = 2**15
 """Arrays of so many samples stay in the processor's cache."""
+_ROUNDING = 1e-6
+"""The part of a cell below the horizon that is none."""
 _INSIDE = 1 - 1e-9
 """The part of the way to the horizon at which the value beside it is taken."""
 
 
 def transfer_samples(
-    brdf: Brdf, rule: PolarRule, count: int, theta_o: Array, azimuth_count: int
+    brdf: Brdf, rule: PolarRule | SplitRule, count: int, theta_o: Array, phi: Array
 ) -> Iterator[tuple[slice, Array, Array | None]]:
     """Sample rho_hat on a grid of angles about C, a block of theta_i at a time.
 
@@ -30,40 +32,42 @@ def transfer_samples(
     Parameters
     ----------
     brdf : Brdf
-    rule : PolarRule
+    rule : PolarRule or SplitRule
         The rule for the angle theta_i of the light from C.
-    count, azimuth_count : int
-        The number of nodes in theta_i, and over half a turn in the light's azimuth.
+    count : int
+        The number of nodes in theta_i.
     theta_o : ndarray, shape (n,)
         Angles of the views from C, radians; their azimuth is 0.
+    phi : ndarray, shape (n, azimuths)
+        Azimuths of the light for each view, radians.
 
     Yields
     ------
     rows : slice
         Which of theta_i the block holds; it begins and ends at multiples of 3 nodes, or at the
         last node.
-    samples : ndarray, shape (block, n, azimuth_count, 3)
+    samples : ndarray, shape (block, n, azimuths, 3)
         rho_hat.
-    coverage : ndarray, shape (block, n, azimuth_count), or None
+    coverage : ndarray, shape (block, n, azimuths), or None
         The part of each cell that lies above the horizon, 0 .. 1; None where all cells do.
     """
-    theta_i, phi = rule.nodes(count)[0], azimuths(azimuth_count)
+    theta_i = rule.nodes(count)[0]
     # About the mirror direction the normal is half way between C and the view.
     tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
     view = from_angles(theta_o - tilt, 0.0)[None, :, None]
     horizon = np.pi / 2 + np.arctan(np.tan(tilt)[:, None] * np.cos(phi))
     ends = rule.parameter(horizon) * (count / np.pi)  # in cells
-    step = 3 * max(1, _SAMPLES_AT_ONCE // (3 * len(theta_o) * azimuth_count))
+    step = 3 * max(1, _SAMPLES_AT_ONCE // (3 * phi.size))
     for start in range(0, count, step):
         rows = slice(start, min(start + step, count))
         cells = np.arange(start, rows.stop)[:, None, None]
         light = tilted_frame(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
-        if not brdf.has_horizon or rows.stop <= ends.min():
+        if not brdf.has_horizon or rows.stop <= ends.min() + _ROUNDING:
             yield rows, brdf.transfer(light, view), None
             continue
         coverage = np.clip(ends - cells, 0.0, 1.0)
         cut = np.nonzero((coverage > 0) & (coverage <= 0.5))
-        edge = from_angles(horizon[cut[1:]] * _INSIDE, phi[cut[2]])
+        edge = from_angles(horizon[cut[1:]] * _INSIDE, phi[cut[1:]])
         light[cut] = tilted_frame(edge, tilt[cut[1]])
         yield rows, brdf.transfer(light, view), coverage
 

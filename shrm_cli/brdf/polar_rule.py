@@ -77,6 +77,46 @@ class PolarRule:
         return (low + high) / 2
 
 
+@dataclass(frozen=True)
+class SplitRule:
+    """Nodes above the horizon about the normal, where BRDFs jump or bend, and maybe below it.
+
+    Each side has Fejer's rule over the cosine, of which the nodes are dense at both ends. The
+    parameter s has ``cos(theta) = (1 + cos(s)) / 2`` above the horizon.
+
+    Attributes
+    ----------
+    below : bool
+        Whether half of the nodes are below the horizon.
+    """
+
+    below: bool = False
+    focus: float = 1.0
+
+    def parameter(self, theta: ArrayLike) -> Array:
+        """The parameter s of angles theta, which scaled to 0 .. pi counts nodes."""
+        cosine = np.cos(np.asarray(theta, dtype=float))
+        s = np.arccos(np.clip(2 * np.abs(cosine) - 1, -1.0, 1.0))
+        if not self.below:
+            return np.asarray(np.where(cosine >= 0, s, np.pi))
+        return np.asarray(np.where(cosine >= 0, s, 2 * np.pi - s) / 2)
+
+    def nodes(self, count: int) -> tuple[Array, Array]:
+        """Angles theta, ascending, and weights for integrals over ``sin(theta) dtheta``.
+
+        Parameters
+        ----------
+        count : int
+            Even, if nodes are below the horizon.
+        """
+        each = count // 2 if self.below else count
+        cosine, weights = (1 + np.cos(_even_nodes(each))) / 2, colatitude_weights(each) / 2
+        above = np.arccos(cosine)
+        if not self.below:
+            return above, weights
+        return np.append(above, np.pi - above[::-1]), np.append(weights, weights[::-1])
+
+
 @lru_cache(8)
 def view_nodes(center: Center, count: int) -> tuple[Array, Array]:
     """Nodes in the angle theta_o of the view from C, dense where views graze the surface.
@@ -101,15 +141,35 @@ def view_nodes(center: Center, count: int) -> tuple[Array, Array]:
     if center == "reflection":
         theta, weights = PolarRule(_TOWARDS_GRAZING).nodes(count)
         return np.pi - theta[::-1], weights[::-1]
-    # Fejer's rule over the cosine from 0 to 1, of which the nodes are dense at both ends.
-    cosine = (1 + np.cos(_even_nodes(count // 2))) / 2
-    above, weights = np.arccos(cosine), colatitude_weights(count // 2) / 2
-    return np.append(above, np.pi - above[::-1]), np.append(weights, weights[::-1])
+    return SplitRule(below=True).nodes(count)
 
 
 def azimuths(count: int) -> Array:
     """The middles of equal cells over half a turn, radians."""
     return _even_nodes(count)
+
+
+def squeezed_azimuths(count: int, squeeze: Array) -> tuple[Array, Array]:
+    """Azimuths that crowd about 0 and pi, by a substitution that keeps smooth functions smooth.
+
+    With ``tan(phi) = squeeze tan(s)`` they are even in s. That is the azimuth on an ellipse, which
+    lobes are where their light grazes.
+
+    Parameters
+    ----------
+    count : int
+    squeeze : ndarray, shape (n,)
+        In (0, 1]; 1 leaves the azimuths even.
+
+    Returns
+    -------
+    phi, weights : ndarray, shape (n, count)
+        Radians over half a turn, and weights for integrals over dphi, which sum to pi up to the
+        rule's error. Every third is a node of the rule for ``count / 3``.
+    """
+    s, squeeze = azimuths(count), squeeze[:, None]
+    across, along = squeeze * np.sin(s), np.cos(s)
+    return np.arctan2(across, along), np.pi / count * squeeze / (along**2 + across**2)
 
 
 def _even_nodes(count: int) -> Array:

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander
-from shrm_cli.brdf.polar_rule import PolarRule, azimuths, view_nodes
+from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
+from shrm_cli.brdf.polar_rule import view_nodes
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import Progress
-from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
@@ -37,14 +36,6 @@ _LIGHTS = 48, 12288
 """The fewest and the most nodes in theta_i."""
 _AZIMUTHS = 12, 3072
 """The fewest and the most nodes over half a turn in phi."""
-_SHARP = 0.5
-"""The width of a lobe, radians, above which the nodes in theta_i are spread evenly."""
-_FOCUS = 1.0
-"""The focus of the rule in theta_i, in widths of the lobe."""
-_RADII = 1e-4, 3.1, 120
-"""The least and the largest angle from the mirror direction in `lobe_width`, and their number."""
-_SCOUTS = 0.1, 0.3, 0.5, 0.7, 0.85, 0.95
-"""The angles of the views in `lobe_width`, as parts of the way from the normal to the horizon."""
 _ROUNDING = 1e-24
 """The part of the energy that is taken for rounding errors."""
 _ZONAL_NODES = 2**7, 2**15
@@ -206,14 +197,11 @@ class _Sampling:
     ) -> None:
         self.accuracy, self.order_f, self.max_q = accuracy, order_f, max_q
         self.center, self._progress, self._shown = brdf.center, progress, 0
-        width = lobe_width(brdf)
-        focused = brdf.center == "reflection"
-        rule = PolarRule(min(width * _FOCUS, 1.0) if focused and width < _SHARP else 1.0)
-        self._expander = LobeExpander(brdf, rule, order_f, max_q)
+        self._expander = LobeExpander(brdf, light_rule(brdf), order_f, max_q)
         self._budget = _MOST_SAMPLES[brdf.is_measured]
         self._spent = 0
         # A sharp lobe that lies elsewhere than about C must not fall between the nodes.
-        cells = 0 if focused else 6 / width
+        cells = 0 if brdf.center == "reflection" else 6 / lobe_width(brdf)
         self._first = (
             _power_of_two_times(_LIGHTS[0], max(order_f / 2, cells), _LIGHTS[1]),
             _power_of_two_times(max(_AZIMUTHS[0], 3 * (max_q + 1)), cells, _AZIMUTHS[1]),
@@ -379,28 +367,6 @@ def _power_of_two_times(least: int, wanted: float, most: int) -> int:
     while least < wanted and 2 * least <= most:
         least *= 2
     return least
-
-
-def lobe_width(brdf: Brdf) -> float:
-    """The angle from the mirror direction within which half of a BRDF's energy lies, radians.
-
-    It is found from few samples, and tells how dense nodes must be. For a BRDF about the tangent
-    it is 1, because its lobes are cones.
-    """
-    if brdf.center == "tangent":
-        return 1.0
-    radius = np.geomspace(*_RADII)
-    views = np.pi / 2 * np.array(_SCOUTS)
-    around = azimuths(12)
-    # The mirror direction is tilted from the normal towards -X, the view towards +X.
-    light = tilted_frame(from_angles(radius[:, None], around)[:, None], views[:, None])
-    view = from_angles(views, 0.0)[None, :, None]
-    squares = np.sum(brdf.transfer(light, view) ** 2, axis=(2, 3))
-    density = squares * (np.sin(radius) * radius)[:, None]
-    inside = np.cumsum(density @ np.sin(2 * views))
-    if not inside[-1] > 0:
-        return 1.0
-    return float(radius[np.searchsorted(inside, inside[-1] / 2)])
 
 
 def _zonal_transfer(brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> TransferFunctions:
