@@ -17,7 +17,7 @@ import stat
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -29,10 +29,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.progress import Progress
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-Content = TypeVar("Content", bound="DataclassInstance")
+Content = TypeVar("Content", BrdfCoefficients, TransferFunctions)
 
 FOLDER_VARIABLE = "SHRM_CACHE_DIR"
 """Environment variable that names the cache's folder."""
@@ -266,7 +263,7 @@ def _code(root: Path) -> list[tuple[str, int, int]]:
     return sorted(found)
 
 
-def _write(path: Path, key: str, content: "DataclassInstance") -> None:
+def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) -> None:
     """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
     header: dict[str, Any] = {"key": key, "shapes": {}, "others": {}}
     arrays = []

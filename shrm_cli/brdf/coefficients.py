@@ -137,10 +137,13 @@ def compute_coefficients(
     """
     order_p = 0 if brdf.zonal else order_p
     transfer = compute_transfer(brdf, order_f, order_p, accuracy, progress)
+    values = transfer.projected(order_p)
+    # Of a zonal BRDF the energy of each l is in one coefficient, to the last bit.
+    degree_energy = values[:, 0, 0] ** 2 if brdf.zonal else transfer.degree_energy
     return BrdfCoefficients(
-        transfer.projected(order_p),
+        values,
         transfer.total_energy,
-        transfer.degree_energy,
+        degree_energy,
         transfer.samples,
         transfer.accuracy,
         transfer.asked,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
-from shrm_cli.brdf.polar_rule import view_nodes
+from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
@@ -385,7 +385,7 @@ def _zonal_transfer(brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> Tr
         lobe, energy = finer, energy_finer
         if max(change) <= 1e-14 * energy.sum():
             break
-    theta_o, weights = view_nodes(brdf.center, _ZONAL_VIEWS)
+    theta_o, weights = PolarRule().nodes(_ZONAL_VIEWS)
     values = np.zeros((max_q + 1, order_f + 1, len(theta_o), 3))
     values[0] = lobe[:, None]
     return TransferFunctions(values, theta_o, weights, energy, (count, 1, 1), 0.0, accuracy)
