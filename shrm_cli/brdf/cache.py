@@ -1,9 +1,9 @@
-"""A cache on disk for coefficients of BRDFs that take long to compute.
+"""A cache on disk for coefficients and transfer functions of BRDFs that take long to compute.
 
 An entry is one file. Its name is a digest of all that its coefficients depend on: the BRDF with
-its parameters (a measured BRDF with the digest of its file), the orders, the accuracy, and the
-program. The entry holds the digest of its own bytes; if it is damaged, its coefficients are
-computed and written again.
+its parameters (a measured BRDF with the digest of its file), what is computed of it, the orders,
+the accuracy, and the program. The entry holds the digest of its own bytes; if it is damaged, its
+content is computed and written again.
 """
 
 import contextlib
@@ -17,15 +17,19 @@ import stat
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from shrm_cli import __version__, settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
+from shrm_cli.progress import Progress
+
+Content = TypeVar("Content", BrdfCoefficients, TransferFunctions)
 
 FOLDER_VARIABLE = "SHRM_CACHE_DIR"
 """Environment variable that names the cache's folder."""
@@ -37,6 +41,7 @@ _SUFFIX = ".coefficients"
 _MAGIC = b"shrm coefficients 1\n"
 _SLOW = 0.02  # seconds; what takes less to compute is not worth a file
 _MOST_HEADER = 2**16
+_DOUBLE = 8  # bytes
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
 _ROOT = Path(__file__).parents[1]
@@ -62,7 +67,8 @@ def cached_coefficients(
     order_f: int,
     order_p: int,
     accuracy: float,
-    compute: Callable[[Brdf, int, int, float], BrdfCoefficients],
+    compute: Callable[..., BrdfCoefficients],
+    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Take coefficients from the cache, or compute them, and keep them if that took long.
 
@@ -73,6 +79,8 @@ def cached_coefficients(
     accuracy : float
     compute : callable
         `compute_coefficients`, or a function with its parameters and result.
+    progress : callable, optional
+        Given to `compute`.
 
     Returns
     -------
@@ -80,15 +88,87 @@ def cached_coefficients(
         What `compute` returns, to the last bit. Only BRDFs of this package are kept, because the
         code of others could change without the key's noticing.
     """
+    sizes = 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1)
+
+    def fits(found: BrdfCoefficients) -> bool:
+        return found.order_f == order_f and found.order_p in (0, order_p)
+
+    kind = _Kind(BrdfCoefficients, sizes, fits)
+    return _cached(kind, brdf, (order_f, order_p, accuracy), compute, progress)
+
+
+def cached_transfer(
+    brdf: Brdf,
+    order_f: int,
+    max_q: int,
+    accuracy: float,
+    compute: Callable[..., TransferFunctions],
+    progress: Progress | None = None,
+) -> TransferFunctions:
+    """Take transfer functions from the cache, or compute them, and keep them if that took long.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    order_f, max_q : int
+    accuracy : float
+    compute : callable
+        `compute_transfer`, or a function with its parameters and result.
+    progress : callable, optional
+        Given to `compute`.
+
+    Returns
+    -------
+    TransferFunctions
+        What `compute` returns, to the last bit; see `cached_coefficients`.
+    """
+    # There is no telling how many views were needed.
+    sizes = MOST_BYTES // 4 // _DOUBLE
+
+    def fits(found: TransferFunctions) -> bool:
+        return (found.order_f, found.max_q) == (order_f, max_q)
+
+    kind = _Kind(TransferFunctions, sizes, fits)
+    return _cached(kind, brdf, (order_f, max_q, accuracy), compute, progress)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Kind(Generic[Content]):
+    """A kind of entries: a dataclass of arrays of floats, and of what JSON holds exactly.
+
+    Attributes
+    ----------
+    content : type
+        The dataclass.
+    most_values : int
+        No entry has more numbers in its arrays than that, so that no more is read.
+    fits : callable
+        Whether an entry that was read has the orders that are wanted.
+    """
+
+    content: type[Content]
+    most_values: int
+    fits: Callable[[Content], bool]
+
+
+def _cached(
+    kind: _Kind[Content],
+    brdf: Brdf,
+    parameters: tuple[int, int, float],
+    compute: Callable[..., Content],
+    progress: Progress | None,
+) -> Content:
+    """What a function computes of a BRDF, from the cache if it is there."""
+    more = {} if progress is None else {"progress": progress}
     is_used = settings.current().cache is not False
-    key = _key(brdf, order_f, order_p, accuracy) if is_used else None
+    key = _key(kind.content.__name__, brdf, parameters) if is_used else None
     if key is None:
-        return compute(brdf, order_f, order_p, accuracy)
+        return compute(brdf, *parameters, **more)
     path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
-    found = _read(path, key, order_f, order_p)
+    found = _read(path, key, kind)
     if found is None:
         start = time.perf_counter()
-        found = compute(brdf, order_f, order_p, accuracy)
+        found = compute(brdf, *parameters, **more)
         if time.perf_counter() - start > _SLOW:
             _write(path, key, found)
     return found
@@ -132,16 +212,18 @@ def clear() -> tuple[int, int]:
     return count, size
 
 
-def _key(brdf: Brdf, order_f: int, order_p: int, accuracy: float) -> str | None:
-    """All that coefficients depend on, as JSON; None for a BRDF that this does not identify."""
+def _key(kind: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
+    """All that an entry depends on, as JSON; None for a BRDF that this does not identify."""
     if not _is_of_this_package(brdf):
         return None
+    *orders, accuracy = parameters
     parts = {
+        "kind": kind,
         "name": brdf.name,
         "model": f"{type(brdf).__module__}.{type(brdf).__qualname__}",
         "values": brdf.values,
         "frame": [brdf.center, brdf.includes_cosine, brdf.has_horizon, brdf.zonal],
-        "orders": [order_f, order_p],
+        "orders": orders,
         "accuracy": accuracy,
         "program": [__version__, np.__version__, _code(_ROOT)],
     }
@@ -181,12 +263,12 @@ def _code(root: Path) -> list[tuple[str, int, int]]:
     return sorted(found)
 
 
-def _write(path: Path, key: str, coefficients: BrdfCoefficients) -> None:
+def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) -> None:
     """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
     header: dict[str, Any] = {"key": key, "shapes": {}, "others": {}}
     arrays = []
-    for field in dataclasses.fields(coefficients):
-        value = getattr(coefficients, field.name)
+    for field in dataclasses.fields(content):
+        value = getattr(content, field.name)
         if isinstance(value, np.ndarray):
             header["shapes"][field.name] = value.shape
             arrays.append(np.ascontiguousarray(value, dtype="<f8").tobytes())
@@ -203,14 +285,13 @@ def _write(path: Path, key: str, coefficients: BrdfCoefficients) -> None:
         _make_room(path)
 
 
-def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients | None:
-    """The coefficients of an entry; None if there is no whole entry that fits the key."""
+def _read(path: Path, key: str, kind: _Kind[Content]) -> Content | None:
+    """The content of an entry; None if there is no whole entry that fits the key."""
     try:
         if not path.is_file():  # opening a pipe would wait for its writer
             return None
-        # An entry cannot be larger than its arrays at these orders, so no more than that is read.
-        values = 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1)
-        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + 8 * values
+        # An entry cannot be larger than its arrays can be, so no more than that is read.
+        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _DOUBLE * kind.most_values
         with open(path, "rb") as stream:
             data = stream.read(most + 1)
         start = len(_MAGIC) + _DIGEST
@@ -219,8 +300,8 @@ def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients 
         body = memoryview(data)[start:]
         if hashlib.sha256(body).digest() != data[len(_MAGIC) : start]:
             return None
-        found = _unpacked(body, key)
-        fits = found.order_f == order_f and found.order_p in (0, order_p)
+        found = _unpacked(body, key, kind.content)
+        fits = kind.fits(found)
     except (OSError, *_UNSOUND):
         return None
     if not fits:
@@ -230,8 +311,8 @@ def _read(path: Path, key: str, order_f: int, order_p: int) -> BrdfCoefficients 
     return found
 
 
-def _unpacked(body: memoryview, key: str) -> BrdfCoefficients:
-    """The coefficients in the body of an entry; raises one of `_UNSOUND` if it holds none."""
+def _unpacked(body: memoryview, key: str, content: type[Content]) -> Content:
+    """The content in the body of an entry; raises one of `_UNSOUND` if it holds none."""
     start = 4 + int.from_bytes(body[:4], "little")
     header = json.loads(bytes(body[4:start]))
     if header["key"] != key:
@@ -249,7 +330,7 @@ def _unpacked(body: memoryview, key: str) -> BrdfCoefficients:
         start += array.nbytes
     if start != len(body):
         raise ValueError("of another length")
-    return BrdfCoefficients(**fields)
+    return content(**fields)
 
 
 def _make_room(newest: Path) -> None:

@@ -5,8 +5,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import transfer_samples
+from shrm_cli.brdf.base import Brdf, scaled
+from shrm_cli.brdf.lobe_samples import transfer_samples
+from shrm_cli.brdf.polar_rule import PolarRule, azimuths
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
@@ -34,14 +35,19 @@ def lobe_harmonics(
         Coefficients of the real harmonics with m >= 0, indexed [m, l - m, view, channel]. Those
         with m < 0 vanish, because the lobe is even in the azimuth.
     """
-    count, azimuths = samples
-    theta_i, phi = ((nodes(n) + 1) * (np.pi / 2) for n in (count, azimuths))
+    count, azimuth_count = samples
     by_m = np.empty((count, len(view_theta), 3, max_m + 1))
-    waves = np.cos(np.outer(phi, np.arange(max_m + 1))) * (2 * np.pi / azimuths)
+    phi = azimuths(azimuth_count)
+    waves = np.cos(np.outer(phi, np.arange(max_m + 1)))
+    waves *= 2 * np.pi / azimuth_count
     waves[:, 1:] *= np.sqrt(2)
-    for rows, values, coverage in transfer_samples(brdf, theta_i, view_theta, phi):
+    everywhere = np.broadcast_to(phi, (len(view_theta), azimuth_count))
+    for rows, values, coverage in transfer_samples(
+        brdf, PolarRule(), count, view_theta, everywhere
+    ):
+        covered = values if coverage is None else scaled(values, coverage)
         for channel in range(3):
-            by_m[rows, :, channel] = (values[..., channel] * coverage) @ waves
+            by_m[rows, :, channel] = covered[..., channel] @ waves
     flat = by_m.reshape(count, -1, max_m + 1).transpose(2, 0, 1)
     return (_weighted_legendre(order, max_m, count) @ flat).reshape(
         max_m + 1, order + 1, len(view_theta), 3

@@ -1,0 +1,216 @@
+"""The lobes of a BRDF for given views, expanded into harmonics of the light about C."""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.lobe_samples import every_third, transfer_samples
+from shrm_cli.brdf.polar_rule import PolarRule, SplitRule, azimuths, squeezed_azimuths
+from shrm_cli.errors import BrdfError
+from shrm_cli.sphere.directions import from_angles, tilted_frame
+from shrm_cli.sphere.harmonics import legendre_table
+
+Array = NDArray[np.floating]
+
+_SHARP = 0.5
+"""The width of a lobe, radians, above which the nodes in theta_i are spread evenly."""
+_RADII = 1e-4, 3.1, 120
+"""The least and the largest angle from the mirror direction in `lobe_width`, and their number."""
+_SCOUTS = 0.1, 0.3, 0.5, 0.7, 0.85, 0.95
+"""The angles of the views in `lobe_width`, as parts of the way from the normal to the horizon."""
+_TABLE_BYTES = 200 * 2**20
+"""The most that tables of Legendre functions take together; the last one is kept in any case."""
+_LEAST_COSINE, _SQUEEZE = 1e-3, 0.5
+"""Near grazing, azimuths crowd as this power of the cosine of the view's angle from the normal.
+
+A sharp lobe is an ellipse there, with that cosine as the ratio of its axes. Its root shares the
+trouble with the angle theta_i."""
+FINER = 8.0
+"""How often the error of a rule goes into its difference to the rule with a third of its nodes.
+
+It is 8 for the second order of convergence, which kinks and the horizon have; smooth integrands
+converge much faster.
+"""
+
+
+def light_rule(brdf: Brdf) -> PolarRule | SplitRule:
+    """The rule for the angle of the light from C that suits a BRDF."""
+    if brdf.center == "normal":
+        return SplitRule(below=not brdf.has_horizon and brdf.includes_cosine)
+    width = lobe_width(brdf)
+    return PolarRule(width if brdf.center == "reflection" and width < _SHARP else 1.0)
+
+
+def lobe_width(brdf: Brdf) -> float:
+    """The angle from the mirror direction within which half of a BRDF's energy lies, radians.
+
+    It is found from few samples, and tells how dense nodes must be. For a BRDF about the tangent
+    it is 1, because its lobes are cones.
+    """
+    if brdf.center == "tangent":
+        return 1.0
+    radius = np.geomspace(*_RADII)
+    views = np.pi / 2 * np.array(_SCOUTS)
+    # The mirror direction is tilted from the normal towards -X, the view towards +X.
+    light = tilted_frame(from_angles(radius[:, None], azimuths(12))[:, None], views[:, None])
+    view = from_angles(views, 0.0)[None, :, None]
+    squares = np.sum(brdf.transfer(light, view) ** 2, axis=(2, 3))
+    inside = np.cumsum((squares * (np.sin(radius) * radius)[:, None]) @ np.sin(2 * views))
+    if not inside[-1] > 0:
+        return 1.0
+    return float(radius[np.searchsorted(inside, inside[-1] / 2)])
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """Lobes of several views as harmonics, with estimates of what their sampling misses.
+
+    Attributes
+    ----------
+    values : ndarray, shape (max_q+1, F+1, n, channels)
+        ``2 pi`` times the integrals of ``rho_hat f_lq(theta_i) cos(q phi)`` over the light; one
+        channel for a grey BRDF, else three.
+    energy : ndarray, shape (n, channels)
+        ``2 pi`` times the integrals of ``rho_hat^2``.
+    error_theta, error_phi : ndarray, shape (n,)
+        The energy that the rules in theta_i and phi are estimated to miss, of all channels.
+    """
+
+    values: Array
+    energy: Array
+    error_theta: Array
+    error_phi: Array
+
+
+class LobeExpander:
+    """Expands lobes of one BRDF, to fixed orders, at whatever numbers of nodes.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    rule : PolarRule or SplitRule
+        The rule for the angle of the light from C.
+    order_f, max_q : int
+        The largest l and q.
+    """
+
+    def __init__(self, brdf: Brdf, rule: PolarRule | SplitRule, order_f: int, max_q: int) -> None:
+        self.brdf, self.rule, self.order_f, self.max_q = brdf, rule, order_f, max_q
+        self._tables: OrderedDict[int, tuple[Array, Array]] = OrderedDict()
+        self._sign = np.where(np.arange(max_q + 1) == 0, 1.0, 2.0)
+
+    def expand(self, theta_o: Array, count: int, azimuth_count: int) -> Expansion:
+        """Expand the lobes for views at angles from C.
+
+        Parameters
+        ----------
+        theta_o : ndarray, shape (n,)
+            Radians.
+        count, azimuth_count : int
+            The numbers of nodes in theta_i and, over half a turn, in phi: multiples of 3.
+
+        Raises
+        ------
+        BrdfError
+            If a value of the BRDF is not finite.
+        """
+        weights, coarse_weights = (self.rule.nodes(n)[1] for n in (count, count // 3))
+        # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the
+        # factor of eq. 5.22 of Ramamoorthi's thesis.
+        phi, phi_weights = squeezed_azimuths(azimuth_count, self._squeeze(theta_o))
+        phi_weights *= 4 * np.pi
+        waves = phi_weights[..., None] * np.cos(phi[..., None] * np.arange(self.max_q + 1))
+        # Samples by q: from all of them, from a third in phi, and from a third in theta_i.
+        parts: tuple[list[Array], ...] = [], [], []
+        energies = np.zeros((3, len(theta_o), 1))
+        for rows, samples, coverage in transfer_samples(self.brdf, self.rule, count, theta_o, phi):
+            if samples.strides[-1] == 0:
+                samples = samples[..., :1]
+            thirds = slice(rows.start // 3, rows.stop // 3)
+            blocks: tuple[list[Array], ...] = [], [], []
+            energy = np.zeros((3, len(theta_o), samples.shape[-1]))
+            for channel in range(samples.shape[-1]):
+                values = np.ascontiguousarray(samples[..., channel])
+                covered = values if coverage is None else values * coverage
+                middle, part = every_third(values, coverage)
+                middle_covered = middle if part is None else middle * part
+                blocks[0].append(_waved(covered, waves))
+                blocks[1].append(_waved(covered[..., 1::3], 3 * waves[:, 1::3]))
+                blocks[2].append(_waved(middle_covered, waves))
+                squares = covered * values * phi_weights
+                energy[0, :, channel] = weights[rows] @ squares.sum(axis=2)
+                energy[1, :, channel] = weights[rows] @ squares[..., 1::3].sum(axis=2) * 3
+                squares = (middle_covered * middle * phi_weights).sum(axis=2)
+                energy[2, :, channel] = coarse_weights[thirds] @ squares
+            energies = energies + energy
+            for whole, block in zip(parts, blocks, strict=True):
+                whole.append(np.stack(block, axis=2))
+        if not np.isfinite(energies.sum()):
+            raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
+        table, coarse_table = self._table(count)
+        fine, thin, coarse = (np.concatenate(part) for part in parts)
+        values = self._projected(table, fine)
+        by_theta = values - self._projected(coarse_table, coarse)
+        # By Parseval all l together have the energy of the integral over theta_i.
+        thin -= fine
+        by_phi = np.einsum("i,ivcq,ivcq,q->v", weights, thin, thin, self._sign) / (2 * np.pi)
+        by_theta = np.einsum("q,qlvc,qlvc->v", self._sign, by_theta, by_theta)
+        return Expansion(
+            values,
+            energies[0],
+            _error(by_theta / (2 * np.pi), energies[0] - energies[2]),
+            _error(by_phi / (2 * np.pi), energies[0] - energies[1]),
+        )
+
+    def _squeeze(self, theta_o: Array) -> Array:
+        """How far azimuths crowd for each view; 1 where the lobe is wide, or not about C."""
+        if self.rule.focus == 1:
+            return np.ones_like(theta_o)
+        return np.maximum(np.cos(theta_o / 2), _LEAST_COSINE) ** _SQUEEZE
+
+    def _projected(self, table: Array, samples: Array) -> Array:
+        """Integrate over theta_i, with Legendre functions: shape (max_q+1, F+1, n, channels)."""
+        count, views, channels, _ = samples.shape
+        by_q = np.moveaxis(samples, -1, 0).reshape(-1, count, views * channels)
+        result = np.zeros((self.max_q + 1, self.order_f + 1, views * channels))
+        for q in range(min(self.max_q, self.order_f) + 1):
+            result[q, q:] = table[q, : self.order_f + 1 - q] @ np.ascontiguousarray(by_q[q])
+        return result.reshape(self.max_q + 1, self.order_f + 1, views, channels)
+
+    def _table(self, count: int) -> tuple[Array, Array]:
+        """Legendre functions [q, l - q, node] times weights, of all nodes and of every third."""
+        if count in self._tables:
+            self._tables.move_to_end(count)
+            return self._tables[count]
+        theta, weights = self.rule.nodes(count)
+        functions = legendre_table(self.order_f, np.cos(theta), max_m=self.max_q)
+        coarse = functions[..., 1::3] * self.rule.nodes(count // 3)[1]
+        functions *= weights
+        found = self._tables[count] = functions, coarse
+        while len(self._tables) > 1 and self._table_bytes() > _TABLE_BYTES:
+            self._tables.popitem(last=False)
+        return found
+
+    def _table_bytes(self) -> int:
+        return sum(part.nbytes for pair in self._tables.values() for part in pair)
+
+
+def _error(squares: Array, energy: Array) -> Array:
+    """The energy that a rule misses of each view, from its differences to the coarser rule.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (n,)
+        The energy of the difference of both results.
+    energy : ndarray, shape (n, channels)
+        The difference of their energies.
+    """
+    return np.asarray(np.maximum(squares / FINER**2, np.abs(energy).sum(axis=1) / FINER))
+
+
+def _waved(samples: Array, waves: Array) -> Array:
+    """Integrate samples [row, view, azimuth] with waves [view, azimuth, q]: [row, view, q]."""
+    return np.moveaxis(np.moveaxis(samples, 0, 1) @ waves, 0, 1)

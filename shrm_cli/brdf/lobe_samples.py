@@ -1,0 +1,98 @@
+"""Samples of rho_hat over the light, in polar coordinates about the central direction C."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
+from shrm_cli.sphere.directions import from_angles, tilted_frame
+
+Array = NDArray[np.floating]
+
+_SAMPLES_AT_ONCE = 2**15
+"""Arrays of so many samples stay in the processor's cache."""
+_ROUNDING = 1e-6
+"""The part of a cell below the horizon that is none."""
+_INSIDE = 1 - 1e-9
+"""The part of the way to the horizon at which the value beside it is taken."""
+
+
+def transfer_samples(
+    brdf: Brdf, rule: PolarRule | SplitRule, count: int, theta_o: Array, phi: Array
+) -> Iterator[tuple[slice, Array, Array | None]]:
+    """Sample rho_hat on a grid of angles about C, a block of theta_i at a time.
+
+    The horizon N.L = 0 cuts through cells in theta_i. Such a cell counts by the part of it that
+    is above the horizon, and if its own sample lies below, it takes the value at the horizon. So
+    the integral of a model that jumps at the horizon converges with the square of the cell's
+    size, not with the size.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    rule : PolarRule or SplitRule
+        The rule for the angle theta_i of the light from C.
+    count : int
+        The number of nodes in theta_i.
+    theta_o : ndarray, shape (n,)
+        Angles of the views from C, radians; their azimuth is 0.
+    phi : ndarray, shape (n, azimuths)
+        Azimuths of the light for each view, radians.
+
+    Yields
+    ------
+    rows : slice
+        Which of theta_i the block holds; it begins and ends at multiples of 3 nodes, or at the
+        last node.
+    samples : ndarray, shape (block, n, azimuths, 3)
+        rho_hat.
+    coverage : ndarray, shape (block, n, azimuths), or None
+        The part of each cell that lies above the horizon, 0 .. 1; None where all cells do.
+    """
+    theta_i = rule.nodes(count)[0]
+    # About the mirror direction the normal is half way between C and the view.
+    tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
+    view = from_angles(theta_o - tilt, 0.0)[None, :, None]
+    horizon = np.pi / 2 + np.arctan(np.tan(tilt)[:, None] * np.cos(phi))
+    ends = rule.parameter(horizon) * (count / np.pi)  # in cells
+    step = 3 * max(1, _SAMPLES_AT_ONCE // (3 * phi.size))
+    for start in range(0, count, step):
+        rows = slice(start, min(start + step, count))
+        cells = np.arange(start, rows.stop)[:, None, None]
+        light = tilted_frame(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
+        if not brdf.has_horizon or rows.stop <= ends.min() + _ROUNDING:
+            yield rows, brdf.transfer(light, view), None
+            continue
+        coverage = np.clip(ends - cells, 0.0, 1.0)
+        cut = np.nonzero((coverage > 0) & (coverage <= 0.5))
+        edge = from_angles(horizon[cut[1:]] * _INSIDE, phi[cut[1:]])
+        light[cut] = tilted_frame(edge, tilt[cut[1]])
+        yield rows, brdf.transfer(light, view), coverage
+
+
+def every_third(samples: Array, coverage: Array | None) -> tuple[Array, Array | None]:
+    """The samples of a block on the rule with a third of the nodes in theta_i.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (3 k, n, azimuths, ...)
+    coverage : ndarray, shape (3 k, n, azimuths), or None
+        Those that `transfer_samples` yields.
+
+    Returns
+    -------
+    samples : ndarray, shape (k, n, azimuths, ...)
+    coverage : ndarray, shape (k, n, azimuths), or None
+    """
+    middle = samples[1::3]
+    if coverage is None:
+        return middle, None
+    first = (coverage[1::3] == 0) & (coverage[::3] > 0)
+    if first.any():
+        # The middle of the coarse cell is below the horizon, and the first of its cells is not.
+        middle = np.where(
+            first.reshape(first.shape + (1,) * (middle.ndim - 3)), samples[::3], middle
+        )
+    return middle, (coverage[::3] + coverage[1::3] + coverage[2::3]) / 3

@@ -1,0 +1,404 @@
+"""Brdf -> rho_hat_lq(theta_o): its lobes as harmonics of the light, as functions of the view.
+
+With both directions in the local frame of the central direction C, whose z axis is C,
+
+    2 pi rho_hat(w_i', w_o') =
+        sum over l, q of rho_hat_lq(theta_o') conj(Y_lq(w_i')) exp(i q phi_o').
+
+Expanding rho_hat_lq over theta_o gives the coefficients rho_hat_lpq, see
+`shrm_cli.brdf.coefficients`. Equations 5.x are those of chapter 5 of Ramamoorthi's thesis, "A
+Signal-Processing Framework for Forward and Inverse Rendering" (2002).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
+from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
+from shrm_cli.errors import BrdfError
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
+from shrm_cli.sphere.quadrature import colatitude_weights, nodes
+
+Array = NDArray[np.floating]
+
+_MOST_SAMPLES = 2**25, 2**22
+"""The most samples of a BRDF in all, of models and of measured ones, which take longer."""
+_WORST = 0.05
+"""The estimated error, as a part of the energy, up to which a model is accepted at the most
+samples. Measured ones are accepted whatever it is: their noise is no fault of the sampling."""
+_VIEWS = 48, 384
+"""The fewest and the most nodes in theta_o."""
+_LIGHTS = 48, 12288
+"""The fewest and the most nodes in theta_i."""
+_AZIMUTHS = 12, 3072
+"""The fewest and the most nodes over half a turn in phi."""
+_ROUNDING = 1e-24
+"""The part of the energy that is taken for rounding errors."""
+_ZONAL_NODES = 2**7, 2**15
+"""The fewest and the most nodes for a zonal BRDF."""
+_ZONAL_VIEWS = 12
+_VIEWS_AT_ONCE = 32
+_SCALE = 1000
+"""The number of steps in which progress is reported."""
+
+
+@dataclass(frozen=True)
+class TransferFunctions:
+    """The lobes of a BRDF for all views, as harmonics of the light about the central direction.
+
+    Attributes
+    ----------
+    values : ndarray, shape (max_q+1, F+1, n, 3)
+        rho_hat_lq(theta_o) for q >= 0, indexed [q, l, node, channel]: ``2 pi`` times the integral
+        over the light of ``rho_hat f_lq(theta_i) cos(q phi)``, for views at azimuth 0. It is zero
+        where q > l, and the same for -q. Then
+        ``rho_hat_lpq = sum over nodes of weights f_pq(theta_o) values``.
+    theta_o, weights : ndarray, shape (n,)
+        The angles of the views from C, radians, ascending, and weights for the integral over
+        ``sin(theta_o) dtheta_o``. They are dense where views graze the surface.
+    total_energy : ndarray, shape (3,)
+        ``2 pi int int int rho_hat^2 sin(theta_i) sin(theta_o) dtheta_i dtheta_o dphi`` of each
+        channel, the right side of eq. 5.18.
+    samples : tuple of 3 int
+        The largest numbers of nodes in theta_i, theta_o and phi (over half a turn).
+    accuracy : float
+        The part of the energy that the sampling is estimated to miss.
+    asked : float
+        The accuracy that was asked for.
+    """
+
+    values: Array
+    theta_o: Array
+    weights: Array
+    total_energy: Array
+    samples: tuple[int, int, int]
+    accuracy: float
+    asked: float
+
+    def __post_init__(self) -> None:
+        count = len(self.theta_o)
+        if self.values.ndim != 4 or self.values.shape[2:] != (count, 3):
+            raise ValueError(f"transfer functions of shape {self.values.shape}")
+        if self.weights.shape != (count,) or self.total_energy.shape != (3,):
+            raise ValueError("weights or energies of another shape")
+
+    @property
+    def order_f(self) -> int:
+        return self.values.shape[1] - 1
+
+    @property
+    def max_q(self) -> int:
+        return self.values.shape[0] - 1
+
+    @property
+    def degree_energy(self) -> Array:
+        """The energy of each l, with azimuthal orders up to max_q but every p: shape (F+1, 3).
+
+        The functions of theta_o are complete in p, and their squares integrate to 1 / (2 pi), so
+        that the energy over all p is an integral over theta_o.
+        """
+        squares = np.einsum("qloc,qloc,o->qlc", self.values, self.values, self.weights)
+        return np.asarray(np.tensordot(both_signs(self.max_q), squares, 1) / (2 * np.pi))
+
+    @property
+    def converged(self) -> bool:
+        """Whether the sampling reached the accuracy that was asked for."""
+        return self.accuracy <= self.asked
+
+    @property
+    def remark(self) -> str | None:
+        """What a user should know of the accuracy, in one line; None where it is as asked."""
+        return accuracy_remark(self.accuracy, self.asked)
+
+    def projected(self, order_p: int) -> Array:
+        """rho_hat_lpq up to the order P, shape (F+1, P+1, P+1, 3), indexed [l, p, q, channel]."""
+        return _projected(self.values, self.theta_o, self.weights, order_p)
+
+
+def accuracy_remark(accuracy: float, asked: float) -> str | None:
+    """What a user should know of the accuracy of coefficients; None where it is as asked."""
+    if accuracy <= asked:
+        return None
+    return (
+        f"sampled to what it resolves: its coefficients are good to {accuracy:.2g} of its energy, "
+        f"not to {asked:.2g}"
+    )
+
+
+def both_signs(order: int) -> Array:
+    """How many signs each q >= 0 stands for: 1 for q = 0 and 2 for the others."""
+    return np.where(np.arange(order + 1) == 0, 1.0, 2.0)
+
+
+def compute_transfer(
+    brdf: Brdf,
+    order_f: int,
+    max_q: int,
+    accuracy: float = 1e-5,
+    progress: Progress | None = None,
+) -> TransferFunctions:
+    """Compute the transfer functions of a BRDF by quadrature, sampled until they have converged.
+
+    The lobe of each view is integrated on a grid of its own, in polar coordinates about C, whose
+    nodes crowd about C as much as the lobe does. A third of the same samples gives a coarser
+    result, and the difference of both an estimate of the error. The numbers of nodes in theta_i
+    and in phi are doubled for the views, and that in theta_o for all of them, whose error is too
+    large. The error is the energy of the difference, or the difference of the energies.
+
+    A zonal BRDF needs only one integral over the cosine of the angle, for which Fejer's rule is
+    exact where the BRDF is a polynomial; the rule is doubled until nothing changes at all.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    order_f, max_q : int
+        The largest l and q.
+    accuracy : float
+        The fraction of the energy that the sampling may miss.
+    progress : callable, optional
+        Called during the work with an estimate of how far it is.
+
+    Returns
+    -------
+    TransferFunctions
+        Where the samples were not enough for the accuracy, as with noise and kinks of measured
+        data, it tells the accuracy that they reached.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is anisotropic or not finite, or if a model, that is not measured, is missed
+        by more than a twentieth of its energy.
+    """
+    if not brdf.isotropic:
+        raise BrdfError(
+            f"{brdf!r}: anisotropic; prefiltering is for isotropic BRDFs, shrm reference renders it"
+        )
+    if brdf.zonal:
+        return _zonal_transfer(brdf, order_f, max_q, accuracy)
+    found = _Sampling(brdf, order_f, max_q, accuracy, progress).result()
+    if found.accuracy > max(_WORST, accuracy) and not brdf.is_measured:
+        raise BrdfError(
+            f"{brdf!r}: its coefficients have not converged at {found.samples} samples; "
+            "make it smoother or the tolerance larger"
+        )
+    return found
+
+
+class _Sampling:
+    """The search for numbers of nodes that suffice, as `compute_transfer` describes it."""
+
+    def __init__(
+        self, brdf: Brdf, order_f: int, max_q: int, accuracy: float, progress: Progress | None
+    ) -> None:
+        self.accuracy, self.order_f, self.max_q = accuracy, order_f, max_q
+        self.center, self._progress, self._shown = brdf.center, progress, 0
+        self._expander = LobeExpander(brdf, light_rule(brdf), order_f, max_q)
+        self._budget = _MOST_SAMPLES[brdf.is_measured]
+        self._spent = 0
+        # A sharp lobe that lies elsewhere than about C must not fall between the nodes.
+        cells = 0 if brdf.center == "reflection" else 6 / lobe_width(brdf)
+        self._first = (
+            _power_of_two_times(_LIGHTS[0], max(order_f / 2, cells), _LIGHTS[1]),
+            _power_of_two_times(max(_AZIMUTHS[0], 3 * (max_q + 1)), cells, _AZIMUTHS[1]),
+        )
+
+    def result(self) -> TransferFunctions:
+        count = max(_VIEWS[0], 6 * (self.max_q + 1))
+        views = _Views(*view_nodes(self.center, count), self._first)
+        while True:
+            self._sample(views)
+            error = self._view_error(views)
+            cost = 2 * int(np.sum(views.levels.prod(axis=1)))
+            is_enough = error <= self.accuracy / 3 * views.total().sum()
+            if is_enough or 2 * count > _VIEWS[1] or self._spent + cost > self._budget:
+                break
+            count *= 2
+            views = views.refined(*view_nodes(self.center, count))
+        total = views.total()
+        missing = error + np.sum(views.weights @ views.errors)
+        reached = float(missing / total.sum()) if total.sum() > 0 else 0.0
+        lights, phis = (int(n) for n in views.levels.max(axis=0))
+        values = np.broadcast_to(views.values, (*views.values.shape[:3], 3))
+        return TransferFunctions(
+            _without_rounding(values),
+            views.theta_o,
+            views.weights,
+            np.array(np.broadcast_to(total, 3)),
+            (lights, count, phis),
+            reached,
+            self.accuracy,
+        )
+
+    def _sample(self, views: "_Views") -> None:
+        """Expand the lobes of all views. Every third view tells the others where to begin."""
+        thirds = np.arange(1, len(views.theta_o), 3)
+        others = np.setdiff1d(np.arange(len(views.theta_o)), thirds)
+        self._refine(views, thirds, self._spent + (self._budget - self._spent) // 4)
+        views.levels[others] = np.maximum(
+            views.levels[thirds[np.maximum((others - 2) // 3, 0)]],
+            views.levels[thirds[np.minimum((others + 1) // 3, len(thirds) - 1)]],
+        )
+        self._refine(views, others, self._budget)
+
+    def _refine(self, views: "_Views", which: NDArray[np.intp], budget: int) -> None:
+        """Expand the lobes of some views, and again with more nodes where that is needed."""
+        while len(which):
+            self._expand(views, which)
+            # All views together may miss a third of the accuracy in each angle, all to equal parts.
+            limit = self.accuracy / 3 * views.known_energy() / len(views.weights)
+            missing = views.weights[which, None] * views.errors[which]
+            finer = np.where(missing > limit, 2, 1) * views.levels[which]
+            finer = np.minimum(finer, (_LIGHTS[1], _AZIMUTHS[1]))
+            changed = (finer != views.levels[which]).any(axis=1)
+            # The largest errors come first where not all views can be refined.
+            order = np.argsort(-missing.sum(axis=1), kind="stable")
+            order = order[changed[order]]
+            affordable = np.cumsum(finer[order].prod(axis=1)) <= budget - self._spent
+            chosen = np.sort(order[affordable])
+            views.levels[which[chosen]] = finer[chosen]
+            which = which[chosen]
+
+    def _expand(self, views: "_Views", which: NDArray[np.intp]) -> None:
+        levels = np.unique(views.levels[which], axis=0)
+        pending = int(np.sum(views.levels[which].prod(axis=1)))
+        for count, azimuth_count in levels:
+            same = which[(views.levels[which] == (count, azimuth_count)).all(axis=1)]
+            for start in range(0, len(same), _VIEWS_AT_ONCE):
+                part = same[start : start + _VIEWS_AT_ONCE]
+                found = self._expander.expand(views.theta_o[part], int(count), int(azimuth_count))
+                views.put(part, found)
+                size = int(count * azimuth_count) * len(part)
+                self._spent, pending = self._spent + size, pending - size
+                self._show(self._spent / (self._spent + pending + 1))
+
+    def _show(self, part: float) -> None:
+        # Refinements come as a surprise, so that the estimate is held rather than turned back.
+        self._shown = max(self._shown, int(part * (_SCALE - 1)))
+        if self._progress is not None:
+            self._progress(self._shown, _SCALE)
+
+    def _view_error(self, views: "_Views") -> float:
+        """The energy that the rule in theta_o is estimated to miss."""
+        third = slice(1, None, 3)
+        coarse_theta, coarse_weights = view_nodes(self.center, len(views.theta_o) // 3)
+        order_p = max(_VIEWS[0] // 6 - 1, self.max_q)
+        fine = _projected(views.values, views.theta_o, views.weights, order_p)
+        coarse = _projected(views.values[:, :, third], coarse_theta, coarse_weights, order_p)
+        signs = both_signs(order_p)[:, None]
+        by_degree = np.einsum("q,qloc->loc", both_signs(self.max_q), views.values**2) / (2 * np.pi)
+        degrees = views.weights @ by_degree - coarse_weights @ by_degree[:, third]
+        energy = views.total() - coarse_weights @ views.energy[third]
+        return float(
+            max(
+                np.sum((fine - coarse) ** 2 * signs) / FINER**2,
+                np.abs(degrees).sum() / FINER,
+                np.abs(energy).sum() / FINER,
+            )
+        )
+
+
+class _Views:
+    """The lobes of the views at all nodes of theta_o, as far as they are known.
+
+    Attributes
+    ----------
+    levels : ndarray of int, shape (n, 2)
+        The numbers of nodes in theta_i and phi.
+    values, energy : ndarray, shapes (max_q+1, F+1, n, channels), (n, channels)
+        As `Expansion` has them.
+    errors : ndarray, shape (n, 2)
+        The energy that the rules in theta_i and phi are estimated to miss.
+    """
+
+    def __init__(self, theta_o: Array, weights: Array, levels: object) -> None:
+        self.theta_o, self.weights = theta_o, weights
+        self.levels = np.array(np.broadcast_to(np.array(levels), (len(theta_o), 2)))
+        self.values, self.energy = np.zeros((0, 0, 0, 0)), np.zeros((0, 0))
+        self.errors = np.full((len(theta_o), 2), np.inf)
+
+    def put(self, which: NDArray[np.intp], found: Expansion) -> None:
+        """Keep what was found for some of the views."""
+        if not self.values.size:
+            orders, channels = found.values.shape[:2], found.values.shape[3]
+            self.values = np.zeros((*orders, len(self.theta_o), channels))
+            self.energy = np.zeros((len(self.theta_o), channels))
+        self.values[:, :, which], self.energy[which] = found.values, found.energy
+        self.errors[which] = np.stack([found.error_theta, found.error_phi], axis=-1)
+
+    def known_energy(self) -> float:
+        """The energy of all views and channels, as far as they tell that are known."""
+        known = np.isfinite(self.errors[:, 0])
+        weights = self.weights[known]
+        return float(2 * (weights @ self.energy[known].sum(axis=1)) / weights.sum())
+
+    def total(self) -> Array:
+        """The energy of all views, shape (channels,)."""
+        return self.weights @ self.energy
+
+    def refined(self, theta_o: Array, weights: Array) -> "_Views":
+        """Other nodes of theta_o, of which none is known, with levels as of those beside them."""
+        after = np.clip(np.searchsorted(self.theta_o, theta_o), 1, len(self.theta_o) - 1)
+        return _Views(theta_o, weights, np.maximum(self.levels[after - 1], self.levels[after]))
+
+
+def _projected(values: Array, theta_o: Array, weights: Array, order_p: int) -> Array:
+    """Expand functions of theta_o, [q, l, node, channel], into harmonics: [l, p, q, channel]."""
+    functions = legendre_table(order_p, np.cos(theta_o)) * weights
+    result = np.zeros((values.shape[1], order_p + 1, order_p + 1, values.shape[3]))
+    for q in range(min(len(values), order_p + 1)):
+        result[q:, q:, q] = functions[q, : order_p + 1 - q] @ values[q, q:]
+    return result
+
+
+def _without_rounding(values: Array) -> Array:
+    """Set the azimuthal orders that hold nothing but rounding errors to exactly 0."""
+    energy = np.sum(values**2, axis=(1, 2, 3))
+    nothing = energy <= _ROUNDING * energy.sum()
+    return np.where(nothing[:, None, None, None], 0.0, values)
+
+
+def _power_of_two_times(least: int, wanted: float, most: int) -> int:
+    """`least`, doubled until it is at least `wanted`, or to double it would exceed `most`."""
+    while least < wanted and 2 * least <= most:
+        least *= 2
+    return least
+
+
+def _zonal_transfer(brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> TransferFunctions:
+    """The transfer functions of a zonal BRDF, which are the same for all views, and 0 for q > 0.
+
+    With rho_hat = u(C.L) and the normalized Legendre functions f_l0 they are
+    ``2 pi 2 pi int u(z) f_l0(z) dz``.
+    """
+    count, most = _ZONAL_NODES
+    lobe, energy = _zonal_integrals(brdf, order_f, max(count, 2 * order_f))
+    count = max(count, 2 * order_f)
+    while count < most:
+        finer, energy_finer = _zonal_integrals(brdf, order_f, 2 * count)
+        count *= 2
+        change = np.sum((finer - lobe) ** 2) / np.pi, abs(energy_finer.sum() - energy.sum())
+        lobe, energy = finer, energy_finer
+        if max(change) <= 1e-14 * energy.sum():
+            break
+    theta_o, weights = PolarRule().nodes(_ZONAL_VIEWS)
+    values = np.zeros((max_q + 1, order_f + 1, len(theta_o), 3))
+    values[0] = lobe[:, None]
+    return TransferFunctions(values, theta_o, weights, energy, (count, 1, 1), 0.0, accuracy)
+
+
+def _zonal_integrals(brdf: Brdf, order_f: int, count: int) -> tuple[Array, Array]:
+    """The integrals of `_zonal_transfer`, (F+1, 3), and the energy, (3,), with `count` nodes."""
+    z = (np.cos((nodes(count) + 1) * (np.pi / 2)) + 1) / 2
+    weights = colatitude_weights(count) / 2
+    sine = np.sqrt(1 - z**2)
+    light = np.stack([sine, np.zeros_like(z), z], axis=-1)
+    lobe = brdf.transfer(light, np.array([0.0, 0.0, 1.0]))
+    values = np.empty((order_f + 1, 3))
+    for degree, legendre in legendre_degrees(order_f, z, max_m=0):
+        values[degree] = 4 * np.pi**2 * (legendre[0] * weights) @ lobe
+    return values, 8 * np.pi**2 * weights @ lobe**2
