@@ -141,7 +141,9 @@ def captured_by_view_order(brdf: Brdf, order_f: int, most_p: int = 5) -> Array:
     ----------
     Ramamoorthi 2002, "A Signal-Processing Framework for Forward and Inverse Rendering", eq. 5.18.
     """
-    coefficients = cached_coefficients(brdf, order_f, most_p, 1e-4, compute_coefficients)
+    # The noise of measured data would take long to resolve, and changes no digit that is shown.
+    accuracy = 1e-3 if brdf.is_measured else 1e-4
+    coefficients = cached_coefficients(brdf, order_f, most_p, accuracy, compute_coefficients)
     captured = coefficients.captured()[order_f]
     return np.pad(captured, (0, most_p + 1 - len(captured)), mode="edge")
 
