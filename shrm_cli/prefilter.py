@@ -26,6 +26,7 @@ def prefilter(
     *,
     to: str = "shrm",
     eps: float | None = None,
+    error: float | None = None,
     order_f: int | None = None,
     order_p: int | None = None,
     center: str | None = None,
@@ -96,9 +97,9 @@ def prefilter(
         too large.
     """
     given = {
-        "brdf": brdf, "eps": eps, "order_f": order_f, "order_p": order_p, "center": center,
-        "domain": domain, "source_height": source_height, "frame": frame, "size": size,
-        "sampling": sampling, **own,
+        "brdf": brdf, "eps": eps, "error": error, "order_f": order_f, "order_p": order_p,
+        "center": center, "domain": domain, "source_height": source_height, "frame": frame,
+        "size": size, "sampling": sampling, **own,
     }  # fmt: skip
     light = as_probe(probe)
     made = prefilter_with_facts(light, to, given, progress)

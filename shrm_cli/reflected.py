@@ -8,19 +8,23 @@ this measure is that of the pixels of spheres, seen in parallel projection from 
 Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors
+from shrm_cli.sphere.clebsch_gordan import clebsch_gordan
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 _LAST_DEGREES = 16
 """The number of the light's last known degrees whose mean density the unknown degrees take."""
-_INVISIBLE = 1e-4
+INVISIBLE = 1e-4
 """The RMS of a part of the reflected light, relative to the light's mean, that is never seen. It is
 half a per cent of the darkest places that `shrm compare` judges, those of 2 % of the mean."""
 
@@ -70,7 +74,7 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
     return float(np.sqrt(known + energy_beyond(lighting, coefficients)))
 
 
-def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
+def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients | TransferFunctions) -> float:
     """Estimate the energy of the reflected light beyond the coefficients of the BRDF.
 
     The BRDF's own energy there is known, because its whole energy is. Two estimates are made of
@@ -82,7 +86,7 @@ def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
+    coefficients : BrdfCoefficients or TransferFunctions
 
     Returns
     -------
@@ -122,7 +126,7 @@ def carried_order(
     int
         At least F, and at most the order of the coefficients.
     """
-    seen = visible_beyond(lighting, coefficients, order_p) > _INVISIBLE
+    seen = visible_beyond(lighting, coefficients, order_p) > INVISIBLE
     return max(order_f, int(np.argmin(seen)))
 
 
@@ -152,6 +156,49 @@ def visible_beyond(lighting: Lighting, coefficients: BrdfCoefficients, order_p: 
     return np.asarray(np.max(rms / np.maximum(mean, 1e-300), axis=1))
 
 
+def cube_energies(light: Array, parts: Array) -> Array:
+    """Return the energy of cubes over R in each of their own degrees.
+
+    Light of degree l, reflected with the harmonics of degree p of the view in world axes, has the
+    degrees ``J = l - p .. l + p`` over R. The light of different degrees is taken as independent.
+
+    Parameters
+    ----------
+    light : ndarray, shape (F+1, 3)
+        ``4 pi / (2l+1) sum_m |L_lm|^2``.
+    parts : ndarray, shape (F+1, p+1, n, 3)
+        The coefficients rho_hat_lpq for q = 0 .. p, of n different functions or BRDFs.
+
+    Returns
+    -------
+    ndarray, shape (F+p+1,)
+        Their sum is the sum over l and q, of both signs, of light and squared parts.
+    """
+    order, p = parts.shape[0] - 1, parts.shape[1] - 1
+    zonal = _zonal_coupling(order, p)
+    coupled = np.einsum("qlj,lqnc->jlnc", zonal, parts)
+    energies = np.einsum("lc,jlnc->jl", light, coupled**2)
+    result = np.zeros(order + p + 1)
+    for shift in range(-p, p + 1):
+        low = max(0, -shift)
+        result[low + shift : order + shift + 1] += energies[shift + p, low:]
+    return result
+
+
+@lru_cache(64)
+def _zonal_coupling(order: int, p: int) -> Array:
+    """Return ``(-1)^q <l q p -q | l+j 0>``, both signs of q together, as [q, l, j + p]."""
+    degree = np.arange(order + 1)
+    result = np.zeros((p + 1, order + 1, 2 * p + 1))
+    for q in range(p + 1):
+        for shift in range(-p, p + 1):
+            both = clebsch_gordan(degree, q, p, -q, shift)
+            if q > 0:
+                both = both + clebsch_gordan(degree, -q, p, q, shift)
+            result[q, :, shift + p] = (-1.0) ** q * both
+    return result
+
+
 def filtering_error(
     lighting: Lighting,
     coefficients: BrdfCoefficients,
@@ -174,10 +221,12 @@ def filtering_error(
     float
         The error of the map as it is made, without that of its orders; 0 for black light.
     """
-    kept = _weighted_power(lighting, order_f) * _kept(coefficients, order_f, order_p)
-    energy = kept.sum(axis=1)
-    whole = energy.sum()
-    lost = bilinear_errors(order_f, size, sampling) @ energy
+    light = _weighted_power(lighting, order_f)
+    errors = bilinear_errors(order_f + order_p, size, sampling)
+    lost = whole = 0.0
+    for p in range(order_p + 1):
+        energy = cube_energies(light, coefficients.values[: order_f + 1, p, : p + 1, None])
+        lost, whole = lost + float(errors[: len(energy)] @ energy), whole + float(energy.sum())
     return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
 
 

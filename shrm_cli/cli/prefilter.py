@@ -48,7 +48,7 @@ _PRINTS = [name for name, each in all_options(registry.descriptions()).items() i
     "--to", type=click.Choice(list(REPRESENTATIONS)), default="shrm", show_default=True,
     help=f"Representation to write; {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
-@shared_options("eps", "order_f", "order_p", "center")
+@shared_options("eps", "error", "order_f", "order_p", "center")
 @representation_options()
 @shared_options("domain", "source_height", "frame", "size")
 @precision_option

@@ -23,7 +23,7 @@ from shrm_cli.vocabulary import (
     SAMPLINGS,
 )
 
-VERSION = 3
+VERSION = 4
 """The newest version of the format of files that this version of `shrm` reads.
 
 Compressed maps, sums of terms and other layouts than OpenEXR's cube are written as version 2, and

@@ -198,6 +198,13 @@ SHARED = {
             "fraction",
             metavar="X",
         ),
+        Option(
+            "error",
+            "Relative RMS error of this probe's reflected light, all causes together; it chooses "
+            "the map of the fewest bytes.",
+            "fraction",
+            metavar="X",
+        ),
         Option("order_f", "Order F to use instead.", "integer", limits=(0, MAX_ORDER_F)),
         Option("order_p", "Order P to use instead.", "integer", limits=(0, MAX_ORDER_P)),
         Option(
@@ -237,10 +244,19 @@ SHARED = {
 }
 """The arguments that several representations share, by name."""
 
+SHADER = Option(
+    "shader",
+    "irradiance, principal: print code that uses the map; c is for irradiance only.",
+    "choice",
+    choices=("glsl", "hlsl", "c"),
+    prints=True,
+)
+"""The argument of representations that shaders can use by code alone."""
+
 CUBE_ARGUMENTS = frozenset(("size", "sampling"))
 """The arguments that representations which hold cubes share."""
 
-BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS
+BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error"}
 """The arguments that representations which are made for a BRDF share."""
 
 

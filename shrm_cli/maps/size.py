@@ -24,6 +24,9 @@ _ORDERS_A_TEXEL = 1.25
 face could tell twice as many orders apart, and this much of a guard band keeps what filtering
 between them adds small."""
 
+HALF_ERROR = 2.1e-4
+"""The relative RMS error of rounding values of any size to half precision."""
+
 _SMALLEST_CHOICE = 16
 """The least texels along a face's edge that `choose_size` returns."""
 

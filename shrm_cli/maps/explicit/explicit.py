@@ -192,11 +192,13 @@ class ExplicitMap(Map):
             apply.
         """
         from shrm_cli.maps.explicit.tabulate import tabulate_sum
+        from shrm_cli.maps.principal.principal import PrincipalMap
         from shrm_cli.maps.shrm.summed import SummedShrm
 
         refuse_arguments(f"explicit maps such as {cls.representation}", frame=frame, **options)
         count = cls.view_count(slices, views)
-        if isinstance(source, SummedShrm):
+        is_sum = "+" in source.center
+        if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
             refuse_arguments("a sum of terms", order_p=order_p)
             return tabulate_sum(cls, source, count)
         return cls.from_shrm(source.to_shrm(order_p, "global"), count)

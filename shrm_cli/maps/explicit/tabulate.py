@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions
@@ -99,13 +100,15 @@ def tabulate(
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
 
 
-def tabulate_sum(kind: type[Kind], summed: SummedShrm, view_count: int | None = None) -> Kind:
+def tabulate_sum(
+    kind: type[Kind], summed: SummedShrm | PrincipalMap, view_count: int | None = None
+) -> Kind:
     """Tabulate a sum of terms as an explicit map over the mirror direction.
 
     Parameters
     ----------
     kind : type of ExplicitMap
-    summed : SummedShrm
+    summed : SummedShrm or PrincipalMap
     view_count : int, optional
         Samples along an axis of the view; `ExplicitMap.default_view_count` of the largest P by
         default.

@@ -1,6 +1,6 @@
 """The options of `shrm prefilter --to irradiance`. This module loads no numpy."""
 
-from shrm_cli.maps.options import CUBE_ARGUMENTS, Option, Representation
+from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, Option, Representation
 
 DESCRIPTIONS = {
     "irradiance": Representation(
@@ -15,13 +15,7 @@ DESCRIPTIONS = {
                 "text",
                 metavar="NAME[:WIDTH]",
             ),
-            Option(
-                "shader",
-                "irradiance: print code that holds the numbers.",
-                "choice",
-                choices=("glsl", "hlsl", "c"),
-                prints=True,
-            ),
+            SHADER,
         ),
         why_no_brdf="irradiance is that of a white Lambertian surface",
     )

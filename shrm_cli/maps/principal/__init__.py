@@ -1,0 +1,1 @@
+"""Maps over the mirror direction times a BRDF's own functions of the view."""

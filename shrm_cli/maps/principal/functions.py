@@ -1,0 +1,255 @@
+"""The functions of the view that belong to a BRDF: singular vectors instead of harmonics.
+
+About the central direction the reflected light is, for each azimuthal order q,
+
+    B_q(R, theta_o) = sum over l, m of L_lm rho_hat_lq(theta_o) D^l_mq(R).
+
+An SHRM expands the dependence on theta_o in Legendre functions (eq. 5.23 of Ramamoorthi's thesis).
+Here it is expanded in the right singular vectors of ``rho_hat_lq(theta_o)``, whose rows are
+weighted by the power of the probe's light: no other functions come closer with as few of them. It
+is the factorization of Kautz and McCool, made in the frequency domain and order by order, which
+section 5.8 of the thesis names as future work. The first function of q = 0 is the split sum.
+
+References
+----------
+Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.transfer import TransferFunctions, both_signs
+from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
+from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Center
+
+Array = NDArray[np.floating]
+
+TABLE = 91
+"""The entries of the table of a function: one for each degree of the angle of the view."""
+MAX_Q = 6
+"""The largest azimuthal order q that maps hold."""
+_MOST_FUNCTIONS = MAX_PRINCIPAL_MAPS
+"""The most functions of an azimuthal order that a map may hold."""
+
+
+def span_of(center: Center) -> float:
+    """Return the largest angle of a visible view from the central direction, radians.
+
+    The view is as far from the mirror direction as twice its angle from the normal. About a tangent
+    it may lie anywhere.
+    """
+    return np.pi / 2 if center == "normal" else np.pi
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The singular vectors of a BRDF, weighted by light, for every azimuthal order and channel.
+
+    Attributes
+    ----------
+    transfer : TransferFunctions
+        The transfer functions that are factorized.
+    center : {"reflection", "normal"}
+        What the functions are about.
+    light : ndarray, shape (F+1, 3)
+        ``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel.
+    weights : ndarray, shape (n,)
+        The weights of the nodes of the visible views; the others are 0.
+    albedo : ndarray, shape (n, 3), optional
+        What the BRDF was divided by, at the nodes.
+    """
+
+    transfer: TransferFunctions
+    center: Center
+    light: Array
+    weights: Array
+    albedo: Array | None = None
+
+    @classmethod
+    def of(
+        cls, transfer: TransferFunctions, center: Center, light: Array, divide: bool = False
+    ) -> "Spectrum":
+        """Prepare to factorize transfer functions.
+
+        Parameters
+        ----------
+        transfer : TransferFunctions
+        center : {"reflection", "normal", "tangent"}
+        light : ndarray, shape (>= F+1, 3)
+            As the attribute.
+        divide : bool
+            Whether to factorize the BRDF divided by its directional albedo, so that the error is
+            small relative to the albedo. Otherwise it is small relative to the whole.
+        """
+        weights = np.where(transfer.theta_o <= span_of(center), transfer.weights, 0.0)
+        albedo = directional_albedo(transfer) if divide else None
+        return cls(transfer, center, light[: transfer.order_f + 1], weights, albedo)
+
+    @cached_property
+    def vectors(self) -> Array:
+        """The functions of theta_o at the nodes, shape (Q+1, k, n, 3), the strongest first.
+
+        Their squares integrate to ``1 / (2 pi)`` over ``sin(theta_o) dtheta_o``, as those of the
+        Legendre functions do; where the BRDF is divided by its albedo, after that division.
+        """
+        transfer = self.transfer
+        # Dark places beside lamps are lit by the broad parts of lobes, which a plain RMS would
+        # neglect: low degrees count more.
+        emphasis = self.light / (2 * np.arange(len(self.light)) + 1)[:, None]
+        scale = np.sqrt(2 * np.pi * self.weights)[:, None] * np.ones(3)
+        divided = scale / (1.0 if self.albedo is None else self.albedo)
+        count = min(len(self.light), int((self.weights > 0).sum()), _MOST_FUNCTIONS)
+        orders = min(transfer.max_q, MAX_Q) + 1
+        vectors = np.zeros((orders, count, len(self.weights), 3))
+        for q in range(orders):
+            for channel in range(3):
+                rows = np.sqrt(emphasis[q:, channel])[:, None] * transfer.values[q, q:, :, channel]
+                rows = rows * divided[:, channel]
+                # The right singular vectors are eigenvectors of a small matrix over the nodes.
+                basis = np.linalg.eigh(rows.T @ rows)[1]
+                vectors[q, :, :, channel] = basis[:, ::-1][:, :count].T
+        return vectors * np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+
+    @cached_property
+    def energies(self) -> Array:
+        """The energy of the reflected light in each function, [q, k], both signs of q together."""
+        return np.array([np.diff(each[:, -1]) for each in self._reflected])
+
+    @cached_property
+    def _reflected(self) -> list[Array]:
+        """The energy of the reflected light in the first k functions, to degree l: q: [k, l]."""
+        return [self._sums(part**2 * self.light, q) for q, part in enumerate(self._parts)]
+
+    @cached_property
+    def _own(self) -> list[Array]:
+        """The BRDF's own energy in the first k functions, to degree l: a list by q of [k, l]."""
+        return [self._sums(part**2, q) for q, part in enumerate(self._parts)]
+
+    @staticmethod
+    def _sums(squares: Array, q: int) -> Array:
+        """Add squares [k, l, channel] of an order up: over channels, functions and degrees."""
+        sums = (2 if q else 1) * squares.sum(axis=2).cumsum(axis=0).cumsum(axis=1)
+        return np.concatenate([np.zeros((1, sums.shape[1])), sums])
+
+    def light_parts(self, q: int, first: int, last: int) -> Array:
+        """Return what the light of each degree is multiplied with, for functions of an order q.
+
+        Parameters
+        ----------
+        q : int
+        first, last : int
+            Which functions, from `first` to before `last`.
+
+        Returns
+        -------
+        ndarray, shape (last - first, F+1, 3)
+            The coefficients rho_hat_lkq, which take the place of rho_hat_lpq.
+        """
+        return self._parts[q][first:last]
+
+    @cached_property
+    def _parts(self) -> list[Array]:
+        """The `light_parts` of all functions that are used at most, for each q."""
+        found = []
+        for q, vectors in enumerate(self.vectors):
+            values = self.transfer.values[q]
+            if self.albedo is not None:
+                values = values / self.albedo
+            weighted = (vectors * self.weights[:, None]).transpose(2, 0, 1)
+            found.append((weighted @ values.transpose(2, 1, 0)).transpose(1, 2, 0))
+        return found
+
+    def table(self, q: int, first: int, last: int) -> Array:
+        """Return functions of an order q at even angles, shape (last - first, TABLE, 3)."""
+        matrix = interpolation_matrix(self.transfer.theta_o, self.angles(), odd=q % 2 == 1)
+        table = np.einsum("to,koc->ktc", matrix, self.vectors[q, first:last])
+        if q > 0:  # a function of the azimuth has no value where there is none
+            table[:, 0] = 0.0
+        return table
+
+    def albedo_table(self) -> Array | None:
+        """Return the directional albedo at even angles, shape (TABLE, 3), if it is divided by."""
+        if self.albedo is None:
+            return None
+        return interpolation_matrix(self.transfer.theta_o, self.angles(), odd=False) @ self.albedo
+
+    def angles(self) -> Array:
+        """Return the angles of the entries of tables, radians, shape (TABLE,)."""
+        return np.linspace(0.0, span_of(self.center), TABLE)
+
+    def missing(self, counts: "tuple[int, ...]", order: int) -> float:
+        """Return the energy of the reflected light that some of the functions do not represent.
+
+        Parameters
+        ----------
+        counts : tuple of int
+            The number of functions of each q.
+        order : int
+            The largest order of the light that is kept.
+
+        Returns
+        -------
+        float
+            The integral of the squared error over visible views, from tables as renderers read
+            them, for the degrees that the transfer functions have.
+        """
+        signs = both_signs(self.transfer.max_q)
+        back = linear_matrix(self.angles(), self.transfer.theta_o)
+        albedo = self.albedo_table()
+        total = 0.0
+        for q in range(self.transfer.max_q + 1):
+            rest = self.transfer.values[q] / (2 * np.pi)
+            used = counts[q] if q < len(counts) else 0
+            if used:
+                parts = self.light_parts(q, 0, used)[:, : order + 1]
+                functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
+                if albedo is not None:
+                    functions = functions * (back @ albedo)
+                rest = rest.copy()
+                rest[: order + 1] -= np.einsum("klc,koc->loc", parts, functions)
+            squares = np.einsum("loc,loc,o->lc", rest, rest, self.weights)
+            total += float(signs[q] * np.sum(self.light * squares)) * 2 * np.pi
+        return total
+
+    @cached_property
+    def known(self) -> Array:
+        """The BRDF's energy of each degree over visible views, shape (F+1, 3)."""
+        values = self.transfer.values
+        squares = np.einsum("qloc,qloc,o->qlc", values, values, self.weights)
+        return np.tensordot(both_signs(self.transfer.max_q), squares, 1) / (2 * np.pi)
+
+    @cached_property
+    def visible(self) -> float:
+        """The part of the BRDF's energy that is in visible views; 1 about the mirror direction.
+
+        About the normal, a BRDF goes on below the horizon, where nobody sees it.
+        """
+        every = self.transfer.degree_energy.sum()
+        return float(self.known.sum() / every) if every > 0 else 1.0
+
+    @property
+    def total_energy(self) -> float:
+        """The BRDF's energy in visible views, of all degrees."""
+        return float(self.visible * self.transfer.total_energy.sum())
+
+    def whole(self) -> float:
+        """Return the energy of the reflected light over visible views, of the known degrees."""
+        return float(np.sum(self.light * self.known))
+
+    def captured(self, counts: "tuple[int, ...]") -> Array:
+        """Return the BRDF's own energy in some functions, up to each degree, shape (F+1,)."""
+        return np.sum([self._own[q][used] for q, used in enumerate(counts)], axis=0)
+
+    def kept(self, counts: "tuple[int, ...]") -> Array:
+        """Return the energy of the reflected light in some functions, up to each degree."""
+        return np.sum([self._reflected[q][used] for q, used in enumerate(counts)], axis=0)
+
+
+def directional_albedo(transfer: TransferFunctions) -> Array:
+    """Return the integral of a transfer function over the light, for each node, shape (n, 3)."""
+    albedo = transfer.values[0, 0] / np.sqrt(np.pi)
+    floor = 1e-3 * np.max(albedo, axis=0)
+    return np.asarray(np.maximum(albedo, np.maximum(floor, 1e-30)))

@@ -1,0 +1,215 @@
+"""How many functions and texels a map gets: from a tolerance, an error or a number of cubes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.principal.functions import Spectrum
+from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
+from shrm_cli.maps.size import HALF_ERROR, most_cubes, stored_bytes, supported_order
+from shrm_cli.probe.lighting import Lighting
+from shrm_cli.reflected import INVISIBLE, cube_energies, energy_beyond
+from shrm_cli.sphere.bilinear import bilinear_errors
+from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
+
+Array = NDArray[np.floating]
+
+_SIZES = (16, 32, 64, 128, 256, 512)
+"""The sizes of cubes that are tried, texels along a face's edge."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How many functions a map has, how large its cubes are, and what errors that makes.
+
+    Attributes
+    ----------
+    counts : Counts
+        The number of functions of each azimuthal order.
+    size : int
+        Texels along a face's edge.
+    carried : int
+        The largest order of the light that is kept.
+    error : float
+        The predicted relative RMS error of the functions and the orders.
+    filter_error : float
+        That of looking the map up bilinearly.
+    """
+
+    counts: Counts
+    size: int
+    carried: int
+    error: float
+    filter_error: float
+
+    @property
+    def cubes(self) -> int:
+        """The number of RGB cubes."""
+        return cubes_of(self.counts)
+
+    @property
+    def bytes(self) -> int:
+        """The bytes of the cubes in half precision, before they are packed."""
+        return stored_bytes(self.size, self.cubes)
+
+    @property
+    def total_error(self) -> float:
+        """The error with all that a renderer adds: bilinear look-ups and half precision."""
+        return float(np.linalg.norm([self.error, self.filter_error, HALF_ERROR]))
+
+
+@dataclass(frozen=True)
+class Planner:
+    """The choices for one lobe.
+
+    Attributes
+    ----------
+    spectrum : Spectrum
+    lighting : Lighting
+        The light, to at least the order of the transfer functions.
+    sampling : {"center", "border"}
+    """
+
+    spectrum: Spectrum
+    lighting: Lighting
+    sampling: Sampling = "center"
+
+    @cached_property
+    def whole(self) -> float:
+        """The energy of the reflected light over visible views."""
+        beyond = energy_beyond(self.lighting, self.spectrum.transfer)
+        return self.spectrum.whole() + self.spectrum.visible * beyond
+
+    @cached_property
+    def choices(self) -> list[Counts]:
+        """The best functions for every number of cubes, from one on."""
+        most = 1 if self._is_zonal else MAX_PRINCIPAL_MAPS
+        return best_counts(self.spectrum.energies, most)
+
+    @property
+    def _is_zonal(self) -> bool:
+        energies = self.spectrum.energies
+        return bool(energies.sum() - energies[0, 0] <= 1e-12 * energies.sum())
+
+    def form(self, counts: Counts, size: int, is_exact: bool = False) -> Form:
+        """Return the form with these functions and cubes of this size, and its errors.
+
+        The exact error counts that the functions are tabulated; the other takes far less time.
+        """
+        kept = self.spectrum.kept(counts)
+        energies = np.diff(kept, prepend=0.0)
+        carried = self._carried(energies, size)
+        left = self.whole - kept[carried]
+        if is_exact or self.spectrum.albedo is not None:
+            left = self.spectrum.missing(counts, carried) + self.whole - self.spectrum.whole()
+        lost = self._lost(counts, carried, size)
+        whole = max(self.whole, 1e-300)
+        error, filtered = (float(np.sqrt(max(each, 0.0) / whole)) for each in (left, lost))
+        return Form(counts, size, carried, error, filtered)
+
+    def _lost(self, counts: Counts, carried: int, size: int) -> float:
+        """Return the energy that bilinear filtering takes from cubes or adds to them."""
+        degrees = bundle_degrees(counts)
+        errors = bilinear_errors(carried + max(degrees), size, self.sampling)
+        light, lost = self.spectrum.light[: carried + 1], 0.0
+        for p in set(degrees):
+            first, count = degrees.index(p), degrees.count(p)
+            parts = [self.spectrum.light_parts(q, first, first + count) for q in range(p + 1)]
+            kept = np.stack(parts, axis=1)[:, :, : carried + 1].transpose(2, 1, 0, 3)
+            energy = cube_energies(light, kept)
+            lost += float(errors[: len(energy)] @ energy)
+        return lost
+
+    def _carried(self, energies: Array, size: int) -> int:
+        """Return the order beyond which nothing is visible, or that the texels support."""
+        transfer = self.spectrum.transfer
+        limit = min(supported_order(size), transfer.order_f)
+        rms = np.sqrt(np.append(np.cumsum(energies[::-1])[-2::-1], 0.0)) / (4 * np.pi)
+        # The mean of the reflected light is that of the light, times that of the albedo.
+        albedo = self.spectrum.weights @ transfer.values[0, 0] / np.sqrt(np.pi) / 2
+        mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
+        return min(limit, int(np.argmax(rms <= INVISIBLE * mean)) if mean > 0 else 0)
+
+    def for_tolerance(self, tolerance: float) -> tuple[Counts, int, float]:
+        """Find the least functions, and then the least order F, that miss a part of the energy.
+
+        It is the BRDF's own energy, as for SHRMs, and not that of the reflected light.
+
+        Returns
+        -------
+        counts : Counts
+        order_f : int
+        captured : float
+            The part of the energy that both capture.
+        """
+        total = max(self.spectrum.total_energy, 1e-300)
+        goal = (1 - tolerance) * total
+        for counts in self.choices:
+            by_degree = self.spectrum.captured(counts)
+            if by_degree[-1] >= goal:
+                break
+        else:
+            goal = (1 - tolerance) * by_degree[-1]
+        order = int(np.argmax(by_degree >= goal))
+        return counts, order, float(by_degree[order] / total)
+
+    def captured(self, counts: Counts, order: int) -> float:
+        """Return the part of the BRDF's energy that functions capture up to an order."""
+        total = max(self.spectrum.total_energy, 1e-300)
+        return float(self.spectrum.captured(counts)[order] / total)
+
+    def with_maps(self, maps: int, size: int) -> Form:
+        """Return the best form of at most so many cubes of a size."""
+        return self.form(self.choices[min(maps, len(self.choices)) - 1], size)
+
+    def within_error(
+        self, error: float, max_size: int, size: int | None = None
+    ) -> tuple[Form, bool]:
+        """Find the form of the fewest bytes with a total error; else the best one that fits.
+
+        Parameters
+        ----------
+        error : float
+            The relative RMS error of the reflected light that may be made by all causes.
+        max_size : int
+            The most bytes.
+        size : int, optional
+            Texels along a face's edge, where they are given.
+
+        Returns
+        -------
+        form : Form
+        is_met : bool
+            Whether its error is at most the one that was asked for.
+
+        Raises
+        ------
+        ArgumentError
+            If no map fits.
+        """
+        best: Form | None = None
+        found: Form | None = None
+        for texels in _SIZES if size is None else (size,):
+            most = min(most_cubes(texels, max_size), len(self.choices))
+            if found is not None:
+                most = min(most, (found.bytes - 1) // stored_bytes(texels, 1))
+            if most < 1:
+                continue
+            last = self.form(self.choices[most - 1], texels)
+            if best is None or last.total_error < best.total_error:
+                best = last
+            if last.total_error > error:
+                continue
+            low, high = 1, most  # the error falls with the number of cubes
+            while low < high:
+                middle = (low + high) // 2
+                form = self.form(self.choices[middle - 1], texels)
+                low, high = (low, middle) if form.total_error <= error else (middle + 1, high)
+            found = self.form(self.choices[low - 1], texels)
+        if best is None:
+            least = stored_bytes(_SIZES[0] if size is None else size, 1)
+            raise ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
+        return (best, False) if found is None else (found, True)

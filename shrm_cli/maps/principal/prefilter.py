@@ -1,0 +1,287 @@
+"""How maps with a BRDF's own functions of the view are made, in the frequency domain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.cache import cached_transfer
+from shrm_cli.brdf.sums import Sum, split
+from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.principal.coupling import bundle_coefficients
+from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
+from shrm_cli.maps.principal.plan import Form, Planner
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.principal.selection import bundle_degrees
+from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.shrm.prefilter import centered
+from shrm_cli.maps.size import HALF_ERROR, choose_size, supported_order
+from shrm_cli.orders import Orders
+from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, MAX_ORDER_F, Sampling
+
+Array = NDArray[np.floating]
+
+_FIRST_ORDER = 64
+"""The order F to which transfer functions are computed first; it doubles until it suffices."""
+_ACCURACY = 1e-4, 1e-3
+"""The part of the energy that the sampling of models and of measured BRDFs may miss."""
+_NEARLY = 1.05
+"""How much worse than the best map a smaller one may be, where no map meets the tolerance."""
+_CHEAP = 0.25
+"""The part of the error that goes to terms of a single cube."""
+_LARGEST_ERROR = 0.99
+"""The largest error that a term may have."""
+_ROUNDING = 1 + 1e-9
+"""How much more than what was asked for counts as the same."""
+_SHARP = 0.05
+"""The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
+_PART_BEYOND = 0.1
+"""The part of the squared error that may lie beyond the transfer functions."""
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A term of the BRDF, and what the light makes of it."""
+
+    brdf: Brdf
+    planner: Planner
+    form: Form
+    captured: float
+    order_f: int
+    is_met: bool
+
+    @property
+    def energy(self) -> float:
+        """The energy of the reflected light."""
+        return self.planner.whole
+
+
+def prefilter(
+    probe: Probe,
+    brdf: Brdf,
+    eps: float = DEFAULT_EPS,
+    center: str | None = None,
+    size: int | None = None,
+    sampling: Sampling = "center",
+    error: float | None = None,
+    maps: int | None = None,
+    divide: bool = False,
+    max_size: int = DEFAULT_MAX_SIZE,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
+
+    Raises
+    ------
+    ArgumentError, OrderError, ProbeError, BrdfError
+    """
+    if error is not None and maps is not None:
+        raise ArgumentError("maps", "does not apply with `error`, which chooses them")
+    brdf, notes = centered(brdf, eps, center)
+    parts = split(brdf) if isinstance(brdf, Sum) else [brdf]
+    light = Projection(probe, progress)
+    planners = [_planner(light, part, eps, error, divide, sampling) for part in parts]
+    # Terms with a single cube take next to nothing of the budget.
+    broad = max(sum(len(planner.choices) > 1 for planner in planners), 1)
+    wanted = [_Wanted(eps, error, maps, max_size // broad, size) for _ in parts]
+    if error is not None:
+        wanted = _shared_error(planners, wanted, error)
+    if maps is not None:
+        wanted = _shared_maps(planners, wanted, maps)
+    terms = [_planned(*each) for each in zip(parts, planners, wanted, strict=True)]
+    info = _info(probe, brdf, terms, eps)
+    made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
+    remarks = [planner.spectrum.transfer.remark for planner in planners]
+    lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
+    return Prefiltered(made, {"error_bound": None}, notes, tuple(lines))
+
+
+def _unmet(
+    info: MapInfo, terms: "Sequence[_Term]", error: float | None, max_size: int
+) -> list[str]:
+    """Return a line about an error or a tolerance that the map does not keep."""
+    total = float(np.linalg.norm([info.predicted_error, info.filter_error, HALF_ERROR]))
+    if error is not None and total > error * _ROUNDING:
+        return [
+            f"`error` {error:g} cannot be met within `max_size` {max_size:,} bytes; the best map "
+            f"has {total:.2%}"
+        ]
+    if error is None and not all(term.is_met for term in terms):
+        return [
+            f"no map within `max_size` {max_size:,} bytes misses only `eps` {info.tolerance:g}; "
+            f"this one has an error of {total:.2%}, bilinear look-ups included"
+        ]
+    return []
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is asked of the map of one term."""
+
+    tolerance: float
+    error: float | None
+    maps: int | None
+    max_size: int
+    size: int | None
+
+
+def _shared_error(
+    planners: Sequence[Planner], wanted: Sequence[_Wanted], error: float
+) -> list[_Wanted]:
+    """Share an error of the sum among its terms, whose errors are taken as independent.
+
+    Terms that need a single cube cost next to nothing, and get a small share.
+    """
+    strengths = np.sqrt([planner.whole for planner in planners])
+    whole = max(float(strengths.sum()), 1e-300)
+    is_cheap = np.array([len(planner.choices) == 1 for planner in planners])
+    if is_cheap.all():
+        is_cheap[:] = False
+    cheap, dear = int(is_cheap.sum()), int((~is_cheap).sum())
+    parts = np.where(is_cheap, _CHEAP / np.sqrt(max(cheap, 1)), np.sqrt((1 - _CHEAP**2) / dear))
+    if not cheap:
+        parts = np.full(len(planners), 1 / np.sqrt(dear))
+    shares = error * parts * whole / np.maximum(strengths, 1e-3 * whole)
+    return [
+        replace(each, error=float(min(share, _LARGEST_ERROR)))
+        for each, share in zip(wanted, shares, strict=True)
+    ]
+
+
+def _shared_maps(
+    planners: Sequence[Planner], wanted: Sequence[_Wanted], maps: int
+) -> list[_Wanted]:
+    """Share a number of cubes among terms, of which some need one only."""
+    needs = [len(planner.choices) for planner in planners]
+    single = sum(need == 1 for need in needs)
+    others = len(needs) - single
+    left = maps - single
+    if left < others:
+        raise ArgumentError("maps", f"is less than the {len(needs)} terms of the BRDF need")
+    return [
+        replace(each, maps=1 if need == 1 else left // others)
+        for each, need in zip(wanted, needs, strict=True)
+    ]
+
+
+def _planner(
+    light: Projection,
+    brdf: Brdf,
+    tolerance: float,
+    error: float | None,
+    divide: bool,
+    sampling: Sampling,
+) -> Planner:
+    """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
+    order = _FIRST_ORDER
+    while True:
+        transfer = _transfer(brdf, order)
+        lighting = light.to_order(order)
+        spectrum = Spectrum.of(transfer, brdf.center, _weights(lighting, order), divide)
+        planner = Planner(spectrum, lighting, sampling)
+        if order >= MAX_ORDER_F:
+            return planner
+        missing = 1 - spectrum.known.sum() / max(spectrum.total_energy, 1e-300)
+        beyond = planner.whole - spectrum.whole()
+        goal = tolerance if error is None else _PART_BEYOND * error**2
+        is_known = missing <= tolerance / 5 if error is None else beyond <= goal * planner.whole
+        if is_known:
+            return planner
+        # Sharp lobes need far more, and every try costs the time to sample the BRDF.
+        order = min((4 if missing > _SHARP else 2) * order, MAX_ORDER_F)
+
+
+def _transfer(brdf: Brdf, order: int) -> TransferFunctions:
+    accuracy = _ACCURACY[brdf.is_measured]
+    return cached_transfer(brdf, order, 0 if brdf.zonal else MAX_Q, accuracy, compute_transfer)
+
+
+def _weights(lighting: Lighting, order: int) -> Array:
+    """Return ``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel."""
+    degree = np.arange(order + 1)
+    return np.asarray(4 * np.pi / (2 * degree + 1)[:, None] * lighting.power()[: order + 1])
+
+
+def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
+    """Choose the form of a term's map."""
+    counts, order_f, captured = planner.for_tolerance(want.tolerance)
+    size = choose_size(order_f) if want.size is None else want.size
+    is_met = True
+    if want.error is not None:
+        form, is_met = planner.within_error(want.error, want.max_size, want.size)
+    elif want.maps is not None:
+        form = planner.with_maps(want.maps, size)
+    else:
+        form = planner.form(counts, size)
+        if form.bytes > want.max_size or captured < 1 - want.tolerance:
+            is_met = False
+            best, _ = planner.within_error(0.0, want.max_size, want.size)
+            least = _NEARLY * best.total_error
+            form, _ = planner.within_error(least, want.max_size, want.size)
+    form = planner.form(form.counts, form.size, is_exact=True)
+    order_f = min(order_f, supported_order(form.size))
+    captured = planner.captured(form.counts, form.carried)
+    return _Term(brdf, planner, form, captured, order_f, is_met)
+
+
+def _lobe(term: _Term, sampling: Sampling) -> Lobe:
+    """Make the cubes and the tables of a term."""
+    spectrum, form = term.planner.spectrum, term.form
+    degrees = bundle_degrees(form.counts)
+    blocks = []
+    for p in sorted(set(degrees), reverse=True):
+        bundles = [index for index, degree in enumerate(degrees) if degree == p]
+        blocks.append(_cubes(term, p, bundles, sampling))
+    functions = [spectrum.table(q, k, k + 1) for k, p in enumerate(degrees) for q in range(p + 1)]
+    return Lobe(
+        np.concatenate(blocks, axis=2),
+        degrees,
+        np.concatenate(functions),
+        term.brdf.center,
+        spectrum.albedo_table(),
+    )
+
+
+def _cubes(term: _Term, degree: int, bundles: list[int], sampling: Sampling) -> Array:
+    """Make the cubes of all bundles of a degree, shape (6N, N, cubes, 3), one after the other.
+
+    The bundle of index k holds the k-th function of each azimuthal order, because bundles are in
+    the order of descending degrees.
+    """
+    spectrum, form = term.planner.spectrum, term.form
+    first, last = bundles[0], bundles[-1] + 1
+    parts = [spectrum.light_parts(q, first, last) for q in range(degree + 1)]
+    kept = np.stack(parts, axis=1)[:, :, : form.carried + 1].transpose(2, 1, 0, 3)
+    series = bundle_coefficients(term.planner.lighting.coefficients, kept)
+    flat = series.swapaxes(1, 2).reshape(len(series), -1)
+    planes = synthesize_cube(flat, form.size, sampling, np.float32)
+    return planes.reshape(-1, 3, 6 * form.size, form.size).transpose(2, 3, 0, 1)
+
+
+def _info(probe: Probe, brdf: Brdf, terms: Sequence[_Term], tolerance: float) -> MapInfo:
+    """Return the record of the map, with the errors of the terms combined."""
+    strengths = np.sqrt([term.energy for term in terms])
+    whole = max(float(strengths.sum()), 1e-300)
+
+    def combined(errors: Sequence[float]) -> float:
+        return float(np.linalg.norm(strengths * errors) / whole)
+
+    energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
+    captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
+    order_p = max(len(term.form.counts) - 1 for term in terms)
+    orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
+    return replace(
+        provenance(probe, brdf, orders),
+        predicted_error=combined([term.form.error for term in terms]),
+        filter_error=combined([term.form.filter_error for term in terms]),
+        carried=max(term.form.carried for term in terms),
+    )

@@ -1,0 +1,363 @@
+"""Maps over the central direction times a BRDF's own functions of the view.
+
+A lobe is a set of RGB cubes over the central direction, in bundles, and a table of functions of the
+angle of the view. A bundle of degree p holds one function of each azimuthal order q = 0 .. p. Its
+``2p + 1`` cubes are coefficients of real harmonics of degree p in world axes, so that they are
+filtered without a pole or a seam. Around the central direction C, only harmonics in the plane of C
+and the view count: the bundle's harmonics at ``p + 1`` fixed angles from C in that plane tell the
+part of each q, which is multiplied with its function.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.brdf.centers import central_directions
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.principal.functions import MAX_Q, span_of
+from shrm_cli.maps.principal.selection import bundle_counts
+from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.size import check_size
+from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.sphere.directions import bisector, from_angles, local_frame, to_angles
+from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
+from shrm_cli.sphere.quadrature import gauss_legendre
+from shrm_cli.sphere.rotation import rotate_to_frames
+from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.vocabulary import Center, Frame, Sampling
+
+Array = NDArray[np.floating]
+
+_DEFAULT_ORDER_P = 8
+"""The order P of the SHRM that a map is converted to, where none is asked for."""
+_AZIMUTHS = 32
+"""The azimuths of the view over which `PrincipalMap.zonal_radiance` averages."""
+_NODES = 64
+"""Gauss's nodes over the angle of the view, for conversions."""
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """The light that one term of a BRDF reflects, about its own central direction.
+
+    Attributes
+    ----------
+    cubes : ndarray, shape (6N, N, K, 3)
+        The cubes of all bundles, one after the other. In a bundle they are the coefficients of the
+        real harmonics of its degree in world axes.
+    degrees : tuple of int
+        The degree of each bundle, descending.
+    functions : ndarray, shape (n, entries, 3)
+        The functions of the view of all bundles, for q = 0 .. p of each, at even angles from 0 to
+        180 degrees from the mirror direction, or to 90 from the normal. They take the place of the
+        normalized Legendre functions f_pq(theta_o), in the convention of `legendre_table`.
+    center : {"reflection", "normal", "tangent"}
+        What the central direction is.
+    albedo : ndarray, shape (entries, 3), optional
+        The directional albedo at the same angles, which the functions are multiplied with.
+    """
+
+    cubes: Array
+    degrees: tuple[int, ...]
+    functions: Array
+    center: Center
+    albedo: Array | None = None
+
+    def __post_init__(self) -> None:
+        shape = self.cubes.shape
+        if len(shape) != 4 or shape[0] != 6 * shape[1] or shape[3] != 3:
+            raise ValueError(f"cubes of shape {shape}, not (6N, N, K, 3)")
+        if not self.degrees or not all(0 <= p <= MAX_Q for p in self.degrees):
+            raise ValueError(f"bundles of degrees {self.degrees}")
+        if sum(2 * p + 1 for p in self.degrees) != shape[2]:
+            raise ValueError(f"{shape[2]} cubes for bundles of degrees {self.degrees}")
+        if self.functions.ndim != 3 or len(self.functions) != sum(p + 1 for p in self.degrees):
+            raise ValueError(f"functions of shape {self.functions.shape}")
+        if self.albedo is not None and self.albedo.shape != self.functions.shape[1:]:
+            raise ValueError(f"an albedo of shape {self.albedo.shape}")
+
+    @property
+    def size(self) -> int:
+        return self.cubes.shape[1]
+
+    @property
+    def span(self) -> float:
+        """The largest angle of the table, radians."""
+        return span_of(self.center)
+
+    def at(self, theta: Array) -> Array:
+        """Return the functions at angles of the view, interpolated linearly.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (...)
+            Angles from the central direction, radians.
+
+        Returns
+        -------
+        ndarray, shape (..., n, 3)
+            They are multiplied with the albedo, if there is one.
+        """
+        table = self.functions
+        if self.albedo is not None:
+            table = table * self.albedo
+        table = np.moveaxis(table, 0, 1)
+        position = np.clip(theta / self.span, 0, 1) * (len(table) - 1)
+        low = np.minimum(position.astype(np.intp), len(table) - 2)
+        part = (position - low)[..., None, None]
+        return np.asarray((1 - part) * table[low] + part * table[low + 1])
+
+    def radiance(self, sampler: CubeSampler, centers: Array, views: Array) -> Array:
+        """Evaluate the light of the lobe for central directions and views, shape (..., 3).
+
+        Parameters
+        ----------
+        sampler : CubeSampler
+            Of the cubes, as (6N, N, 3K).
+        centers, views : ndarray, shape (..., 3)
+            Unit vectors in world axes.
+        """
+        # The normal lies between the mirror direction and the view, and tells their plane even
+        # where the view grazes and points away from the mirror direction.
+        beside = bisector(centers, views) if self.center == "reflection" else views
+        across = beside - np.sum(beside * centers, axis=-1, keepdims=True) * centers
+        length = np.linalg.norm(across, axis=-1, keepdims=True)
+        across = np.divide(across, length, out=np.zeros_like(across), where=length > 0)
+        theta = 2 * np.arctan2(
+            np.linalg.norm(views - centers, axis=-1), np.linalg.norm(views + centers, axis=-1)
+        )
+        values = sampler(centers).reshape(*centers.shape[:-1], -1, 3)
+        functions = self.at(theta)
+        result = np.zeros(centers.shape)
+        cube = first = 0
+        parts: dict[int, Array] = {}
+        for p in self.degrees:
+            if p not in parts:
+                parts[p] = _orders_in_plane(p, centers, across)
+            bundle = values[..., cube : cube + 2 * p + 1, :]
+            by_order = np.einsum("...qk,...kc->...qc", parts[p], bundle)
+            result += np.sum(by_order * functions[..., first : first + p + 1, :], axis=-2)
+            cube, first = cube + 2 * p + 1, first + p + 1
+        return result
+
+
+def _orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
+    """Return what leads from harmonics in world axes to the parts of each q in a plane.
+
+    Parameters
+    ----------
+    degree : int
+    centers, across : ndarray, shape (..., 3)
+        Orthonormal vectors of the plane.
+
+    Returns
+    -------
+    ndarray, shape (..., degree+1, 2 degree + 1)
+    """
+    angles, inverse = plane_rule(degree)
+    rows = [
+        real_harmonics(degree, np.cos(angle) * centers + np.sin(angle) * across)[..., degree**2 :]
+        for angle in angles
+    ]
+    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
+
+
+@lru_cache(MAX_Q + 1)
+def plane_rule(degree: int) -> tuple[Array, Array]:
+    """Return angles in a plane through C, and how values at them are taken apart by q.
+
+    A function of one degree, with coefficients b_q along the plane, has the values ``sum_q b_q
+    f_q(angle)`` in it, with the normalized Legendre functions of that degree.
+
+    Returns
+    -------
+    angles : ndarray, shape (degree+1,)
+        Radians from C.
+    inverse : ndarray, shape (degree+1, degree+1)
+        From values at the angles to the b_q, in the convention of `legendre_table`.
+    """
+    angles = np.pi / 2 * np.arange(degree + 1) / max(degree, 1)
+    table = legendre_table(degree, np.cos(angles))
+    functions = np.stack([table[q, degree - q] for q in range(degree + 1)], axis=1)
+    return angles, np.linalg.inv(functions)
+
+
+@dataclass(frozen=True)
+class PrincipalMap(Map):
+    """A map of the terms of a BRDF, each with its own functions of the view.
+
+    Attributes
+    ----------
+    lobes : tuple of Lobe
+        Their light adds up. They may differ in center, size and number of functions.
+    info : MapInfo
+        How the map was made.
+    sampling : {"center", "border"}
+        Where the edge texels of the cubes lie.
+    """
+
+    lobes: tuple[Lobe, ...]
+    info: MapInfo
+    sampling: Sampling = "center"
+
+    representation = "principal"
+    format_version = 4
+    frame = "global"
+
+    def __post_init__(self) -> None:
+        if not self.lobes:
+            raise ValueError("a map has one lobe at least")
+
+    @property
+    def size(self) -> int:
+        """Texels along an edge of the largest lobe's cubes."""
+        return max(lobe.size for lobe in self.lobes)
+
+    @property
+    def center(self) -> str:
+        """The centers of the lobes, joined by plus signs."""
+        return "+".join(lobe.center for lobe in self.lobes)
+
+    @property
+    def cube_count(self) -> int:
+        return sum(lobe.cubes.shape[2] for lobe in self.lobes)
+
+    def planes(self) -> list[Array]:
+        """Return the cubes of each lobe, shape (6N, N, 3K)."""
+        return [lobe.cubes.reshape(*lobe.cubes.shape[:2], -1) for lobe in self.lobes]
+
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "PrincipalMap":
+        """Return the same map with other cubes, in the form that `planes` returns."""
+        lobes = tuple(
+            replace(lobe, cubes=plane.reshape(*plane.shape[:2], -1, 3))
+            for lobe, plane in zip(self.lobes, planes, strict=True)
+        )
+        return PrincipalMap(lobes, info, sampling)
+
+    def details(self) -> dict[str, Any]:
+        """Return what `shrm info` adds: the functions of each lobe by azimuthal order."""
+        lobes = [
+            {
+                "center": lobe.center,
+                "size": lobe.size,
+                "functions": list(bundle_counts(lobe.degrees)),
+                "divided_by_albedo": lobe.albedo is not None,
+            }
+            for lobe in self.lobes
+        ]
+        return {**super().details(), "lobes": lobes}
+
+    def check_memory(self, size: int) -> None:
+        """Check that the map could be kept in memory at another size; see `check_size`."""
+        check_size(self.info.order_f, int(np.ceil(np.sqrt(self.cube_count))) - 1, size)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the reflected radiance, shape (..., 3), filtered between texels."""
+        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
+        normals, views = np.broadcast_arrays(normals, views)
+        result = np.zeros(normals.shape)
+        for lobe, sampler in zip(self.lobes, self._samplers, strict=True):
+            centers = central_directions(lobe.center, normals, views)
+            result += lobe.radiance(sampler, centers, views)
+        return result
+
+    def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance for central directions; of several lobes, for mirror directions."""
+        centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
+        centers, views = np.broadcast_arrays(centers, views)
+        if len(self.lobes) == 1:
+            return self.lobes[0].radiance(self._samplers[0], centers, views)
+        return self.radiance(bisector(centers, views), views)
+
+    def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
+        """Average the radiance over the azimuth of the view about central directions.
+
+        Parameters
+        ----------
+        centers : array_like, shape (..., 3)
+            Unit vectors in world axes.
+        view_theta : float
+            The angle between the view and the central direction, radians.
+        """
+        frames = local_frame(*to_angles(centers))
+        phi = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+        views = (frames @ from_angles(view_theta, each) for each in phi)
+        return np.mean([self.central_radiance(centers, each) for each in views], axis=0)
+
+    @cached_property
+    def _samplers(self) -> list[CubeSampler]:
+        return [CubeSampler(plane, self.sampling) for plane in self.planes()]
+
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
+        """Return the SHRM that the functions of the view have, up to an order P.
+
+        Parameters
+        ----------
+        order_p : int, optional
+            The order P, by default 8.
+        frame : {"global", "local"}, optional
+            The frame of the result; global by default.
+
+        Raises
+        ------
+        MapError
+            If the map has several lobes, whose centers differ.
+        """
+        if len(self.lobes) > 1:
+            raise MapError(
+                "a sum of lobes about different centres has no single SHRM; prefilter again for "
+                "an SHRM, or convert it to explicit maps"
+            )
+        order_p = _DEFAULT_ORDER_P if order_p is None else order_p
+        check_size(self.info.order_f, order_p, self.size)
+        return _expanded(self, order_p).to_frame(frame or "global")
+
+
+def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
+    """Return the local SHRM of a map of one lobe, and add what its order P leaves out."""
+    (lobe,) = source.lobes
+    nodes, weights = gauss_legendre(_NODES)
+    theta, weights = (nodes + 1) / 2 * lobe.span, weights / 2 * lobe.span
+    measure = weights * np.sin(theta)
+    functions = np.moveaxis(lobe.at(theta), 1, 0)
+    legendre = legendre_table(order_p, np.cos(theta), max_m=min(order_p, MAX_Q))
+    directions = to_angles(cube_directions(source.size, source.sampling).reshape(-1, 3))
+    solid = np.tile(cube_solid_angles(source.size, source.sampling), (6, 1)).reshape(-1, 1)
+    texels = lobe.cubes.reshape(len(solid), -1, 3)
+    result = np.zeros((len(solid), (order_p + 1) ** 2, 3), dtype=texels.dtype)
+    lost = whole = 0.0
+    cube = first = 0
+    for p in lobe.degrees:
+        turned = np.zeros(((p + 1) ** 2, 3, len(solid)), dtype=texels.dtype)
+        turned[p**2 :] = texels[:, cube : cube + 2 * p + 1].transpose(1, 2, 0)
+        local = rotate_to_frames(turned, *directions)
+        for q in range(p + 1):
+            function = functions[first + q]
+            parts = np.zeros((order_p + 1, 3))
+            if q <= order_p:
+                parts[q:] = 2 * np.pi * (legendre[q, : order_p + 1 - q] * measure) @ function
+            norm = 2 * np.pi * measure @ function**2
+            left = np.maximum(norm - np.sum(parts**2, axis=0), 0)
+            for sign in {q, -q}:
+                plane = local[p * (p + 1) + sign].T
+                energy = np.sum(solid * plane**2, axis=0)
+                lost, whole = lost + float(energy @ left), whole + float(energy @ norm)
+                for degree in range(q, order_p + 1):
+                    result[:, degree * (degree + 1) + sign] += plane * parts[degree]
+        cube, first = cube + 2 * p + 1, first + p + 1
+    added = np.sqrt(lost / whole) if whole > 0 else 0.0
+    info = replace(
+        source.info,
+        order_p=order_p,
+        added_error=float(np.hypot(source.info.added_error, added)),
+    )
+    shaped = result.reshape(6 * source.size, source.size, -1, 3)
+    return Shrm(shaped, "local", lobe.center, info, source.sampling)

@@ -1,0 +1,82 @@
+"""Which view functions a map of K cubes keeps.
+
+A function of the azimuthal order q > 0 has two parts, the cosine and the sine, whose axes turn with
+the mirror direction. To be stored without a pole they are turned to world axes, in bundles. A
+bundle of degree p holds one function of each order 0 .. p, which are ``2p + 1`` numbers, and turns
+as the harmonics of degree p do. A vector is a bundle of degree 1, for example. So K cubes can hold
+any numbers n_q of functions that do not rise with q, with ``K = n_0 + 2 (n_1 + n_2 + ...)``.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+Counts = tuple[int, ...]
+"""The number of functions of each azimuthal order, which does not rise."""
+
+
+def cubes_of(counts: Counts) -> int:
+    """Return the number of cubes that functions take."""
+    return counts[0] + 2 * sum(counts[1:])
+
+
+def bundle_degrees(counts: Counts) -> tuple[int, ...]:
+    """Return the degrees of the bundles that hold functions, descending."""
+    fewer = [a - b for a, b in pairwise((*counts, 0))]
+    return tuple(p for p in reversed(range(len(fewer))) for _ in range(fewer[p]))
+
+
+def bundle_counts(degrees: tuple[int, ...]) -> Counts:
+    """Return the number of functions of each order that bundles hold."""
+    return tuple(sum(p >= q for p in degrees) for q in range(max(degrees, default=0) + 1))
+
+
+def best_counts(energies: Array, most: int) -> list[Counts]:
+    """Choose the functions that hold the most energy, for every number of cubes.
+
+    Parameters
+    ----------
+    energies : ndarray, shape (Q+1, k)
+        The energy in each function; functions of an order are taken from the first on.
+    most : int
+        The largest number of cubes, 1 or more.
+
+    Returns
+    -------
+    list of Counts
+        The best choice of at most K cubes at index K - 1.
+    """
+    q_count = len(energies)
+    # held[n, k] is the most energy of orders from q on, with n functions of order q, in k cubes.
+    limit = min(energies.shape[1], most)
+    held = np.zeros((limit + 1, most + 1))
+    held[1:] = -np.inf
+    choices: list[NDArray[np.intp]] = []
+    for q in reversed(range(q_count)):
+        cost = 1 if q == 0 else 2
+        # With n functions of order q there may be at most n of the next one.
+        order = np.maximum.accumulate(held, axis=0)
+        fits = held >= order
+        best = np.maximum.accumulate(np.where(fits, np.arange(limit + 1)[:, None], 0), axis=0)
+        choices.append(best)
+        summed = np.append(0.0, np.cumsum(energies[q, :limit]))
+        held = np.full_like(order, -np.inf)
+        for n in range(limit + 1):
+            if cost * n <= most:
+                held[n, cost * n :] = order[n, : most + 1 - cost * n] + summed[n]
+    return [_traced(held, choices[::-1], k) for k in range(1, most + 1)]
+
+
+def _traced(held: Array, choices: list[NDArray[np.intp]], cubes: int) -> Counts:
+    """Follow the choices back from the best number of functions of order 0."""
+    n = int(np.argmax(held[:, cubes]))
+    left, counts = cubes - n, [n]
+    for best in choices[:-1]:
+        n = int(best[n, left])
+        left -= 2 * n
+        counts.append(n)
+    while len(counts) > 1 and counts[-1] == 0:
+        counts.pop()
+    return tuple(counts)

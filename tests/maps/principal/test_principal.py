@@ -1,0 +1,294 @@
+"""Maps of principal functions: what they reflect, their errors, their files and conversions."""
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from shrm_cli.sphere.harmonics import legendre_table
+from tests import brute_force
+from tests.bilinear import look_up
+from tests.brute_force import bright_pairs, unit
+from tests.maps.damage import refused, survives_flipped_bits
+from tests.maps.scenes import make_shrm, normals_of, uniform_points
+
+HEIGHT = 96
+SPECS = {
+    "microfacet": "microfacet:sigma=0.3",
+    "metal": "ggx:roughness=0.5,f0=0.9/0.6/0.3",
+    "plastic": "ggx:roughness=0.5,f0=0.04",
+}
+
+
+def lit_room(height=HEIGHT):
+    """A dim room with a coloured lamp and a window."""
+    light, _ = brute_force.latlong_samples(height)
+    lamp = np.exp(60 * (light @ np.array([0.6, 0.64, 0.48]) - 1))[:, None]
+    window = np.exp(12 * (light @ np.array([0.0, 0.0, -1.0]) - 1))[:, None]
+    pixels = 0.05 + lamp * np.array([30.0, 20.0, 10.0]) + window * np.array([0.5, 1.0, 2.0])
+    return pixels.reshape(height, 2 * height, 3).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Probe.from_array(lit_room())
+
+
+def measured_error(made, probe, brdf, count=1500, seed=4):
+    """The relative RMS error over central directions and visible views, by integration."""
+    rng = np.random.default_rng(seed)
+    centers, views, shares = bright_pairs(rng, made, count)
+    normals = normals_of(centers, views)
+    truth = Reference(probe, brdf, dtype=np.float64).radiance(normals, views)
+    found = made.radiance(normals, views)
+    return np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
+
+
+# ---- what they reflect ---------------------------------------------------------------------------
+
+
+def test_legendre_functions_make_an_shrm():
+    """With an SHRM's cubes and its own functions of the view, a map is the SHRM."""
+    shrm = make_shrm(order_p=3, size=16)
+    degrees = (3, 2, 1, 0)
+    table = legendre_table(3, np.cos(np.linspace(0, np.pi, 1801)))
+    functions = np.stack([table[q, p - q] for p in degrees for q in range(p + 1)])
+    functions = np.repeat(functions[..., None], 3, axis=2)
+    cubes = np.concatenate([shrm.coefficients[:, :, p**2 : (p + 1) ** 2] for p in degrees], axis=2)
+    made = PrincipalMap((Lobe(cubes, degrees, functions, "reflection"),), shrm.info)
+    points = uniform_points(500)
+    expected = shrm.radiance(*points)
+    np.testing.assert_allclose(made.radiance(*points), expected, atol=2e-5 * np.abs(expected).max())
+    back = made.to_shrm(3)
+    np.testing.assert_allclose(back.coefficients, shrm.coefficients, atol=1e-4)
+    assert back.info.added_error < 1e-5
+    assert made.to_shrm(1).info.added_error == pytest.approx(
+        shrm.truncated(1).info.added_error, rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("divide", [False, True])
+@pytest.mark.parametrize("name", SPECS)
+def test_measured_error_is_the_predicted_one(room, name, divide):
+    brdf = parse_spec(SPECS[name])
+    for maps in (4, 12):
+        made = prefilter(room, brdf, to="principal", maps=maps, size=64, divide=divide)
+        assert made.cube_count <= maps
+        measured = measured_error(made, room, brdf)
+        assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
+
+
+def test_more_maps_are_better(room):
+    errors = [
+        prefilter(room, SPECS["plastic"], to="principal", maps=maps, size=64).info.predicted_error
+        for maps in (1, 3, 9, 25, 49)
+    ]
+    assert (np.diff(errors) < 0).all()
+    assert errors[-1] < errors[0] / 8
+
+
+@pytest.mark.parametrize("name", ["metal", "plastic"])
+def test_half_the_error_of_an_shrm_with_as_many_maps(room, name):
+    shrm = prefilter(room, SPECS[name], eps=0.1)
+    made = prefilter(
+        room, SPECS[name], to="principal", maps=min(shrm.cube_count, 64), size=shrm.size
+    )
+    brdf = parse_spec(SPECS[name])
+    pair = [measured_error(each, room, brdf) for each in (made, shrm)]
+    assert pair[0] < pair[1] / 2
+
+
+def test_the_view_is_read_without_a_pole(room):
+    """Small steps of the normal make small steps of light, where N = V, at +-Z and at grazing."""
+    made = prefilter(room, SPECS["metal"], to="principal", maps=12)
+    rng = np.random.default_rng(2)
+    for view in (np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.6, 0.8])):
+        for toward in (view, np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])):
+            offsets = 1e-4 * unit(rng, 50)
+            normals = toward + offsets
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            if toward @ view < 0.05:
+                continue
+            light = made.radiance(normals, view)
+            assert np.ptp(light, axis=0).max() < 0.01 * light.max()
+
+
+def test_terms_have_centers_of_their_own(room):
+    spec = "0.5*lambertian+0.5*ggx:roughness=0.4,f0=0.04"
+    made = prefilter(room, spec, to="principal", error=0.04)
+    assert made.center == "normal+reflection"
+    assert made.lobes[0].cubes.shape[2] == 1
+    assert measured_error(made, room, parse_spec(spec)) < 0.04
+    with pytest.raises(MapError, match="no single SHRM"):
+        made.to_shrm()
+
+
+def test_diffuse_brdfs_count_only_visible_views(room):
+    brdf = parse_spec("oren-nayar:sigma=0.6")
+    made = prefilter(room, brdf, to="principal", maps=3, size=32)
+    rng = np.random.default_rng(0)
+    normals, views = unit(rng, 3000), unit(rng, 3000)
+    views *= np.sign(np.sum(normals * views, axis=1))[:, None]
+    truth = Reference(room, brdf).radiance(normals, views)
+    measured = np.sqrt(np.sum((made.radiance(normals, views) - truth) ** 2) / np.sum(truth**2))
+    assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
+
+
+def test_hair_is_about_its_tangent(room):
+    brdf = parse_spec("kajiya-kay:exponent=16")
+    made = prefilter(room, brdf, to="principal", error=0.05)
+    assert made.center == "tangent"
+    shrm = prefilter(room, brdf, eps=1e-4)
+    points = uniform_points(300, "normal")
+    difference = made.radiance(*points) - shrm.radiance(*points)
+    assert np.sqrt(np.mean(difference**2)) < 0.05 * np.sqrt(np.mean(shrm.radiance(*points) ** 2))
+
+
+# ---- what is asked for ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [0.2, 0.05, 0.02])
+@pytest.mark.parametrize("name", SPECS)
+def test_an_error_is_kept_with_bilinear_look_ups_and_half(room, name, error):
+    brdf = parse_spec(SPECS[name])
+    made = prefilter(room, brdf, to="principal", error=error)
+    (lobe,) = made.lobes
+    half = made.planes()[0].astype(np.float16)
+    rng = np.random.default_rng(5)
+    centers, views, shares = bright_pairs(rng, made, 1500)
+    normals = normals_of(centers, views)
+    truth = Reference(room, brdf, dtype=np.float64).radiance(normals, views)
+
+    def bilinear(directions):
+        return look_up(half, directions)
+
+    found = lobe.radiance(bilinear, centers, views)
+    measured = np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
+    total = np.hypot(made.info.predicted_error, made.info.filter_error)
+    assert total <= error
+    assert measured < 1.1 * error
+    assert measured == pytest.approx(total, rel=0.15)
+
+
+def test_a_smaller_error_takes_more_bytes(room):
+    sizes = []
+    for error in (0.3, 0.1, 0.05, 0.02):
+        made = prefilter(room, SPECS["plastic"], to="principal", error=error)
+        sizes.append(made.size**2 * made.cube_count)
+    assert sizes == sorted(sizes)
+    assert len(set(sizes)) == 4
+
+
+def test_zonal_lobes_need_one_map(room):
+    for eps in (0.1, 0.001):
+        assert prefilter(room, "phong:exponent=20", to="principal", eps=eps).cube_count == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"maps": 3, "error": 0.1}, "does not apply with"),
+        ({"maps": 1, "brdf": "0.5*ggx+0.5*microfacet"}, "less than the 2 terms"),
+        ({"order_p": 3}, "applies with"),
+        ({"domain": "angular"}, "applies with"),
+    ],
+)
+def test_refused_options(room, options, words):
+    with pytest.raises(ArgumentError, match=words):
+        prefilter(room, to="principal", **{"brdf": "ggx", **options})
+
+
+# ---- files ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["one", "two", "divided"])
+def stored(request, room, tmp_path_factory):
+    spec = "0.5*lambertian+0.5*ggx:roughness=0.6" if request.param == "two" else SPECS["metal"]
+    made = prefilter(room, spec, to="principal", maps=7, divide=request.param == "divided")
+    path = tmp_path_factory.mktemp("principal") / "map.exr"
+    save(path, made, "float")
+    return made, path
+
+
+def test_files_hold_the_map(stored):
+    made, path = stored
+    again = open_map(path)
+    points = uniform_points(200)
+    expected = made.radiance(*points)
+    np.testing.assert_allclose(
+        again.radiance(*points), expected, atol=1e-5 * np.abs(expected).max()
+    )
+    assert again.details() == made.details()
+    assert again.info.brdf == made.info.brdf
+    assert again.info.order_carried == made.info.order_carried
+    assert again.info.filter_error == pytest.approx(made.info.filter_error, rel=1e-6)
+
+
+def test_layouts(stored, tmp_path):
+    made, _ = stored
+    save(tmp_path / "cross.exr", made, "float", "hcross", "gl")
+    again = open_map(tmp_path / "cross.exr")
+    points = uniform_points(50)
+    np.testing.assert_allclose(again.radiance(*points), made.radiance(*points), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("shrm:degrees", "[9]"), ("shrm:degrees", "[0.5]"), ("shrm:degrees", "{}"),
+        ("shrm:degrees", "[0, 0]"), ("shrm:functions", "{}"), ("shrm:functions", "[" * 5000),
+        ("shrm:functions", '{"shape": [1, 91, 3], "values": [1]}'),
+        ("shrm:functions", '{"shape": [99999999, 91, 3], "values": []}'),
+        ("shrm:functions", '{"shape": [1, 1, 3], "values": [1, NaN, 1]}'),
+    ],
+)  # fmt: skip
+def test_wrong_attributes_are_refused(room, tmp_path, name, value):
+    made = prefilter(room, SPECS["metal"], to="principal", maps=1)
+    path = tmp_path / "map.exr"
+    save(path, made, "float")
+    with OpenEXR.File(str(path)) as file:
+        header, channels = file.header(), file.channels()
+        header[name] = value
+        OpenEXR.File(header, channels).write(str(path))
+    refused(path, name if name == "shrm:functions" or value != "[0, 0]" else "")
+
+
+def test_flipped_bits(stored):
+    survives_flipped_bits(stored[1], 150, least=5)
+
+
+def test_damaged_shapes_are_refused_in_memory():
+    cubes = np.zeros((24, 4, 3, 3))
+    info = MapInfo(1, 1, 0.03, 1.0, 0.0)
+    for degrees, functions in (((0,), (1, 5, 3)), ((1,), (1, 5, 3)), ((), (0, 5, 3))):
+        with pytest.raises(ValueError, match=r"bundles|functions"):
+            Lobe(cubes, degrees, np.zeros(functions), "reflection")
+    with pytest.raises(ValueError, match="one lobe"):
+        PrincipalMap((), info)
+
+
+def test_resampled_maps_say_what_it_costs(stored):
+    made, _ = stored
+    small = made.resampled(8)
+    assert small.size == 8
+    assert 0 < small.info.added_error < 1
+
+
+def test_explicit_maps_of_lobes(room):
+    made = prefilter(room, "0.5*lambertian+0.5*ggx:roughness=0.6", to="principal", error=0.02)
+    tabulated = made.converted("cabral", size=16)
+    assert tabulated.representation == "cabral"
+    vertices = tabulated.sample_views(12)
+    centers = unit(np.random.default_rng(1), 50)
+    for view in vertices[:3]:
+        expected = made.resampled(16).central_radiance(centers, view)
+        found = tabulated.central_radiance(centers, np.broadcast_to(view, centers.shape))
+        error = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
+        assert error < 0.03
