@@ -50,7 +50,7 @@ _PRINTS = [name for name, each in all_options(registry.descriptions()).items() i
 )  # fmt: skip
 @shared_options("eps", "order_f", "order_p", "center")
 @representation_options()
-@shared_options("domain", "source_height", "frame", "size")
+@shared_options("domain", "source_height", "frame", "size", "max_size")
 @precision_option
 @click.option(
     "-o", "--output", type=click.Path(),
