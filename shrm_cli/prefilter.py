@@ -148,7 +148,8 @@ def prefilter_with_facts(
     made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=work)
     if isinstance(work, Rising):
         work.end()
-    return examined(made)
+    # Maps of light alone have words of their own for what is negative, or cannot be.
+    return examined(made) if registry.description(to).needs_brdf else made
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:

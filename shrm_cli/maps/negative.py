@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -19,6 +18,7 @@ _PAIRS = 4096
 _LARGEST = 1e-3
 """The share of negative luminance that nobody needs to be told of."""
 _SEED = 5
+_INSTEAD = ", take `to` principal" if "principal" in REPRESENTATIONS else ""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """The parts of linear Rec.709 RGB in the luminance."""
 
@@ -51,15 +51,7 @@ def examined(made: Prefiltered) -> Prefiltered:
     if share <= _LARGEST:
         return replace(made, facts=facts)
     line = (
-        f"{share:.1%} of what is visible is negative, which screens show as black; {_advice(made)}"
+        f"{share:.1%} of what is visible is negative, which screens show as black; lower `eps` or "
+        f"raise `max_size` to keep more orders{_INSTEAD}, or dim the lamps with `clamp`"
     )
     return replace(made, facts=facts, warnings=(*made.warnings, line))
-
-
-def _advice(made: Prefiltered) -> str:
-    """Return what to do about a map of which too much is negative."""
-    if not registry.description(made.map.representation).needs_brdf:
-        return "dim the lamps of the probe with `clamp`"
-    lower = "a lower `eps` or a higher `max_size` keeps more orders"
-    instead = ", `to` principal does without them" if "principal" in REPRESENTATIONS else ""
-    return f"{lower}{instead}, `clamp` dims the lamps"

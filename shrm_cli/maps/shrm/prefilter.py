@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.prefiltered import Prefiltered
@@ -74,18 +76,24 @@ def prefilter(
             "split", "applies with neither `center` nor orders; leave one of them out"
         )
     light = Projection(probe, progress)
-    if is_free and split is not False:
-        plan = plan_terms(light, brdf, eps, allowed_bytes(max_size, size), size)
+    chosen = None
+    if is_free and split is not False and len(split_terms(brdf)) > 1:
+        allowed = allowed_bytes(max_size, size)
+        chosen = affordable(light, brdf, eps, allowed, size, sampling)
+        plan = plan_terms(light, brdf, eps, allowed, size, chosen)
         if plan is not None:
             takes = split or plan.pays
             count = f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
+            if plan.is_closer:
+                count += " of more error"
             notes = (*notes, ("split" if takes else "not split", count))
             if takes:
                 made = prefilter_terms(plan, frame, sampling, np.float32, compress)
                 return replace(made, notes=notes)
     made = prefilter_shrm(
-        light, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, max_size
-    )
+        light, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, max_size,
+        chosen=chosen,
+    )  # fmt: skip
     warnings = () if is_chosen(order_f, order_p) else order_warnings(made, brdf, eps, order_p)
     return replace(made, notes=notes, warnings=(*warnings, *made.warnings))
 
@@ -168,6 +176,7 @@ def prefilter_shrm(
     compress: int | float | None = None,
     max_size: int | None = None,
     form: Form = SHRM_FORM,
+    chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
@@ -189,6 +198,8 @@ def prefilter_shrm(
         `vocabulary.DEFAULT_MAX_SIZE`, and orders that are given are obeyed.
     form : Form
         What the map holds that the SHRM is made for. Both have to fit into `max_size`.
+    chosen : tuple of Choice and BrdfCoefficients, optional
+        What `affordable` returns, where it is known.
 
     Returns
     -------
@@ -204,7 +215,7 @@ def prefilter_shrm(
         the map would be too large.
     """
     expansion, warnings = expand(
-        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form
+        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
     )
     made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
     facts = {"error_bound": expansion.bound}
@@ -221,12 +232,13 @@ def expand(
     sampling: Sampling,
     max_size: int | None,
     form: Form,
+    chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> tuple[Expansion, tuple[str, ...]]:
     """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
 
     Parameters
     ----------
-    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form
+    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
         The same as for `prefilter_shrm`.
 
     Returns
@@ -245,7 +257,9 @@ def expand(
     is_sized = size is not None
     if is_free:
         most = form.largest_p(allowed)
-        choice, coefficients = affordable(light, brdf, tolerance, allowed, size, sampling, most)
+        choice, coefficients = chosen or affordable(
+            light, brdf, tolerance, allowed, size, sampling, most
+        )
     else:
         if order_f is not None and not brdf.zonal:
             check_size(order_f, order_p or 0, size)

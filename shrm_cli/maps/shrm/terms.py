@@ -8,11 +8,11 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
-from shrm_cli.maps.shrm.budget import Choice, affordable, most_order_p, shortfall
+from shrm_cli.maps.shrm.budget import Choice, affordable, fitting, most_order_p, shortfall
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
@@ -48,6 +48,12 @@ class Term:
     choice: Choice
 
     @property
+    def needs(self) -> float:
+        """The bytes that meet the tolerance; infinite where the coefficients do not reach it."""
+        orders = self.choice.orders
+        return self.choice.bytes if orders.captured >= 1 - orders.tolerance else np.inf
+
+    @property
     def count(self) -> int:
         """The number of coefficients that are kept."""
         return coefficient_count(self.choice.orders, self.coefficients)
@@ -66,12 +72,16 @@ class Plan:
         The light of the probe that the plan was made for.
     max_size : int
         The most bytes of the map.
+    is_closer : bool
+        Whether the whole falls short of its tolerance within these bytes, and the terms make less
+        error.
     """
 
     terms: tuple[Term, ...]
     whole: Term
     light: Projection
     max_size: int = DEFAULT_MAX_SIZE
+    is_closer: bool = False
 
     @property
     def count(self) -> int:
@@ -85,8 +95,8 @@ class Plan:
 
     @property
     def pays(self) -> bool:
-        """Whether the terms need fewer coefficients than the whole."""
-        return self.count < self.whole.count
+        """Whether the terms need fewer coefficients than the whole, or come closer than it can."""
+        return self.is_closer or self.count < self.whole.count
 
 
 def plan_terms(
@@ -95,6 +105,7 @@ def plan_terms(
     tolerance: float,
     max_size: int = DEFAULT_MAX_SIZE,
     size: int | None = None,
+    chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Plan | None:
     """Split a BRDF into terms, with orders that cause no larger error than those of the whole.
 
@@ -113,6 +124,8 @@ def plan_terms(
         The most bytes of the map.
     size : int, optional
         Texels along a face's edge of every term, where they are given.
+    chosen : tuple of Choice and BrdfCoefficients, optional
+        What `affordable` returns for the whole, where it is known.
 
     Returns
     -------
@@ -128,7 +141,7 @@ def plan_terms(
     terms = split(brdf)
     if len(terms) == 1:
         return None
-    choice, coefficients = affordable(light, brdf, tolerance, max_size, size)
+    choice, coefficients = chosen or affordable(light, brdf, tolerance, max_size, size)
     whole = Term(brdf, coefficients, choice)
     most_p = most_order_p(max_size, size)
     try:
@@ -140,9 +153,11 @@ def plan_terms(
         return None
     lighting = light.to_order(max(each.order_f for each in [coefficients, *found]))
     goal = combined_error([whole], lighting)
-    # Where the whole falls short of the tolerance, the terms take all bytes to come closer to it.
-    is_met = choice.orders.captured >= 1 - tolerance
-    best = None
+    if choice.orders.captured < 1 - tolerance:
+        shared = _shared(terms, found, lighting, tolerance, max_size, size)
+        if shared is None or combined_error(shared, lighting) >= goal:
+            return None
+        return Plan(shared, whole, light, max_size, is_closer=True)
     for factor in _LOOSER:
         looser = min(factor * tolerance, _LARGEST_TOLERANCE)
         plan = Plan(
@@ -155,12 +170,41 @@ def plan_terms(
             max_size,
         )
         if plan.bytes > max_size:
-            break
+            return None
         if combined_error(plan.terms, lighting) <= goal:
-            best = plan
-            if is_met:
-                break
-    return best
+            return plan
+    return None
+
+
+def _shared(
+    terms: Sequence[Brdf],
+    coefficients: Sequence[BrdfCoefficients],
+    lighting: Lighting,
+    tolerance: float,
+    max_size: int,
+    size: int | None,
+) -> tuple[Term, ...] | None:
+    """Share the bytes of a map among terms: each has what it needs, or as much as the others.
+
+    Returns
+    -------
+    tuple of Term or None
+        None where a term does not fit at all.
+    """
+    pairs = zip(terms, coefficients, strict=True)
+    made = [_least_term(brdf, each, tolerance, size) for brdf, each in pairs]
+    order = sorted(range(len(made)), key=lambda index: made[index].needs)
+    left = max_size
+    for done, index in enumerate(order):
+        share, term = left // (len(made) - done), made[index]
+        if term.needs > share:
+            try:
+                choice = fitting(term.coefficients, lighting, tolerance, share, size)
+            except ArgumentError:
+                return None
+            made[index] = replace(term, choice=choice)
+        left -= made[index].choice.bytes
+    return tuple(made)
 
 
 def _least_term(
