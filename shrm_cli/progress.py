@@ -9,6 +9,8 @@ _STEPS = 1000
 """The number of steps in which the progress within one stage is reported."""
 _SHARE = 0.25
 """The part of what is left that a stage takes, where the number of stages is not known."""
+_CREEP = 0.02
+"""The part of what is left that a report takes which says no more than the one before it."""
 
 
 class Stages:
@@ -46,7 +48,8 @@ class Rising:
     """The progress of work whose number of stages is not known before it ends.
 
     Every stage reports its own progress to the object, from little to all of it. What is told never
-    falls: each stage takes a quarter of what its predecessors left.
+    falls: each stage takes a quarter of what its predecessors left. A stage that underrates its
+    work reports the same for a while; such reports move on by little.
 
     Parameters
     ----------
@@ -61,6 +64,9 @@ class Rising:
     def __call__(self, done: int, total: int) -> None:
         """Report that `done` of `total` units of a stage are finished; fewer begin another one."""
         within = done / total if total else 1.0
+        if within == self._within:
+            self._tell(self._told + _CREEP * (1 - self._told))
+            return
         if within < self._within:
             self._before = self._told
         self._within = within

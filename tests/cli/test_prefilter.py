@@ -31,7 +31,7 @@ STANDARD = {
 OURS = {
     "shrm:representation", "shrm:version", "shrm:frame", "shrm:center", "shrm:F", "shrm:P",
     "shrm:epsilon", "shrm:brdf_energy_captured", "shrm:predicted_error", "shrm:brdf",
-    "shrm:probe", "shrm:probe_sha256", "shrm:carried", "shrm:filter_error",
+    "shrm:probe", "shrm:probe_sha256", "shrm:filter_error",
 }  # fmt: skip
 KEYS = [
     "file", "representation", "frame", "center", "size", "sampling", "maps", "domain", "order_f",
@@ -189,7 +189,7 @@ def test_chromaticities_pass_through(folder):
     write_exr("p3.exr", noise(), chromaticities=P3)
     done("prefilter", "p3.exr", "--brdf", "lambertian", "-o", "out.exr")
     header, _ = read_exr("out.exr")
-    assert header.keys() == STANDARD | OURS | {"chromaticities"}
+    assert header.keys() == STANDARD | OURS | {"chromaticities", "shrm:carried"}
     np.testing.assert_allclose(header["chromaticities"], P3, rtol=1e-6)
 
 

@@ -24,6 +24,8 @@ ComplexArray = NDArray[np.complexfloating]
 
 _TABLE_BYTES = 2**27
 """The bytes that the tables and waves of a block of several rings may take."""
+_LEAST_BLOCKS = 8
+"""The least number of blocks, so that progress is seen."""
 
 
 def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | None = None) -> Array:
@@ -55,7 +57,7 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
     pairs = band // 2 + 1
     cosines, weights = gauss_legendre(2 * pairs)
     result = np.zeros(((band + 1) ** 2, (order_p + 1) ** 2, channels))
-    step = _pairs_at_once(order_f, order_p)
+    step = min(_pairs_at_once(order_f, order_p), -(-pairs // _LEAST_BLOCKS))
     for start in range(0, pairs, step):
         one = np.arange(start, min(start + step, pairs))
         rings = np.concatenate([one, 2 * pairs - 1 - one])
