@@ -14,6 +14,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.errors import BrdfError, OrderError
+from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
 Array = NDArray[np.floating]
@@ -50,6 +51,7 @@ def choose_orders(
     order_f: int | None = None,
     order_p: int | None = None,
     most_p: Callable[[int], int] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Orders, BrdfCoefficients]:
     """Find the least orders that capture all but `tolerance` of a BRDF's energy (eq. 5.17, 5.18).
 
@@ -69,6 +71,8 @@ def choose_orders(
     most_p : callable, optional
         Returns the largest P that may be chosen with an order F. With it, a tolerance that cannot
         be met is no error: the coefficients then reach that P, and the orders are their largest.
+    progress : callable, optional
+        Called while coefficients are computed, from none to all of it for each attempt.
 
     Returns
     -------
@@ -89,7 +93,8 @@ def choose_orders(
     for name, order, most in (("F", order_f, MAX_ORDER_F), ("P", order_p, MAX_ORDER_P)):
         if order is not None and not 0 <= order <= most:
             raise OrderError(f"order {name} = {order} is outside 0 .. {most}")
-    coefficients = _sufficient_coefficients(brdf, tolerance, order_f or 0, order_p or 0, most_p)
+    least = order_f or 0, order_p or 0
+    coefficients = _sufficient_coefficients(brdf, tolerance, *least, most_p, progress)
     captured = coefficients.captured()
     enough = captured >= 1 - tolerance
     if most_p is None and not enough[-1, -1] and order_f is None and order_p is None:
@@ -129,7 +134,9 @@ def least_orders(
     return Orders(f, p, tolerance, float(captured[f, p]))
 
 
-def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]]:
+def choose_center(
+    brdf: Brdf, tolerance: float, progress: Progress | None = None
+) -> tuple[Brdf, dict[Center, int]]:
     """Recenter a BRDF about the direction that needs the fewest coefficients (section 5.3.1).
 
     A BRDF that is central about the tangent keeps that centre.
@@ -139,6 +146,8 @@ def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]
     brdf : Brdf
     tolerance : float
         The fraction of the BRDF's energy that may be missed, in (0, 1).
+    progress : callable, optional
+        As `choose_orders` takes it.
 
     Returns
     -------
@@ -160,7 +169,8 @@ def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]
     refusal: Exception | None = None
     for center in candidates:
         try:
-            counts[center] = coefficient_count(*choose_orders(brdf.recentered(center), tolerance))
+            found = choose_orders(brdf.recentered(center), tolerance, progress=progress)
+            counts[center] = coefficient_count(*found)
         except (OrderError, BrdfError) as error:  # the BRDF is too sharp about this centre
             refusal = error
     if not counts:
@@ -185,7 +195,11 @@ def _least(enough: NDArray[np.bool_]) -> int:
 
 
 def extended(
-    brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float, order_f: int
+    brdf: Brdf,
+    coefficients: BrdfCoefficients,
+    tolerance: float,
+    order_f: int,
+    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
@@ -198,6 +212,8 @@ def extended(
         The fraction of the energy that may be missed, which sets the accuracy of sampling.
     order_f : int
         The order F of the result, where it is higher than that of the coefficients.
+    progress : callable, optional
+        As `choose_orders` takes it.
 
     Raises
     ------
@@ -206,13 +222,15 @@ def extended(
     """
     if order_f <= coefficients.order_f:
         return coefficients
-    return _coefficients(brdf, tolerance, order_f, coefficients.order_p)
+    return _coefficients(brdf, tolerance, order_f, coefficients.order_p, progress)
 
 
-def _coefficients(brdf: Brdf, tolerance: float, order_f: int, order_p: int) -> BrdfCoefficients:
+def _coefficients(
+    brdf: Brdf, tolerance: float, order_f: int, order_p: int, progress: Progress | None
+) -> BrdfCoefficients:
     """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
     accuracy = max(tolerance / (30 if brdf.is_measured else 300), 1e-5)
-    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients)
+    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients, progress)
 
 
 def _sufficient_coefficients(
@@ -221,6 +239,7 @@ def _sufficient_coefficients(
     order_f: int,
     order_p: int,
     most_p: Callable[[int], int] | None,
+    progress: Progress | None,
 ) -> BrdfCoefficients:
     """Compute coefficients to orders at which a tolerance is met, and at least to those given.
 
@@ -230,7 +249,7 @@ def _sufficient_coefficients(
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     largest = MAX_ORDER_P
     while True:
-        coefficients = _coefficients(brdf, tolerance, f, p)
+        coefficients = _coefficients(brdf, tolerance, f, p, progress)
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients

@@ -13,10 +13,11 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import SHARED, Representation, listing, owners
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, Rising
 from shrm_cli.vocabulary import REPRESENTATIONS, Domain, Frame, Sampling
 
 
@@ -35,6 +36,7 @@ def prefilter(
     frame: Frame | None = None,
     size: int | None = None,
     sampling: Sampling | None = None,
+    max_size: int | str | None = None,
     progress: Progress | None = None,
     **own: Any,
 ) -> Map:
@@ -70,8 +72,12 @@ def prefilter(
         Texels along a face's edge; chosen from F by default.
     sampling : {"center", "border"}, optional
         Where the edge texels of the map lie; ``center`` by default.
+    max_size : int or str, optional
+        The most bytes that the cubes of a map for a BRDF take in half precision, as a number or
+        as text such as ``"32MB"``; `vocabulary.DEFAULT_MAX_SIZE` by default. Where they are too
+        few for the orders that `eps` asks for, the best map within them is made.
     progress : callable, optional
-        Called with the amount of work done and the amount in all.
+        Called with the amount of work done and the amount in all. What is done never falls.
     **own
         Arguments that belong to single representations: ``split`` (bool) and ``compress`` (a
         number of components, or the error that may be added) of ``shrm``; ``slices`` of
@@ -99,7 +105,7 @@ def prefilter(
     given = {
         "brdf": brdf, "eps": eps, "error": error, "order_f": order_f, "order_p": order_p,
         "center": center, "domain": domain, "source_height": source_height, "frame": frame,
-        "size": size, "sampling": sampling, **own,
+        "size": size, "sampling": sampling, "max_size": max_size, **own,
     }  # fmt: skip
     light = as_probe(probe)
     made = prefilter_with_facts(light, to, given, progress)
@@ -136,9 +142,15 @@ def prefilter_with_facts(
         for name, value in given.items()
     }
     make = registry.module(to, "prefilter").prefilter
+    # Maps for a BRDF take one attempt after another at its coefficients.
+    is_rising = registry.description(to).needs_brdf and given.get("domain") != "angular"
+    work = Rising(progress) if progress is not None and is_rising else progress
     several = len(registry.module(to, "options").DESCRIPTIONS) > 1
-    made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=progress)
-    return made
+    made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=work)
+    if isinstance(work, Rising):
+        work.end()
+    # Maps of light alone have words of their own for what is negative, or cannot be.
+    return examined(made) if registry.description(to).needs_brdf else made
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:

@@ -7,6 +7,10 @@ Progress = Callable[[int, int], object]
 
 _STEPS = 1000
 """The number of steps in which the progress within one stage is reported."""
+_SHARE = 0.25
+"""The part of what is left that a stage takes, where the number of stages is not known."""
+_CREEP = 0.02
+"""The part of what is left that a report takes which says no more than the one before it."""
 
 
 class Stages:
@@ -38,3 +42,40 @@ class Stages:
     def _show(self, steps: int) -> None:
         if self._progress is not None:
             self._progress(_STEPS * self._finished + steps, _STEPS * self._total)
+
+
+class Rising:
+    """The progress of work whose number of stages is not known before it ends.
+
+    Every stage reports its own progress to the object, from little to all of it. What is told never
+    falls: each stage takes a quarter of what its predecessors left. A stage that underrates its
+    work reports the same for a while; such reports move on by little.
+
+    Parameters
+    ----------
+    progress : callable
+        Called with how far all work has come.
+    """
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._before = self._within = self._told = 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        """Report that `done` of `total` units of a stage are finished; fewer begin another one."""
+        within = done / total if total else 1.0
+        if within == self._within:
+            self._tell(self._told + _CREEP * (1 - self._told))
+            return
+        if within < self._within:
+            self._before = self._told
+        self._within = within
+        self._tell(max(self._told, self._before + _SHARE * (1 - self._before) * within))
+
+    def end(self) -> None:
+        """Report that all work is done."""
+        self._tell(1.0)
+
+    def _tell(self, part: float) -> None:
+        self._told = part
+        self._progress(int(_STEPS * part), _STEPS)

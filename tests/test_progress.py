@@ -2,7 +2,7 @@
 
 import pytest
 
-from shrm_cli.progress import Stages
+from shrm_cli.progress import Rising, Stages
 
 
 def test_stages_are_of_equal_length():
@@ -43,3 +43,15 @@ def test_nobody_need_listen():
     stages = Stages(None, 2)
     stages.within(1, 2)
     stages.done(1, 2)
+
+
+def test_what_has_an_unknown_number_of_stages_never_falls_back():
+    told = []
+    rising = Rising(lambda done, total: told.append(done / total))
+    for units in (10, 1000, 3, 7, 7):
+        for done in range(units + 1):
+            rising(done, units)
+    assert told == sorted(told)
+    assert 0.7 < told[-1] < 1
+    rising.end()
+    assert told[-1] == 1

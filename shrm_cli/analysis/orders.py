@@ -18,6 +18,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.progress import Progress
 from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
@@ -73,6 +74,7 @@ def energy_grid(
     tolerances: Sequence[float],
     order_f: int | None = None,
     order_p: int | None = None,
+    progress: Progress | None = None,
 ) -> EnergyGrid:
     """Compute the energy that all orders up to (F, P) capture, and the orders tolerances need.
 
@@ -84,6 +86,8 @@ def energy_grid(
     order_f, order_p : int, optional
         The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
         zonal BRDF has P = 0 only.
+    progress : callable, optional
+        As `choose_orders` takes it.
 
     Raises
     ------
@@ -92,7 +96,7 @@ def energy_grid(
     BrdfError
         If the BRDF is anisotropic, or its coefficients do not converge.
     """
-    met = [choose_orders(brdf, tolerance) for tolerance in tolerances]
+    met = [choose_orders(brdf, tolerance, progress=progress) for tolerance in tolerances]
     orders = tuple(each for each, _ in met)
     if order_f is None:
         order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
@@ -103,7 +107,7 @@ def energy_grid(
     sufficient = max(coefficients.order_f for _, coefficients in met)
     high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
     accuracy = max(min(tolerances) / 300, 1e-5)
-    coefficients = compute_coefficients(brdf, high, order_p, accuracy)
+    coefficients = compute_coefficients(brdf, high, order_p, accuracy, progress)
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
 
 

@@ -147,7 +147,8 @@ def analyze(
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
     check_outputs(targets.values(), probes=[source], specs=[spec])
 
-    grid = energy_grid(brdf, tolerances, order_f, order_p)
+    with progress_bar("expanding", quiet) as progress:
+        grid = energy_grid(brdf, tolerances, order_f, order_p, progress)
     curve = pictures = None
     if source is not None:
         with progress_bar("reading", quiet) as progress:
@@ -176,6 +177,8 @@ def analyze(
         write_picture(targets["pictures"], pictures.sheet(exposure or 0.0))
 
     warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
+    if grid.coefficients.remark is not None:
+        warnings.append(f"{brdf!r} is {grid.coefficients.remark}")
     if order_p is not None and order_p > grid.order_p:
         warnings.append(f"{brdf!r}: does not depend on the view, so P = 0 only")
     if not no_plots and not can_plot():

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import print_json, report_options, warn
+from shrm_cli.cli.options import conclude, print_json, progress_bar, report_options, warn
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import Fraction
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
+    from shrm_cli.progress import Progress
 
 _TOLERANCES = (0.1, 0.03, 0.01)
 _SUFFIXES = (".exr", ".npz", ".binary")
@@ -58,12 +59,12 @@ def brdf(
         _save(spec, target, as_json, quiet)
         return
     chosen = parse_spec(spec)
-    rows = [_orders(chosen, eps) for eps in tolerances or _TOLERANCES] if chosen.isotropic else []
-    report = _explain(chosen, rows)
-    if as_json:
-        print_json(report)
-    elif not quiet:
-        click.echo("\n".join(_text(chosen, report)))
+    remarks: list[str] = []
+    with progress_bar("expanding", quiet) as progress:
+        asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
+        rows = [_orders(chosen, eps, remarks, progress) for eps in asked]
+        report = _explain(chosen, rows, progress)
+    conclude(report, _text(chosen, report), remarks, as_json, quiet)
 
 
 def _list(as_json: bool, quiet: bool) -> None:
@@ -147,14 +148,19 @@ def _anisotropy(model: Any) -> list[str]:
     return [f"anisotropic where {pair} differ: {refused}" for pair in pairs]
 
 
-def _orders(chosen: Brdf, tolerance: float) -> dict[str, Any]:
+def _orders(
+    chosen: Brdf, tolerance: float, remarks: list[str], progress: Progress | None
+) -> dict[str, Any]:
+    """Return the orders that a tolerance asks for; what is to be said of them joins `remarks`."""
     from shrm_cli.errors import BrdfError, OrderError
     from shrm_cli.orders import choose_orders
 
     try:
-        orders, _ = choose_orders(chosen, tolerance)
+        orders, coefficients = choose_orders(chosen, tolerance, progress=progress)
     except (OrderError, BrdfError) as error:
         return {"epsilon": tolerance, "error": str(error)}
+    if coefficients.remark is not None:
+        remarks.append(f"`eps` {tolerance:g}: {chosen!r} is {coefficients.remark}")
     return {
         "epsilon": tolerance,
         "order_f": orders.order_f,
@@ -163,7 +169,7 @@ def _orders(chosen: Brdf, tolerance: float) -> dict[str, Any]:
     }
 
 
-def _explain(chosen: Brdf, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _explain(chosen: Brdf, rows: list[dict[str, Any]], progress: Progress | None) -> dict[str, Any]:
     from shrm_cli.brdf.examine import ANGLES, captured_by_view_order, examine
 
     found = examine(chosen)
@@ -186,8 +192,9 @@ def _explain(chosen: Brdf, rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
     met = [row for row in rows if "error" not in row]
     if met:
-        captured = captured_by_view_order(chosen, met[-1]["order_f"]).tolist()
-        report["captured_by_view_order"] = {"order_f": met[-1]["order_f"], "captured": captured}
+        f = met[-1]["order_f"]
+        captured = captured_by_view_order(chosen, f, progress=progress).tolist()
+        report["captured_by_view_order"] = {"order_f": f, "captured": captured}
     return report
 
 

@@ -50,7 +50,7 @@ _PRINTS = [name for name, each in all_options(registry.descriptions()).items() i
 )  # fmt: skip
 @shared_options("eps", "error", "order_f", "order_p", "center")
 @representation_options()
-@shared_options("domain", "source_height", "frame", "size")
+@shared_options("domain", "source_height", "frame", "size", "max_size")
 @precision_option
 @click.option(
     "-o", "--output", type=click.Path(),
@@ -109,10 +109,8 @@ def prefilter(
         if value is not None
     }
     pixel_type = made.map.save(target, precision)
-    result = {"file": os.fspath(target), **made.summary(), "precision": pixel_type}
-    if not chosen.needs_brdf:
-        del result["precision"]
-        result |= {"bytes": os.path.getsize(target), "precision": pixel_type}
+    result = {"file": os.fspath(target), **made.summary()}
+    result |= {"bytes": os.path.getsize(target), "precision": pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
@@ -143,8 +141,6 @@ def _default_name(probe: str, brdf: str | None, to: str) -> str:
 def _report(chosen: Representation, made: Prefiltered, result: dict[str, Any]) -> list[str]:
     """Return lines about the map, which its representation words, and how it was made."""
     what, *lines = registry.module(chosen.name, "report").report(result)
-    stored = [result["precision"]]
-    if not chosen.needs_brdf:
-        stored.append(f"{result['bytes']:,} bytes")
+    stored = [result["precision"], f"{result['bytes']:,} bytes"]
     lines += [f"{heading:<15}{text}" for heading, text in made.notes]
     return [f"{result['file']}: {what}, {', '.join(stored)}", *(f"  {line}" for line in lines)]

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from shrm_cli.maps.options import Option
+from shrm_cli.maps.options import Option, parse_bytes
 from shrm_cli.vocabulary import MAX_LEVELS
 
 
@@ -190,6 +190,23 @@ class Levels(click.ParamType):  # type: ignore[type-arg]
         return numbers
 
 
+class Bytes(click.ParamType):  # type: ignore[type-arg]
+    """An amount of storage such as ``32MB``, ``1.5GiB`` or a plain number of bytes."""
+
+    name = "bytes"
+
+    def convert(
+        self, value: str | int, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int:
+        """Return a number of bytes, at least 1."""
+        count = parse_bytes(value) if isinstance(value, str) else value
+        if count is None or count < 1:
+            self.fail(
+                f"{value!r} is not a number of bytes such as 32MB, 500kB or 2000000", param, ctx
+            )
+        return count
+
+
 def click_option(option: Option) -> Any:
     """Return the decorator that adds an option of prefiltering to a command."""
     flag = f"--{option.name.replace('_', '-')}"
@@ -205,6 +222,7 @@ def click_option(option: Option) -> Any:
         "interval": Interval(low, high),
         "levels": Levels(),
         "components": Components(),
+        "bytes": Bytes(),
     }
     metavar = option.metavar or None
     return click.option(

@@ -29,6 +29,7 @@ from shrm_cli.files.parts import Part
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Precision, Sampling
 
@@ -107,6 +108,21 @@ class Map(ABC):
         -------
         ndarray, shape (..., 3)
         """
+
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the reflected radiance roughly, but fast, without preparing any filter.
+
+        Parameters
+        ----------
+        reflections, views : ndarray, shape (n, 3)
+            The mirror directions of the views and the views, unit vectors in world axes.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Here it is exact; maps that can do it faster take the nearest texels.
+        """
+        return self.radiance(bisector(reflections, views), views)
 
     @property
     def roughness_range(self) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.maps.size import supported_order
+from shrm_cli.maps.size import largest_f, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import (
@@ -61,6 +61,12 @@ class Expansion:
         return predicted_error(self.lighting, self.coefficients, self.carried, self.orders.order_p)
 
     @property
+    def remark(self) -> str | None:
+        """What a user should know of the BRDF's sampling, in one line; None if it is as asked."""
+        remark = self.coefficients.remark
+        return None if remark is None else f"{self.brdf!r} is {remark}"
+
+    @property
     def estimated(self) -> float:
         """The energy of the reflected light that is only estimated, relative to all of it."""
         whole = reflected_rms(self.lighting, self.coefficients) ** 2
@@ -105,7 +111,7 @@ def carry(
         If the probe cannot be read, or the coefficients cannot be extended.
     """
     f, p = orders.order_f, orders.order_p
-    limit = max(f, min(supported_order(size), MAX_ORDER_F))
+    limit = max(f, min(supported_order(size), largest_f(p), MAX_ORDER_F))
     lighting = light.to_order(max(coefficients.order_f, limit))
     while True:
         visible = carried_order(lighting, coefficients, f, p)
@@ -115,4 +121,5 @@ def carry(
         is_known = is_exact or visible <= _KNOWN * known
         if known >= limit or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
-        coefficients = extended(brdf, coefficients, orders.tolerance, min(2 * known, limit))
+        further = min(2 * known, limit)
+        coefficients = extended(brdf, coefficients, orders.tolerance, further, light.progress)

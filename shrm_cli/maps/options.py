@@ -5,6 +5,7 @@ This module and the module ``options`` in each representation's folder load no n
 """
 
 import operator
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.vocabulary import (
     CENTERS,
     DEFAULT_EPS,
+    DEFAULT_MAX_SIZE,
     DOMAINS,
     FRAMES,
     MAX_CUBE_SIZE,
@@ -40,7 +42,7 @@ class Option:
         between 0 and 1, ``choice`` one of `choices`, ``switch`` yes or no, ``text`` any text,
         ``interval`` two rising numbers within `limits`, ``levels`` the number of levels of a
         split sum or the roughness of each, ``components`` the number of principal components of
-        an SHRM or the error that may be added.
+        an SHRM or the error that may be added, ``bytes`` an amount of storage.
     choices : tuple of str
         The values that a ``choice`` may have.
     limits : tuple of 2 float
@@ -90,6 +92,7 @@ class Option:
             "interval": f"two numbers that rise within {low:g} .. {high:g}",
             "levels": f"a number of levels, 1 .. {MAX_LEVELS}, or the roughnesses of levels",
             "components": "a number of components, or an error between 0 and 1",
+            "bytes": "a number of bytes, such as 32MB, 500kB or 2000000",
         }[self.kind]
 
 
@@ -141,6 +144,11 @@ def _components(option: Option, value: object) -> int | float | None:
     return count if count is not None and count >= 1 else None
 
 
+def _bytes(option: Option, value: object) -> int | None:
+    count = parse_bytes(value) if isinstance(value, str) else _whole(value)
+    return count if count is not None and count >= 1 else None
+
+
 _CHECKS: dict[str, Callable[[Option, object], Any]] = {
     "integer": _whole_within,
     "fraction": _fraction,
@@ -150,6 +158,7 @@ _CHECKS: dict[str, Callable[[Option, object], Any]] = {
     "interval": _interval,
     "levels": _levels,
     "components": _components,
+    "bytes": _bytes,
 }
 
 
@@ -239,6 +248,14 @@ SHARED = {
             "integer",
             limits=(MIN_CUBE_SIZE, MAX_CUBE_SIZE),
         ),
+        Option(
+            "max_size",
+            "Most bytes of the map in half precision, such as 500kB. Where they are too few for "
+            "the orders, the best map within them is made.  "
+            f"[default: {DEFAULT_MAX_SIZE // 10**6}MB]",
+            "bytes",
+            metavar="BYTES",
+        ),
         Option("sampling", "Where the edge texels of the map lie.", "choice", choices=SAMPLINGS),
     )
 }
@@ -258,6 +275,36 @@ CUBE_ARGUMENTS = frozenset(("size", "sampling"))
 
 BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error"}
 """The arguments that representations which are made for a BRDF share."""
+
+
+_AMOUNT = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:([kmg]?)(i?)b)?\s*", re.IGNORECASE)
+_POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
+
+
+def parse_bytes(text: str) -> int | None:
+    """Return the number of bytes that a text such as ``32MB`` or ``1.5 GiB`` names.
+
+    Units are decimal, unless they have an i: a kB is 1000 bytes, and a KiB is 1024. Their case does
+    not matter.
+
+    Returns
+    -------
+    int or None
+        None where the text names no amount.
+    """
+    found = _AMOUNT.fullmatch(text)
+    if found is None or (found[3] and not found[2]):
+        return None
+    unit = (1024 if found[3] else 1000) ** _POWERS[(found[2] or "").lower()]
+    return round(float(found[1]) * unit)
+
+
+def bytes_text(count: int) -> str:
+    """Return a number of bytes as people read it, to three digits: ``32 MB``."""
+    amount, units = float(count), ["bytes", "kB", "MB", "GB"]
+    while amount >= 999.5 and len(units) > 1:
+        amount, units = amount / 1000, units[1:]
+    return f"{amount:.3g} {units[0]}"
 
 
 def owners(descriptions: Mapping[str, Representation], argument: str) -> list[str]:

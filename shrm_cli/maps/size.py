@@ -3,10 +3,12 @@
 Sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+import math
+
 import numpy as np
 
 from shrm_cli.errors import MapError
-from shrm_cli.vocabulary import MAX_CUBE_SIZE
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, MAX_ORDER_P
 
 MAX_VALUES = 2**30
 """The most values in the cubes of a map, which take 4 GB as 32-bit floats."""
@@ -54,6 +56,35 @@ def stored_bytes(size: int, cubes: int) -> int:
 def most_cubes(size: int, max_size: int) -> int:
     """Return how many RGB cubes fit into `max_size` bytes in half precision; it may be 0."""
     return max_size // stored_bytes(size, 1)
+
+
+def largest_p(order_f: int, size: int, max_size: int) -> int:
+    """Return the largest P of an SHRM that takes at most `max_size` bytes, and that can be made.
+
+    Parameters
+    ----------
+    order_f : int
+        The order F of the map.
+    size : int
+        Texels along a face's edge.
+    max_size : int
+        The most bytes of the map in half precision.
+
+    Returns
+    -------
+    int
+        -1 where not even P = 0 fits.
+    """
+    cubes = min(most_cubes(size, max_size), MAX_VALUES // (18 * size**2))
+    p = min(math.isqrt(cubes) - 1, MAX_ORDER_P)
+    while p > 0 and largest_f(p) < order_f:
+        p -= 1
+    return p
+
+
+def largest_f(order_p: int) -> int:
+    """Return the largest order of the light with which an SHRM of order P can be computed."""
+    return math.isqrt(MAX_SERIES // (3 * (order_p + 1) ** 2)) - order_p - 1
 
 
 def check_size(order_f: int, order_p: int, size: int | None = None) -> None:

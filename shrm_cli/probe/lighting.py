@@ -49,12 +49,13 @@ class Projection:
     ----------
     probe : Probe
     progress : callable, optional
-        Called with the rows read and their number.
+        Called with the rows read and their number. Other work on a map of the light may take it
+        from the attribute of that name.
     """
 
     def __init__(self, probe: Probe, progress: Progress | None = None) -> None:
         self.probe = probe
-        self._progress = progress
+        self.progress = progress
         self._known: Lighting | None = None
 
     def to_order(self, order: int) -> Lighting:
@@ -66,7 +67,7 @@ class Projection:
             If the probe cannot be read.
         """
         if self._known is None or self._known.order < order:
-            self._known = project(self.probe, order, self._progress)
+            self._known = project(self.probe, order, self.progress)
         return self._known
 
 

@@ -82,6 +82,33 @@ class CubeSampler:
         return result
 
 
+def nearest_texels(
+    directions: ArrayLike, size: int, sampling: Sampling
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Find the texels of a cube that lie nearest to directions.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        They may have any length but 0.
+    size : int
+        Texels along a face's edge.
+    sampling : {"center", "border"}
+
+    Returns
+    -------
+    rows, columns : ndarray of int, shape (...)
+        Indices into an image of 6 size rows and size columns.
+    """
+    face, s, t = cube_coordinates(directions)
+    sampling = sampling if size > 1 else "center"
+    row, column = (
+        np.clip(np.rint(_index(position, size, sampling)), 0, size - 1).astype(np.intp)
+        for position in (t, s)
+    )
+    return face * size + row, column
+
+
 def _scale(size: int, sampling: Sampling) -> tuple[float, float]:
     """Texels for each unit of position, and how many texels position -1 lies before texel 0."""
     return ((size - 1) / 2, 0.0) if sampling == "border" else (size / 2, 0.5)

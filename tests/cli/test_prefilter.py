@@ -31,12 +31,13 @@ STANDARD = {
 OURS = {
     "shrm:representation", "shrm:version", "shrm:frame", "shrm:center", "shrm:F", "shrm:P",
     "shrm:epsilon", "shrm:brdf_energy_captured", "shrm:predicted_error", "shrm:brdf",
-    "shrm:probe", "shrm:probe_sha256",
+    "shrm:probe", "shrm:probe_sha256", "shrm:filter_error",
 }  # fmt: skip
 KEYS = [
     "file", "representation", "frame", "center", "size", "sampling", "maps", "domain", "order_f",
-    "order_p", "epsilon", "brdf_energy_captured", "predicted_error", "added_error",
-    "error_bound", "brdf", "probe", "probe_sha256", "precision", "warnings",
+    "order_p", "order_carried", "epsilon", "brdf_energy_captured", "predicted_error",
+    "added_error", "filter_error", "error_bound", "negative_share", "brdf", "probe",
+    "probe_sha256", "bytes", "precision", "warnings",
 ]  # fmt: skip
 
 
@@ -188,7 +189,7 @@ def test_chromaticities_pass_through(folder):
     write_exr("p3.exr", noise(), chromaticities=P3)
     done("prefilter", "p3.exr", "--brdf", "lambertian", "-o", "out.exr")
     header, _ = read_exr("out.exr")
-    assert header.keys() == STANDARD | OURS | {"chromaticities"}
+    assert header.keys() == STANDARD | OURS | {"chromaticities", "shrm:carried"}
     np.testing.assert_allclose(header["chromaticities"], P3, rtol=1e-6)
 
 

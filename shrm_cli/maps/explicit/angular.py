@@ -11,11 +11,19 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.lobe import lobe_tail
 from shrm_cli.maps.explicit.explicit import ExplicitMap
+from shrm_cli.maps.explicit.prefilter import explicit_form
 from shrm_cli.maps.explicit.tabulate import tabulate
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.shrm.budget import (
+    Choice,
+    allowed_bytes,
+    halved,
+    most_order_p,
+    refuse_large,
+)
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.size import check_size, choose_size
+from shrm_cli.maps.size import choose_size
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
@@ -42,6 +50,7 @@ def prefilter_angular(
     size: int | None = None,
     sampling: Sampling = "center",
     source_height: int | None = None,
+    max_size: int | None = None,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF in the angular domain: one integral for each texel and view.
@@ -58,22 +67,31 @@ def prefilter_angular(
         The form of the map, as `tabulate` takes it.
     source_height : int, optional
         The height of a lat-long that the probe is averaged down to first.
+    max_size : int, optional
+        The most bytes of the map. By default a map whose size is chosen takes at most
+        `vocabulary.DEFAULT_MAX_SIZE`.
     progress : callable, optional
         Called with the number of images that are done, and of all images.
 
     Raises
     ------
-    OrderError, ProbeError, BrdfError, MapError
-        If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
-        too large.
+    ArgumentError, OrderError, ProbeError, BrdfError, MapError
+        If no map fits into `max_size`, the tolerance cannot be met, the probe or the BRDF cannot be
+        used, or the map would be too large.
     """
-    orders, _ = choose_orders(brdf, max(tolerance, _FINEST_GRID))
-    _, coefficients = choose_orders(brdf, orders.tolerance, order_p=_ORDER_TO_MEASURE)
-    orders = replace(orders, tolerance=tolerance)
-    size = choose_size(orders.order_f) if size is None else size
+    allowed, finest = allowed_bytes(max_size, size), max(tolerance, _FINEST_GRID)
+    most_p = most_order_p(allowed, size, explicit_form(kind, view_count).largest_p(allowed))
+    orders, chosen = choose_orders(brdf, finest, most_p=most_p)
+    _, coefficients = choose_orders(brdf, finest, order_p=_ORDER_TO_MEASURE)
     view_count = kind.default_view_count(orders.order_p) if view_count is None else view_count
-    check_size(orders.order_f, orders.order_p, size)
-    kind.check_images(size, kind.image_count(view_count))
+    count = kind.image_count(view_count)
+    if size is None:
+        choice = Choice(orders, choose_size(orders.order_f))
+        choice = halved(choice, chosen, count, allowed) or choice
+        orders, size = choice.orders, choice.size
+    orders = replace(orders, tolerance=tolerance)
+    refuse_large(size, count, max_size)
+    kind.check_images(size, count)
     integral = Reference(probe, brdf, source_height, tolerance)
     lighting = project(probe, coefficients.order_f)
     tail = _tail_coefficients(brdf, integral.angle, coefficients)

@@ -23,9 +23,10 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.sphere.cube import cube_solid_angles
+from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 Array = NDArray[np.floating]
@@ -361,6 +362,14 @@ class ExplicitMap(Map):
             values = self._sampler(int(index))(centers[points])
             np.add.at(result, points, weights[pairs, None] * values)
         return result.reshape(*shape, 3)
+
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Interpolate between the samples of the view at the nearest texels; see `Map.glimpse`."""
+        centers = central_directions(self.center, bisector(reflections, views), views)
+        indices, weights = self.blend(centers, views, self.count)
+        rows, columns = nearest_texels(centers, self.size, self.sampling)
+        values = self.images[indices, rows[:, None], columns[:, None]]
+        return np.asarray(np.sum(weights[..., None] * values, axis=1))
 
     # ---- private parts -----------------------------------------------------------------------
 

@@ -10,8 +10,8 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.shrm.prefilter import centered, order_warnings, prefilter_shrm
-from shrm_cli.orders import Orders
+from shrm_cli.maps.shrm.budget import Form
+from shrm_cli.maps.shrm.prefilter import centered, is_chosen, order_warnings, prefilter_shrm
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -33,6 +33,7 @@ def prefilter(
     sampling: Sampling = "center",
     slices: int | None = None,
     views: int | None = None,
+    max_size: int | None = None,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
@@ -51,23 +52,42 @@ def prefilter(
         raise ArgumentError("source_height", "applies with `domain` angular")
     kind = explicit_kind(to)
     count = kind.view_count(slices, views)
-    brdf, notes = centered(brdf, eps, center)
+    brdf, notes = centered(brdf, eps, center, progress)
     if is_angular:
         from shrm_cli.maps.explicit.angular import prefilter_angular
 
         made = prefilter_angular(
-            probe, brdf, eps, kind, count, size, sampling, source_height, progress
+            probe, brdf, eps, kind, count, size, sampling, source_height, max_size, progress
         )
         return replace(made, notes=notes)
     made = prefilter_explicit(
-        probe, brdf, eps, to, order_f, order_p, count, size, sampling, np.float32, progress
-    )
-    return replace(made, notes=notes, warnings=order_warnings(made, brdf, eps, order_p))
+        probe, brdf, eps, to, order_f, order_p, count, size, sampling, np.float32, max_size,
+        progress,
+    )  # fmt: skip
+    warnings = () if is_chosen(order_f, order_p) else order_warnings(made, brdf, eps, order_p)
+    return replace(made, notes=notes, warnings=(*warnings, *made.warnings))
 
 
 def explicit_kind(representation: str) -> type[ExplicitMap]:
     """Return the class of the explicit maps of a representation."""
     return cast(type[ExplicitMap], registry.map_class(representation))
+
+
+def explicit_form(kind: type[ExplicitMap], view_count: int | None) -> Form:
+    """Return what an explicit map holds that is made from an SHRM of order P.
+
+    Parameters
+    ----------
+    kind : type of ExplicitMap
+    view_count : int, optional
+        Samples along an axis of the view; `ExplicitMap.default_view_count` of P by default.
+    """
+
+    def images(order_p: int) -> int:
+        views = kind.default_view_count(order_p) if view_count is None else view_count
+        return kind.image_count(views)
+
+    return Form(images, kind.check_images)
 
 
 def prefilter_explicit(
@@ -81,6 +101,7 @@ def prefilter_explicit(
     size: int | None = None,
     sampling: Sampling = "center",
     dtype: type = np.float64,
+    max_size: int | None = None,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe in the frequency domain, and tabulate the SHRM.
@@ -91,23 +112,20 @@ def prefilter_explicit(
         The representation of an explicit map.
     view_count : int, optional
         Samples along an axis of the view; `ExplicitMap.default_view_count` of P by default.
-    probe, brdf, tolerance, order_f, order_p, size, sampling, dtype, progress
-        The same as for `prefilter_shrm`.
+    probe, brdf, tolerance, order_f, order_p, size, sampling, dtype, max_size, progress
+        The same as for `prefilter_shrm`. Where the images exceed the bytes at the size that the
+        orders ask for, the size is halved until they fit.
 
     Raises
     ------
-    OrderError, ProbeError, BrdfError, MapError
+    ArgumentError, OrderError, ProbeError, BrdfError, MapError
         If the tolerance cannot be met, the probe or the BRDF cannot be used, or the map would be
         too large.
     """
     kind = explicit_kind(representation)
 
-    def check(orders: Orders, edge: int) -> None:
-        views = kind.default_view_count(orders.order_p) if view_count is None else view_count
-        kind.check_images(edge, kind.image_count(views))
-
     made = prefilter_shrm(
         Projection(probe, progress), brdf, tolerance, order_f, order_p, size,
-        sampling=sampling, dtype=dtype, check=check,
+        sampling=sampling, dtype=dtype, max_size=max_size, form=explicit_form(kind, view_count),
     )  # fmt: skip
     return replace(made, map=kind.from_shrm(made.map.to_shrm(), view_count))

@@ -2,10 +2,9 @@
 
 Where the orders that a tolerance asks for make a file that is too large, there are two ways to a
 smaller one: a lower order P, and smaller cubes. Both are errors of the reflected light, which are
-known before the map is made, so that the best pair of the two can be chosen.
+known before the map is made, so that the best pair of the two can be chosen. What is lost is said.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,11 +13,19 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.size import choose_size, most_cubes, stored_bytes, supported_order
+from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.size import choose_size, largest_p, stored_bytes, supported_order
 from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import filtering_error, predicted_error
-from shrm_cli.vocabulary import MAX_ORDER_P, Sampling
+from shrm_cli.vocabulary import (
+    DEFAULT_MAX_SIZE,
+    MAX_ORDER_F,
+    MAX_ORDER_P,
+    MIN_CUBE_SIZE,
+    REPRESENTATIONS,
+    Sampling,
+)
 
 _SMALLEST = 16
 """The smallest cube that is tried, texels along a face's edge."""
@@ -44,7 +51,53 @@ class Choice:
         return stored_bytes(self.size, (self.orders.order_p + 1) ** 2)
 
 
-def most_order_p(max_size: int, size: int | None = None) -> Callable[[int], int]:
+@dataclass(frozen=True)
+class Form:
+    """What a map holds that is made from an SHRM of order P.
+
+    Attributes
+    ----------
+    images : callable
+        Returns the number of RGB cubes of a map of order P.
+    check : callable, optional
+        Called with the size and the number of cubes before the work starts; it may refuse them by
+        raising an error.
+    """
+
+    images: Callable[[int], int]
+    check: Callable[[int, int], object] | None = None
+
+    def largest_p(self, max_size: int) -> int:
+        """Return the largest P whose cubes fit at the least size; any P where none fits."""
+        orders = range(MAX_ORDER_P, -1, -1)
+        fitting = (p for p in orders if stored_bytes(MIN_CUBE_SIZE, self.images(p)) <= max_size)
+        return next(fitting, MAX_ORDER_P)
+
+
+SHRM_FORM = Form(lambda order_p: (order_p + 1) ** 2)
+"""The form of an SHRM: a cube for each harmonic of the view."""
+
+
+def allowed_bytes(max_size: int | None, size: int | None = None) -> int:
+    """Return the most bytes of a map whose orders are chosen.
+
+    A size that is given by hand is obeyed even where the default would not allow it.
+
+    Parameters
+    ----------
+    max_size : int, optional
+        The most bytes that were asked for; `vocabulary.DEFAULT_MAX_SIZE` by default.
+    size : int, optional
+        Texels along a face's edge, where they are given.
+    """
+    if max_size is not None:
+        return max_size
+    return max(DEFAULT_MAX_SIZE, 0 if size is None else stored_bytes(size, 1))
+
+
+def most_order_p(
+    max_size: int, size: int | None = None, most: int = MAX_ORDER_P
+) -> Callable[[int], int]:
     """Return a function that tells the largest P whose map fits, for an order F.
 
     Cubes of half the size that F asks for are counted with, because a map may be worth that.
@@ -55,13 +108,15 @@ def most_order_p(max_size: int, size: int | None = None) -> Callable[[int], int]
         The most bytes of the map.
     size : int, optional
         Texels along a face's edge, where they are given.
+    most : int
+        The largest P in any case.
     """
 
-    def most(order_f: int) -> int:
+    def most_at(order_f: int) -> int:
         texels = max(choose_size(order_f) // 2, _SMALLEST) if size is None else size
-        return _largest_p(most_cubes(texels, max_size))
+        return min(largest_p(order_f, texels, max_size), most)
 
-    return most
+    return most_at
 
 
 def affordable(
@@ -71,6 +126,7 @@ def affordable(
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
+    most: int = MAX_ORDER_P,
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
@@ -85,6 +141,8 @@ def affordable(
     size : int, optional
         Texels along a face's edge, where they are given.
     sampling : {"center", "border"}
+    most : int
+        The largest P in any case.
 
     Returns
     -------
@@ -99,12 +157,15 @@ def affordable(
     OrderError, BrdfError, ProbeError
         If the tolerance is none, or the BRDF or the probe cannot be used.
     """
-    orders, coefficients = choose_orders(brdf, tolerance, most_p=most_order_p(max_size, size))
+    most_p = most_order_p(max_size, size, most)
+    orders, coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)
     choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
-    if orders.captured >= 1 - tolerance and choice.bytes <= max_size:
+    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, max_size), most)
+    if orders.captured >= 1 - tolerance and fits:
         return choice, coefficients
     lighting = light.to_order(coefficients.order_f)
-    return fitting(coefficients, lighting, tolerance, max_size, size, sampling), coefficients
+    choice = fitting(coefficients, lighting, tolerance, max_size, size, sampling, most)
+    return choice, coefficients
 
 
 def fitting(
@@ -114,6 +175,7 @@ def fitting(
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
+    most: int = MAX_ORDER_P,
 ) -> Choice:
     """Choose the orders and the size of the best map that fits.
 
@@ -129,6 +191,8 @@ def fitting(
     size : int, optional
         Texels along a face's edge, where they are given.
     sampling : {"center", "border"}
+    most : int
+        The largest P in any case.
 
     Raises
     ------
@@ -139,10 +203,10 @@ def fitting(
     sizes = [2**k for k in range(int(np.log2(_SMALLEST)), int(np.log2(largest)) + 1)]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
-        p = min(_largest_p(most_cubes(texels, max_size)), coefficients.order_p)
+        carried = min(supported_order(texels), coefficients.order_f)
+        p = min(largest_p(carried, texels, max_size), coefficients.order_p, most)
         if p < 0:
             continue
-        carried = min(supported_order(texels), coefficients.order_f)
         error = np.hypot(
             predicted_error(lighting, coefficients, carried, p),
             filtering_error(lighting, coefficients, carried, p, texels, sampling),
@@ -157,6 +221,114 @@ def fitting(
     return min(found, key=lambda each: each[:2])[2]
 
 
-def _largest_p(cubes: int) -> int:
-    """Return the largest P with at most so many harmonics of the view; -1 where there is none."""
-    return min(math.isqrt(cubes) - 1, MAX_ORDER_P)
+def halved(
+    choice: Choice, coefficients: BrdfCoefficients, images: int, max_size: int
+) -> Choice | None:
+    """Halve the size of a map of other images than those of an SHRM, until they fit.
+
+    Parameters
+    ----------
+    choice : Choice
+        The orders and the size of the SHRM behind the map.
+    coefficients : BrdfCoefficients
+    images : int
+        The number of RGB cubes of the map.
+    max_size : int
+        The most bytes of the map in half precision.
+
+    Returns
+    -------
+    Choice or None
+        The least size is `vocabulary.MIN_CUBE_SIZE`; None where that does not fit either.
+    """
+    size = choice.size
+    while stored_bytes(size, images) > max_size:
+        size //= 2
+        if size < MIN_CUBE_SIZE:
+            return None
+    if size == choice.size:
+        return choice
+    f, p = min(choice.orders.order_f, supported_order(size)), choice.orders.order_p
+    captured = float(coefficients.captured()[f, p])
+    return Choice(replace(choice.orders, order_f=f, captured=captured), size)
+
+
+def refuse_large(size: int, images: int, max_size: int | None) -> None:
+    """Refuse a map whose form is given by hand, if it exceeds the bytes that were asked for.
+
+    Parameters
+    ----------
+    size : int
+        Texels along a face's edge.
+    images : int
+        The number of RGB cubes.
+    max_size : int, optional
+        The most bytes that were asked for. None refuses nothing.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    stored = stored_bytes(size, images)
+    if max_size is not None and stored > max_size:
+        raise ArgumentError(
+            "max_size",
+            f"{bytes_text(max_size)} does not hold {images:,} cubes of 6 x {size} x {size} texels, "
+            f"which take {bytes_text(stored)}; raise it, or ask for fewer or smaller ones",
+        )
+
+
+def shortfall(
+    brdf: Brdf,
+    coefficients: BrdfCoefficients,
+    kept: Orders,
+    max_size: int,
+    error: float,
+    form: Form = SHRM_FORM,
+) -> str | None:
+    """Say in one line what a map misses of its tolerance; None where the tolerance is met.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    coefficients : BrdfCoefficients
+        The coefficients from which the orders were chosen.
+    kept : Orders
+        The orders of the map.
+    max_size : int
+        The most bytes of the map.
+    error : float
+        The predicted relative RMS error of the reflected light.
+    form : Form
+        What the map holds.
+    """
+    if kept.captured >= 1 - kept.tolerance:
+        return None
+    asked = f"that `eps` {kept.tolerance:g} asks for"
+    predicted = f"RMS error {error:.1%} predicted"
+    wanted = least_orders(coefficients, kept.tolerance)
+    is_known = wanted.captured >= 1 - kept.tolerance
+    needed = stored_bytes(choose_size(wanted.order_f), form.images(wanted.order_p))
+    if is_known and wanted.order_p > kept.order_p:
+        held = f"P = {kept.order_p} of the {wanted.order_p} {asked}"
+    elif is_known:
+        held = f"F = {kept.order_f} of the {wanted.order_f} {asked}"
+    else:
+        if brdf.zonal:
+            return (
+                f"{brdf!r} is sharper than F = {MAX_ORDER_F} can show: {kept.captured:.1%} of its "
+                f"energy, less than `eps` {kept.tolerance:g} asks for; {predicted}"
+            )
+        if kept.order_p >= MAX_ORDER_P:
+            return (
+                f"P = {MAX_ORDER_P} is less than `eps` {kept.tolerance:g} asks for of {brdf!r}; "
+                f"{predicted}{_instead('; ')}"
+            )
+        held = f"P = {kept.order_p} of the more than {coefficients.order_p} {asked}"
+    more = f"raise `max_size` to {bytes_text(needed)}" if is_known else "raise `max_size`"
+    return f"{bytes_text(max_size)} hold {held}: {predicted}; {more}{_instead(', or ')}"
+
+
+def _instead(joined: str) -> str:
+    """Return which other representation does better with BRDFs of many orders, if there is one."""
+    return f"{joined}take `to` principal" if "principal" in REPRESENTATIONS else ""

@@ -163,6 +163,10 @@ class CompressedShrm(Map):
         """Evaluate the radiance, shape (..., 3), as `Shrm.central_radiance` does."""
         return self._expanded.central_radiance(centers, views)
 
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
+        return self._expanded.glimpse(reflections, views)
+
     @cached_property
     def _expanded(self) -> Shrm:
         return self.expand()

@@ -5,16 +5,16 @@ in the global frame ``B~_ps(R) = sum_q B_pq(R) exp(-i s phi) d^p_sq(theta)`` (eq
 ``D^l_mq conj(D^p_sq)`` summed over q keeps only the zero column of each D^J, so that the B~_ps are
 *scalar* functions of R, band-limited at exactly F + P. Both sums are done on the rings of a
 Gauss-Legendre rule, Fourier mode by Fourier mode, and the rule turns them into coefficients; no
-sample in phi is ever taken.
+sample in phi is ever taken. Rings come in pairs, theta and pi - theta, which share a table of the
+small-d functions; and because the light is real, B_p,-q follows from B_pq.
 
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.wigner import small_d_degrees
@@ -24,9 +24,11 @@ ComplexArray = NDArray[np.complexfloating]
 
 _TABLE_BYTES = 2**27
 """The bytes that the tables and waves of a block of several rings may take."""
+_LEAST_BLOCKS = 8
+"""The least number of blocks, so that progress is seen."""
 
 
-def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
+def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | None = None) -> Array:
     """Compute the coefficients over R of every coefficient map of the global SHRM.
 
     Parameters
@@ -35,6 +37,8 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
         The coefficients of the light over the real harmonics of world axes.
     brdf : ndarray, shape (F+1, P+1, P+1, channels)
         The coefficients rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
+    progress : callable, optional
+        Called with the number of rings done and the number of all rings.
 
     Returns
     -------
@@ -50,49 +54,62 @@ def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
         return (lighting[: len(degree)] * brdf[degree, 0, 0] * scale)[:, None]
     band = order_f + order_p
     light = complex_from_real(lighting, order_f)
-    cosines, weights = gauss_legendre(band + 1)
-    theta = np.arccos(cosines)
+    pairs = band // 2 + 1
+    cosines, weights = gauss_legendre(2 * pairs)
     result = np.zeros(((band + 1) ** 2, (order_p + 1) ** 2, channels))
-    for rings in _blocks(len(theta), order_f, order_p):
-        local = _local_modes(light, brdf, theta[rings])
-        waves = _global_waves(local, theta[rings], order_p)
+    step = min(_pairs_at_once(order_f, order_p), -(-pairs // _LEAST_BLOCKS))
+    for start in range(0, pairs, step):
+        one = np.arange(start, min(start + step, pairs))
+        rings = np.concatenate([one, 2 * pairs - 1 - one])
+        theta = np.arccos(cosines[rings])
+        local = _local_modes(light, brdf, theta[: len(one)])
+        waves = _global_waves(local, theta, order_p)
         _integrate(waves, legendre_table(band, cosines[rings]), weights[rings], result)
+        if progress is not None:
+            progress(int(one[-1]) + 1, pairs)
     return result
 
 
-def _blocks(rings: int, order_f: int, order_p: int) -> Iterator[slice]:
-    """Yield blocks of rings whose small-d values and waves stay within `_TABLE_BYTES`.
+def _pairs_at_once(order_f: int, order_p: int) -> int:
+    """Return for how many pairs of rings small-d values and waves stay within `_TABLE_BYTES`.
 
-    A block has one ring at least, even if that takes more.
+    It is one at least, even if that takes more.
     """
-    table = (2 * order_f + 1) * (2 * order_p + 1) * (order_f + 1)
+    table = (2 * order_f + 1) * (order_p + 1) * (order_f + 1)
     waves = 2 * (order_f + order_p + 1) * (order_p + 1) ** 2 * 3
-    bytes_a_ring = 8 * (table + 2 * waves)
-    step = max(1, _TABLE_BYTES // bytes_a_ring)
-    for start in range(0, rings, step):
-        yield slice(start, start + step)
+    return max(1, _TABLE_BYTES // (8 * (table + 4 * waves)))
 
 
 def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray:
-    """Compute ``B_pq`` on rings for each Fourier mode m (eq. 5.24).
+    """Compute ``B_pq`` for each Fourier mode m (eq. 5.24) on the rings theta, then on pi - theta.
 
     The result is indexed ``[q + P, m + F, ring, p, channel]``.
     """
     order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
-    table = np.zeros((2 * order_p + 1, 2 * order_f + 1, len(theta), order_f + 1))
+    count = len(theta)
+    table = np.zeros((order_f + 1, order_p + 1, 2 * order_f + 1, count))
     for degree, d in small_d_degrees(order_f, theta, max_spin=order_p):
         spin = d.shape[1] // 2
-        columns = slice(order_p - spin, order_p + spin + 1)
         rows = slice(order_f - degree, order_f + degree + 1)
-        table[columns, rows, :, degree] = d.transpose(1, 0, 2)
-    result = np.empty(
-        (2 * order_p + 1, 2 * order_f + 1, len(theta), order_p + 1, channels), dtype=complex
+        table[degree, : spin + 1, rows] = d[:, spin:].transpose(1, 0, 2)
+    # d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)
+    mirrored = light[:, ::-1] * ((-1.0) ** np.arange(order_f + 1))[:, None, None]
+    result = np.zeros(
+        (2 * order_p + 1, 2 * order_f + 1, 2 * count, order_p + 1, channels), dtype=complex
     )
-    for q in range(-order_p, order_p + 1):
-        products = light.transpose(1, 0, 2)[:, :, None] * brdf[:, :, abs(q)]
-        flat = products.reshape(2 * order_f + 1, order_f + 1, -1).view(float)
-        modes = (table[q + order_p] @ flat).view(complex)
-        result[q + order_p] = modes.reshape(result.shape[1:])
+    for q in range(min(order_p, order_f) + 1):
+        shape = count, order_p + 1 - q, channels
+        for m in range(-order_f, order_f + 1):
+            low, at = max(abs(m), q), order_f + m
+            both = np.stack([light[low:, at], mirrored[low:, at]], axis=1)
+            products = both[:, :, None] * brdf[low:, None, q:, q]
+            modes = table[low:, q, at].T @ products.reshape(len(both), -1).view(float)
+            north, south = np.split(modes.view(complex), 2, axis=1)
+            result[order_p + q, at, :count, q:] = north.reshape(shape)
+            result[order_p + q, -1 - at, count:, q:] = (-1) ** q * south.reshape(shape)
+    # The light is real, so that B_p,-q is the conjugate of B_pq, times (-1)^q.
+    odd = (-1.0) ** np.arange(order_p, 0, -1)
+    result[:order_p] = odd.reshape(-1, 1, 1, 1, 1) * result[:order_p:-1, ::-1].conj()
     return result
 
 

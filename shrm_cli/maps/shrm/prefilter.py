@@ -3,24 +3,34 @@
 The method is that of section 5.6.2 of Ramamoorthi's thesis.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.expansion import carry
+from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.shrm.budget import affordable
+from shrm_cli.maps.shrm.budget import (
+    SHRM_FORM,
+    Choice,
+    Form,
+    affordable,
+    allowed_bytes,
+    halved,
+    refuse_large,
+    shortfall,
+)
 from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
 from shrm_cli.maps.size import check_size, choose_size
-from shrm_cli.orders import Orders, choose_center, choose_orders
+from shrm_cli.orders import choose_center, choose_orders
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
 
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
@@ -40,7 +50,7 @@ def prefilter(
     compress: int | float | None = None,
     domain: str = "frequency",
     source_height: int | None = None,
-    max_size: int = DEFAULT_MAX_SIZE,
+    max_size: int | None = None,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
@@ -57,7 +67,7 @@ def prefilter(
         )
     if source_height is not None:
         raise ArgumentError("source_height", "applies with `domain` angular")
-    brdf, notes = centered(brdf, eps, center)
+    brdf, notes = centered(brdf, eps, center, progress)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
     # that neither can be given.
     is_free = (order_f, order_p, center) == (None, None, None)
@@ -66,22 +76,36 @@ def prefilter(
             "split", "applies with neither `center` nor orders; leave one of them out"
         )
     light = Projection(probe, progress)
-    if is_free and split is not False:
-        plan = plan_terms(light, brdf, eps, max_size, size)
+    chosen = None
+    if is_free and split is not False and len(split_terms(brdf)) > 1:
+        allowed = allowed_bytes(max_size, size)
+        chosen = affordable(light, brdf, eps, allowed, size, sampling)
+        plan = plan_terms(light, brdf, eps, allowed, size, chosen)
         if plan is not None:
             takes = split or plan.pays
             count = f"{plan.count:,} coefficients as terms, {plan.whole.count:,} as one map"
+            if plan.is_closer:
+                count += " of more error"
             notes = (*notes, ("split" if takes else "not split", count))
             if takes:
                 made = prefilter_terms(plan, frame, sampling, np.float32, compress)
                 return replace(made, notes=notes)
     made = prefilter_shrm(
-        light, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, max_size
-    )
-    return replace(made, notes=notes, warnings=order_warnings(made, brdf, eps, order_p))
+        light, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, max_size,
+        chosen=chosen,
+    )  # fmt: skip
+    warnings = () if is_chosen(order_f, order_p) else order_warnings(made, brdf, eps, order_p)
+    return replace(made, notes=notes, warnings=(*warnings, *made.warnings))
 
 
-def centered(brdf: Brdf, tolerance: float, center: str | None) -> tuple[Brdf, Notes]:
+def is_chosen(order_f: int | None, order_p: int | None) -> bool:
+    """Return whether both orders are chosen from the tolerance, because neither is given."""
+    return order_f is None and order_p is None
+
+
+def centered(
+    brdf: Brdf, tolerance: float, center: str | None, progress: Progress | None = None
+) -> tuple[Brdf, Notes]:
     """Recenter a BRDF about the center that is asked for.
 
     Parameters
@@ -91,6 +115,8 @@ def centered(brdf: Brdf, tolerance: float, center: str | None) -> tuple[Brdf, No
         The fraction of the BRDF's energy that may be missed.
     center : {"auto", "reflection", "normal", "tangent"}, optional
         ``auto`` is the center that needs the fewest coefficients; None is the BRDF's own.
+    progress : callable, optional
+        As `choose_orders` takes it.
 
     Returns
     -------
@@ -107,7 +133,7 @@ def centered(brdf: Brdf, tolerance: float, center: str | None) -> tuple[Brdf, No
         return brdf, ()
     if center != "auto":
         return brdf.recentered(center), ()  # type: ignore[arg-type]
-    brdf, counts = choose_center(brdf, tolerance)
+    brdf, counts = choose_center(brdf, tolerance, progress)
     needs = ", ".join(f"{count:,} about the {name}" for name, count in counts.items())
     return brdf, (("centre", f"{brdf.center} (coefficients: {needs})"),)
 
@@ -148,8 +174,9 @@ def prefilter_shrm(
     sampling: Sampling = "center",
     dtype: type = np.float64,
     compress: int | float | None = None,
-    max_size: int = DEFAULT_MAX_SIZE,
-    check: Callable[[Orders, int], object] | None = None,
+    max_size: int | None = None,
+    form: Form = SHRM_FORM,
+    chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
 
@@ -166,29 +193,90 @@ def prefilter_shrm(
         The form of the map, as `Shrm.from_coefficients` takes it.
     compress : int or float, optional
         How far the map is compressed, as `compressed` takes it.
-    max_size : int
-        The most bytes of a map whose orders are chosen.
-    check : callable, optional
-        Called with the orders and the size before the work starts; it may refuse them by raising
-        an error.
+    max_size : int, optional
+        The most bytes of the map. By default a map whose orders are chosen takes at most
+        `vocabulary.DEFAULT_MAX_SIZE`, and orders that are given are obeyed.
+    form : Form
+        What the map holds that the SHRM is made for. Both have to fit into `max_size`.
+    chosen : tuple of Choice and BrdfCoefficients, optional
+        What `affordable` returns, where it is known.
+
+    Returns
+    -------
+    Prefiltered
+        The map, and what it misses of the tolerance as a warning, if the orders are chosen.
 
     Raises
     ------
+    ArgumentError
+        If no map fits into `max_size`, or those of the given orders do not.
     OrderError, ProbeError, BrdfError, MapError
         If the tolerance cannot be met with a given order, the probe or the BRDF cannot be used, or
         the map would be too large.
     """
-    if order_f is None and order_p is None:
-        choice, coefficients = affordable(light, brdf, tolerance, max_size, size, sampling)
-        orders, size = choice.orders, choice.size
+    expansion, warnings = expand(
+        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
+    )
+    made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
+    facts = {"error_bound": expansion.bound}
+    return Prefiltered(compressed(made, compress), facts, warnings=warnings)
+
+
+def expand(
+    light: Projection,
+    brdf: Brdf,
+    tolerance: float,
+    order_f: int | None,
+    order_p: int | None,
+    size: int | None,
+    sampling: Sampling,
+    max_size: int | None,
+    form: Form,
+    chosen: tuple[Choice, BrdfCoefficients] | None = None,
+) -> tuple[Expansion, tuple[str, ...]]:
+    """Choose the orders and the size of a map within its bytes, and expand light and BRDF.
+
+    Parameters
+    ----------
+    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
+        The same as for `prefilter_shrm`.
+
+    Returns
+    -------
+    expansion : Expansion
+    warnings : tuple of str
+        What the map misses of the tolerance, and BRDFs that were not sampled finely enough.
+
+    Raises
+    ------
+    ArgumentError, OrderError, ProbeError, BrdfError, MapError
+        For the same reasons as `prefilter_shrm`.
+    """
+    allowed = allowed_bytes(max_size, size)
+    is_free = is_chosen(order_f, order_p)
+    is_sized = size is not None
+    if is_free:
+        most = form.largest_p(allowed)
+        choice, coefficients = chosen or affordable(
+            light, brdf, tolerance, allowed, size, sampling, most
+        )
     else:
         if order_f is not None and not brdf.zonal:
             check_size(order_f, order_p or 0, size)
-        orders, coefficients = choose_orders(brdf, tolerance, order_f, order_p)
-        size = choose_size(orders.order_f) if size is None else size
+        orders, coefficients = choose_orders(
+            brdf, tolerance, order_f, order_p, progress=light.progress
+        )
+        choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
+    count = form.images(choice.orders.order_p)
+    if is_free and not is_sized:
+        choice = halved(choice, coefficients, count, allowed) or choice
+    orders, size = choice.orders, choice.size
+    refuse_large(size, count, max_size)
     check_size(orders.order_f, orders.order_p, size)
-    if check is not None:
-        check(orders, size)
+    if form.check is not None:
+        form.check(size, count)
     expansion = carry(light, brdf, orders, coefficients, size, is_exact=order_f is not None)
-    made = from_expansion(expansion, light.probe, frame, sampling, dtype)
-    return Prefiltered(compressed(made, compress), {"error_bound": expansion.bound})
+    lines = [expansion.remark]
+    if is_free:
+        lines.append(shortfall(brdf, coefficients, orders, allowed, expansion.error, form))
+    return expansion, tuple(line for line in lines if line is not None)

@@ -17,11 +17,12 @@ from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
+from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.sphere.directions import to_angles
+from shrm_cli.sphere.directions import bisector, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import rotate_to_frames
-from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
@@ -114,6 +115,7 @@ class Shrm(Map):
         frame: Frame = "global",
         sampling: Sampling = "center",
         dtype: type = np.float64,
+        progress: Progress | None = None,
     ) -> "Shrm":
         """Make the map from the coefficients of light and BRDF.
 
@@ -133,6 +135,8 @@ class Shrm(Map):
             The same as the attributes.
         dtype : float32 or float64
             The precision in which the texels are computed.
+        progress : callable, optional
+            As `reflected_coefficients` takes it.
 
         Raises
         ------
@@ -146,7 +150,7 @@ class Shrm(Map):
                 _zonal_coefficients(np.asarray(lighting), brdf, size, sampling, dtype),
                 frame, center, info, sampling,
             )  # fmt: skip
-        series = reflected_coefficients(np.asarray(lighting), brdf)
+        series = reflected_coefficients(np.asarray(lighting), brdf, progress)
         planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
         stacked = planes.reshape(*series.shape[1:], 6 * size, size)
         built = cls(stacked.transpose(2, 3, 0, 1), "global", center, info, sampling)
@@ -264,6 +268,16 @@ class Shrm(Map):
         values = self._sampler(np.broadcast_to(centers, shape))
         values = values.reshape(*shape[:-1], -1, 3)
         return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
+
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
+        normals = bisector(reflections, views)
+        centers = central_directions(self.center, normals, views)
+        values = self.coefficients[nearest_texels(centers, self.size, self.sampling)]
+        if self.frame == "local":
+            frames = local_frame(*to_angles(centers))
+            views = np.einsum("...ji,...j->...i", frames, views)
+        return np.einsum("nk,nkc->nc", real_harmonics(self.order_p, views), values)
 
     def reflection_map(self, view: ArrayLike) -> Array:
         """Return the reflection map for one distant viewer (eq. 5.35), shape (6N, N, 3).

@@ -114,6 +114,10 @@ class SummedShrm(Map):
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         return self.radiance(bisector(centers, views), views)
 
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance at the nearest texels; see `Map.glimpse`."""
+        return np.sum([term.glimpse(reflections, views) for term in self.terms], axis=0)
+
     def zonal_radiance(self, centers: ArrayLike, view_theta: float) -> Array:
         """Average the radiance over the azimuth of the view about mirror directions.
 

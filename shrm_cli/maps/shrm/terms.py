@@ -8,11 +8,11 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
-from shrm_cli.maps.shrm.budget import Choice, affordable, most_order_p
+from shrm_cli.maps.shrm.budget import Choice, affordable, fitting, most_order_p, shortfall
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
@@ -20,6 +20,7 @@ from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
 from shrm_cli.reflected import predicted_error, reflected_rms
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
 
@@ -47,6 +48,12 @@ class Term:
     choice: Choice
 
     @property
+    def needs(self) -> float:
+        """The bytes that meet the tolerance; infinite where the coefficients do not reach it."""
+        orders = self.choice.orders
+        return self.choice.bytes if orders.captured >= 1 - orders.tolerance else np.inf
+
+    @property
     def count(self) -> int:
         """The number of coefficients that are kept."""
         return coefficient_count(self.choice.orders, self.coefficients)
@@ -63,11 +70,18 @@ class Plan:
         The whole BRDF, with the orders that it would have as one map.
     light : Projection
         The light of the probe that the plan was made for.
+    max_size : int
+        The most bytes of the map.
+    is_closer : bool
+        Whether the whole falls short of its tolerance within these bytes, and the terms make less
+        error.
     """
 
     terms: tuple[Term, ...]
     whole: Term
     light: Projection
+    max_size: int = DEFAULT_MAX_SIZE
+    is_closer: bool = False
 
     @property
     def count(self) -> int:
@@ -81,8 +95,8 @@ class Plan:
 
     @property
     def pays(self) -> bool:
-        """Whether the terms need fewer coefficients than the whole."""
-        return self.count < self.whole.count
+        """Whether the terms need fewer coefficients than the whole, or come closer than it can."""
+        return self.is_closer or self.count < self.whole.count
 
 
 def plan_terms(
@@ -91,6 +105,7 @@ def plan_terms(
     tolerance: float,
     max_size: int = DEFAULT_MAX_SIZE,
     size: int | None = None,
+    chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Plan | None:
     """Split a BRDF into terms, with orders that cause no larger error than those of the whole.
 
@@ -109,6 +124,8 @@ def plan_terms(
         The most bytes of the map.
     size : int, optional
         Texels along a face's edge of every term, where they are given.
+    chosen : tuple of Choice and BrdfCoefficients, optional
+        What `affordable` returns for the whole, where it is known.
 
     Returns
     -------
@@ -124,15 +141,23 @@ def plan_terms(
     terms = split(brdf)
     if len(terms) == 1:
         return None
-    choice, coefficients = affordable(light, brdf, tolerance, max_size, size)
+    choice, coefficients = chosen or affordable(light, brdf, tolerance, max_size, size)
     whole = Term(brdf, coefficients, choice)
     most_p = most_order_p(max_size, size)
     try:
-        found = [choose_orders(term, tolerance, most_p=most_p)[1] for term in terms]
+        found = [
+            choose_orders(term, tolerance, most_p=most_p, progress=light.progress)[1]
+            for term in terms
+        ]
     except BrdfError:
         return None
     lighting = light.to_order(max(each.order_f for each in [coefficients, *found]))
     goal = combined_error([whole], lighting)
+    if choice.orders.captured < 1 - tolerance:
+        shared = _shared(terms, found, lighting, tolerance, max_size, size)
+        if shared is None or combined_error(shared, lighting) >= goal:
+            return None
+        return Plan(shared, whole, light, max_size, is_closer=True)
     for factor in _LOOSER:
         looser = min(factor * tolerance, _LARGEST_TOLERANCE)
         plan = Plan(
@@ -142,12 +167,44 @@ def plan_terms(
             ),
             whole,
             light,
+            max_size,
         )
         if plan.bytes > max_size:
             return None
         if combined_error(plan.terms, lighting) <= goal:
             return plan
     return None
+
+
+def _shared(
+    terms: Sequence[Brdf],
+    coefficients: Sequence[BrdfCoefficients],
+    lighting: Lighting,
+    tolerance: float,
+    max_size: int,
+    size: int | None,
+) -> tuple[Term, ...] | None:
+    """Share the bytes of a map among terms: each has what it needs, or as much as the others.
+
+    Returns
+    -------
+    tuple of Term or None
+        None where a term does not fit at all.
+    """
+    pairs = zip(terms, coefficients, strict=True)
+    made = [_least_term(brdf, each, tolerance, size) for brdf, each in pairs]
+    order = sorted(range(len(made)), key=lambda index: made[index].needs)
+    left = max_size
+    for done, index in enumerate(order):
+        share, term = left // (len(made) - done), made[index]
+        if term.needs > share:
+            try:
+                choice = fitting(term.coefficients, lighting, tolerance, share, size)
+            except ArgumentError:
+                return None
+            made[index] = replace(term, choice=choice)
+        left -= made[index].choice.bytes
+    return tuple(made)
 
 
 def _least_term(
@@ -200,14 +257,14 @@ def prefilter_terms(
     MapError
         If a term would be too large, or cannot be compressed as asked.
     """
-    probe = plan.light.probe
+    probe, light = plan.light.probe, plan.light
     expansions = [
-        carry(plan.light, term.brdf, term.choice.orders, term.coefficients, term.choice.size)
+        carry(light, term.brdf, term.choice.orders, term.coefficients, term.choice.size)
         for term in plan.terms
     ]
     strengths = [reflected_rms(each.lighting, each.coefficients) for each in expansions]
     whole = provenance(probe, plan.whole.brdf, _joint_orders(plan))
-    maps = [_term_map(each, probe, frame, sampling, dtype, compress) for each in expansions]
+    maps = [_term_map(each, light, frame, sampling, dtype, compress) for each in expansions]
     maps = [replace(each, info=replace(each.info, brdf=whole.brdf)) for each in maps]
     infos = [each.info for each in maps]
     info = replace(
@@ -219,7 +276,21 @@ def prefilter_terms(
     )
     bounds = np.array([each.bound for each in expansions])
     bound = float(bounds @ strengths / max(sum(strengths), 1e-300))
-    return Prefiltered(SummedShrm(tuple(maps), info), {"error_bound": bound})
+    remarks = {each.remark: None for each in expansions if each.remark is not None}
+    missed = _shortfall(plan, info.predicted_error)
+    warnings = (*remarks, *([] if missed is None else [missed]))
+    return Prefiltered(SummedShrm(tuple(maps), info), {"error_bound": bound}, warnings=warnings)
+
+
+def _shortfall(plan: Plan, error: float) -> str | None:
+    """Say what the terms miss of the tolerance, where the whole misses it within the bytes too."""
+    tolerance = plan.whole.choice.orders.tolerance
+    kept = [plan.whole.choice.orders, *(term.choice.orders for term in plan.terms)]
+    if kept[0].captured >= 1 - tolerance or all(e.captured >= 1 - tolerance for e in kept[1:]):
+        return None
+    worst = min(plan.terms, key=lambda term: term.choice.orders.captured)
+    orders = replace(worst.choice.orders, tolerance=tolerance)
+    return shortfall(worst.brdf, worst.coefficients, orders, plan.max_size, error)
 
 
 def _joint_orders(plan: Plan) -> Orders:
@@ -237,7 +308,7 @@ def _joint_orders(plan: Plan) -> Orders:
 
 def _term_map(
     expansion: Expansion,
-    probe: Probe,
+    light: Projection,
     frame: Frame,
     sampling: Sampling,
     dtype: type,
@@ -247,7 +318,8 @@ def _term_map(
     orders = expansion.orders
     check_size(orders.order_f, orders.order_p, expansion.size)
     few = min(compress, (orders.order_p + 1) ** 2) if isinstance(compress, int) else compress
-    return compressed(from_expansion(expansion, probe, frame, sampling, dtype), few)
+    made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
+    return compressed(made, few)
 
 
 def from_expansion(
@@ -256,6 +328,7 @@ def from_expansion(
     frame: Frame = "global",
     sampling: Sampling = "center",
     dtype: type = np.float64,
+    progress: Progress | None = None,
 ) -> Shrm:
     """Make the SHRM of an expansion.
 
@@ -266,6 +339,8 @@ def from_expansion(
         The probe of the expansion's light.
     frame, sampling, dtype
         The form of the map, as `Shrm.from_coefficients` takes it.
+    progress : callable, optional
+        The same.
     """
     orders, brdf = expansion.orders, expansion.brdf
     info = replace(
@@ -277,5 +352,5 @@ def from_expansion(
     return Shrm.from_coefficients(
         expansion.lighting.coefficients,
         expansion.coefficients.truncated(expansion.carried, orders.order_p), brdf.center, info,
-        expansion.size, frame, sampling, dtype,
+        expansion.size, frame, sampling, dtype, progress,
     )  # fmt: skip

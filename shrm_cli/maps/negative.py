@@ -1,0 +1,57 @@
+"""How much of what a map shows is negative.
+
+A series that is cut off swings about the light, and where the light is dark beside a lamp it swings
+below zero. A screen shows that as black, and tone mapping may do worse.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.vocabulary import REPRESENTATIONS
+
+_PAIRS = 4096
+"""The number of pairs of a mirror direction and a view that are looked at."""
+_LARGEST = 1e-3
+"""The share of negative luminance that nobody needs to be told of."""
+_SEED = 5
+_INSTEAD = ", take `to` principal" if "principal" in REPRESENTATIONS else ""
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""The parts of linear Rec.709 RGB in the luminance."""
+
+
+def negative_share(map_: Map) -> float:
+    """Estimate the share of what is visible of a map whose luminance is below 0.
+
+    Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
+    seen in parallel projection from all sides.
+
+    Parameters
+    ----------
+    map_ : Map
+
+    Returns
+    -------
+    float
+        In 0 .. 1, to about 0.001 where it is small.
+    """
+    directions = spiral_directions(_PAIRS)
+    views = directions[np.random.default_rng(_SEED).permutation(_PAIRS)]
+    shown = map_.glimpse(directions, views)
+    return float(np.mean(shown @ _LUMINANCE < 0))
+
+
+def examined(made: Prefiltered) -> Prefiltered:
+    """Record the negative share of a map that was just made, and warn of it where it is seen."""
+    share = negative_share(made.map)
+    facts = {**made.facts, "negative_share": share}
+    if share <= _LARGEST:
+        return replace(made, facts=facts)
+    line = (
+        f"{share:.1%} of what is visible is negative, which screens show as black; lower `eps` or "
+        f"raise `max_size` to keep more orders{_INSTEAD}, or dim the lamps with `clamp`"
+    )
+    return replace(made, facts=facts, warnings=(*made.warnings, line))

@@ -1,0 +1,134 @@
+"""Maps within a number of bytes: they fit, are the best that do, and say what that costs."""
+
+import numpy as np
+import pytest
+
+from shrm_cli import settings
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.options import bytes_text, parse_bytes
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.probe import Probe
+from tests import oracles
+from tests.cli.helpers import polynomial_light
+
+GLOSSY = "microfacet:sigma=0.15"
+"""It asks for P = 2 and cubes of 64 texels: 1.3 MB."""
+
+
+def half_bytes(made):
+    """Return the bytes of all cubes as half floats, without asking the package."""
+    maps = getattr(made, "terms", (made,))
+    return sum(2 * plane.size for each in maps for plane in each.planes())
+
+
+def make(probe, to="shrm", brdf=GLOSSY, **given):
+    return prefilter_with_facts(probe, to, {"brdf": brdf, **given})
+
+
+@pytest.fixture(scope="module")
+def probe():
+    """A probe with a lamp, so that every order counts."""
+    light = polynomial_light(oracles.latlong_pixels(64, 32))
+    light[8, 20] += 200
+    return Probe.from_array(light.astype(np.float32))
+
+
+@pytest.mark.parametrize(("text", "count"), [
+    ("32MB", 32_000_000), ("500kB", 500_000), ("500 KB", 500_000), ("2gb", 2_000_000_000),
+    ("1.5MiB", 1_572_864), ("64KiB", 65_536), ("12b", 12), ("2000000", 2_000_000),
+])  # fmt: skip
+def test_amounts_of_bytes(text, count):
+    assert parse_bytes(text) == count
+
+
+@pytest.mark.parametrize("text", ["", "MB", "-1MB", "1TB", "1iB", "nan", "1e6", "3,2MB"])
+def test_what_is_no_amount(text):
+    assert parse_bytes(text) is None
+
+
+def test_amounts_are_said_in_three_digits():
+    shown = {17: "17 bytes", 999_600: "1 MB", 32_000_000: "32 MB", 1_234_567: "1.23 MB"}
+    assert {count: bytes_text(count) for count in shown} == shown
+
+
+@pytest.mark.parametrize("to", ["shrm", "cabral", "kautz-mccool", "lightfield"])
+@pytest.mark.parametrize("most", [1_000_000, 200_000, 60_000])
+def test_maps_stay_within_their_bytes(probe, to, most):
+    made = make(probe, to, max_size=most)
+    assert half_bytes(made.map) <= most
+
+
+def test_what_fits_is_made_as_ever(probe):
+    free, enough = make(probe), make(probe, max_size="2MB")
+    np.testing.assert_array_equal(free.map.coefficients, enough.map.coefficients)
+    assert not enough.warnings
+
+
+def test_more_bytes_make_less_error(probe):
+    whole = []
+    for most in ("10kB", "60kB", "200kB", "1MB"):
+        info = make(probe, max_size=most).map.info
+        whole.append(np.hypot(info.predicted_error, info.filter_error))
+    assert whole == sorted(whole, reverse=True)
+    assert whole[-1] < whole[0] / 2
+
+
+def test_it_says_what_the_bytes_cost(probe):
+    made = make(probe, max_size="60kB")
+    (line,) = [each for each in made.warnings if "60 kB" in each]
+    info = made.map.info
+    assert f"P = {info.order_p} of the 2 that `eps` 0.03 asks for" in line
+    assert f"RMS error {info.predicted_error:.1%} predicted" in line
+    enough = line.split("raise `max_size` to ")[1].split(",")[0].rstrip()
+    assert not [each for each in make(probe, max_size=enough).warnings if "hold" in each]
+
+
+def test_a_lobe_that_no_order_holds_is_made_and_named(probe):
+    made = make(probe, brdf="phong:exponent=1e5")
+    assert made.map.info.captured < 0.97
+    assert any("sharper than F = 512 can show" in line for line in made.warnings)
+
+
+def test_a_sum_of_diffuse_and_sharp_shares_the_bytes(probe):
+    """The diffuse term has what it needs, the sharp one the rest; as one map both would lose."""
+    spec = "0.5*lambertian+0.5*ggx:roughness=0.3"
+    terms, whole = (make(probe, brdf=spec, max_size="500kB", split=each) for each in (None, False))
+    assert len(terms.map.terms) == 2
+    assert half_bytes(terms.map) <= 500_000
+    assert terms.map.info.predicted_error < whole.map.info.predicted_error
+
+
+@pytest.mark.parametrize(("to", "given"), [
+    ("shrm", {"order_f": 11, "order_p": 2}), ("shrm", {"size": 256}),
+    ("cabral", {"size": 64}), ("kautz-mccool", {"size": 32, "slices": 40}),
+    ("lightfield", {"views": 30}),
+    ("cabral", {"size": 64, "domain": "angular", "source_height": 8}),
+])  # fmt: skip
+def test_a_form_given_by_hand_is_refused_by_the_bytes_that_were_asked_for(probe, to, given):
+    with pytest.raises(ArgumentError) as refusal:
+        make(probe, to, max_size="20kB", **given)
+    assert refusal.value.argument == "max_size"
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_form_given_by_hand_is_obeyed_without(probe, monkeypatch):
+    monkeypatch.setattr("shrm_cli.maps.shrm.budget.DEFAULT_MAX_SIZE", 20_000)
+    assert make(probe, order_f=11, order_p=2).map.size == 32
+    assert make(probe, size=64).map.size == 64
+    assert make(probe, "cabral", size=64).map.size == 64
+
+
+@pytest.mark.parametrize("given", [0, -5, "much", 1.5, True, "0MB"])
+def test_no_amounts_are_refused(probe, given):
+    with pytest.raises(ArgumentError, match="bytes"):
+        make(probe, max_size=given)
+
+
+def test_progress_of_coefficients_grows(probe):
+    told, given = [], {"brdf": parse_spec("ggx:roughness=0.6")}
+    with settings.using(cache=False):
+        prefilter_with_facts(probe, "shrm", given, lambda *step: told.append(step))
+    assert told == sorted(told)
+    assert len({done for done, _ in told}) > 20
+    assert told[-1][0] == told[-1][1]
