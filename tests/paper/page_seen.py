@@ -25,10 +25,11 @@ from tests.paper.seen import (
 
 def introduction(probes: Sequence[str], rows: int, size: int) -> str:
     """Write the title, and what is compared."""
-    text = f"""{_listed(probes)}, averaged down to {rows} rows for maps and truth alike. Spheres of {size} x {size}
-pixels from the three views of `shrm compare`, against the sum over all pixels of the probe.
-"{BEFORE}" is the map that ends at the orders F and P that the tolerance .03 asks for, as all maps
-did once; "{AFTER}" is the default (as one map, without terms), which carries all visible orders of
+    text = f"""{_listed(probes)}, averaged down to {rows} rows for maps and truth alike.
+Spheres of {size} x {size} pixels from the three views of `shrm compare`, against the sum over all
+pixels of the probe. "{BEFORE}" is the map that ends at the orders F and P that the tolerance .03
+asks for, as all maps did once; "{AFTER}" is the default (as one map, without terms), which
+carries all visible orders of
 the light, in as many bytes. "{VIEW_ALONE}" is the map of three times the order F with the same P,
 in larger cubes where it needs them: what it misses is the view beyond P. Median and p95 are those
 of the relative error of the luminance, pixel by pixel; negative is the share of negative pixels.
