@@ -16,12 +16,15 @@ PYTEST_FLAGS ?= -n auto
 PREFILTER_FLAGS ?=
 RENDER_FLAGS ?=
 
+# The material of `make demo`: red paint under clear lacquer.
+LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help install demo test bench tables probes batch batch-all clean distclean FORCE
 
 help:
-	@echo 'make demo      prefilter a shipped probe and render it'
+	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
 	@echo 'make bench     measure against other tools, as ratios'
 	@echo "make tables    the paper's tables and figures, into build/paper/"
@@ -51,13 +54,15 @@ $(VENV)/.dev: $(VENV)/.installed
 
 # ---- the two commands -------------------------------------------------------------------------
 
+# A sky with a bare sun, and what a lacquered ball reflects of it, beside the truth. The truth is a
+# sum over all pixels for every point of the ball, and takes nearly all the time.
 demo: $(VENV)/.installed
 	@mkdir -p build/demo
-	$(SHRM) prefilter probes/studio.exr --brdf microfacet --eps 0.03 \
-	  -o build/demo/studio.microfacet.shrm.exr
-	$(SHRM) render build/demo/studio.microfacet.shrm.exr --background probes/studio.exr \
-	  --exposure -1.5 -o build/demo/studio.microfacet.png
-	@echo 'The picture is $(CURDIR)/build/demo/studio.microfacet.png'
+	$(SHRM) probe sky --size 64 -o build/demo/sky.exr
+	$(SHRM) prefilter build/demo/sky.exr --brdf '$(LACQUER)' -o build/demo/lacquer.shrm.exr
+	$(SHRM) compare build/demo/lacquer.shrm.exr --probe build/demo/sky.exr --view 110,15 \
+	  --exposure -4 --no-flip -o build/demo/lacquer.png
+	@echo 'The picture is $(CURDIR)/build/demo/lacquer.png: truth, map, difference'
 
 test: $(VENV)/.dev
 	$(BIN)/ruff check .

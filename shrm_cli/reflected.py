@@ -32,7 +32,10 @@ half a per cent of the darkest places that `shrm compare` judges, those of 2 % o
 def predicted_error(
     lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
 ) -> float:
-    """Predict the relative RMS error of the reflected light over all orientations and views.
+    """Predict the relative RMS error of the reflected light, uniformly over all R and V.
+
+    R is the central direction. Sums over normals instead of mirror directions weigh grazing views
+    more, and come out about twice as large for the same map.
 
     The error is the square root of the ratio of the terms with l > F or p > P to the whole sum.
     Energy of the BRDF beyond its coefficients counts too; see `energy_beyond`.

@@ -315,7 +315,6 @@ def test_an_old_python_is_refused_with_what_to_do(project):
 
 def test_demo_and_batch_with_the_real_command(project):
     project.install(REAL)
-    shutil.copy(ROOT / "probes" / "studio.exr", project.folder / "probes")
     light = np.random.default_rng(0).uniform(0, 1, (8, 16)).astype(np.float32)
     for name in ("a", "b"):
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -323,7 +322,7 @@ def test_demo_and_batch_with_the_real_command(project):
         OpenEXR.File(header, dict.fromkeys("RGB", light)).write(str(path))
     demo = project.make("demo")
     assert (demo.returncode, demo.stderr) == (0, "")
-    picture = project.folder / "build" / "demo" / "studio.microfacet.png"
+    picture = project.folder / "build" / "demo" / "lacquer.png"
     assert f"The picture is {picture}" in demo.stdout
     assert picture.read_bytes().startswith(b"\x89PNG")
     result = project.batch("-j4", "RENDER_FLAGS=--size 32")

@@ -13,13 +13,15 @@ class MapInfo:
     Attributes
     ----------
     order_f, order_p : int
-        The orders F and P, inclusive. The map keeps no higher order of the view than P.
+        The orders F and P, inclusive, that the tolerance asks for. The map keeps no higher order
+        of the view than P, but orders of the light up to `carried`.
     tolerance : float
         The fraction of the BRDF's energy that the orders were allowed to miss (eps).
     captured : float
         The fraction of the BRDF's energy that the orders capture.
     predicted_error : float
-        The predicted relative RMS error of the reflected light, by Parseval.
+        The predicted relative RMS error of the reflected light, by Parseval, uniformly over central
+        directions and views, with all orders that the map carries.
     brdf : dict
         The BRDF, as ``{"name": ..., "parameters": {...}}``.
     probe, probe_sha256 : str
