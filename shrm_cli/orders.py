@@ -21,6 +21,8 @@ Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
 """The order F to which coefficients are computed first; it doubles until it suffices."""
+_SHARP = 0.3
+"""The part of a BRDF's energy beyond the known orders that makes its lobe a sharp one."""
 _FIRST_ORDER_P = 8
 """The order P to which coefficients are computed first; it doubles until it suffices."""
 
@@ -256,11 +258,12 @@ def _sufficient_coefficients(
         missing_f = 1 - coefficients.degree_energy.sum() / total
         missing = 1 - coefficients.captured()[-1, -1]
         if missing_f > tolerance / 5 and f < MAX_ORDER_F:
-            f = min(2 * f, MAX_ORDER_F)
+            # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
+            f = min((4 if missing_f > _SHARP else 2) * f, MAX_ORDER_F)
             continue
         if most_p is not None:
             known = np.cumsum(coefficients.degree_energy.sum(axis=-1))
-            largest = most_p(_least(known >= (1 - tolerance) * total))
+            largest = most_p(_least(known >= (1 - tolerance) * known[-1]))
         if missing > tolerance and p < largest and not brdf.zonal:
             p = min(2 * p, largest)
         else:

@@ -184,6 +184,8 @@ def cube_energies(light: Array, parts: Array) -> Array:
     result = np.zeros(order + p + 1)
     for shift in range(-p, p + 1):
         low = max(0, -shift)
+        if low > order:
+            continue
         result[low + shift : order + shift + 1] += energies[shift + p, low:]
     return result
 

@@ -111,7 +111,7 @@ def carry(
         If the probe cannot be read, or the coefficients cannot be extended.
     """
     f, p = orders.order_f, orders.order_p
-    limit = max(f, min(supported_order(size), largest_f(p), MAX_ORDER_F))
+    limit = max(f, min(supported_order(size, p), largest_f(p), MAX_ORDER_F))
     lighting = light.to_order(max(coefficients.order_f, limit))
     while True:
         visible = carried_order(lighting, coefficients, f, p)

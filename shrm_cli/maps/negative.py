@@ -11,14 +11,12 @@ import numpy as np
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.vocabulary import REPRESENTATIONS
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
 _LARGEST = 1e-3
 """The share of negative luminance that nobody needs to be told of."""
 _SEED = 5
-_INSTEAD = ", take `to` principal" if "principal" in REPRESENTATIONS else ""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """The parts of linear Rec.709 RGB in the luminance."""
 
@@ -50,8 +48,9 @@ def examined(made: Prefiltered) -> Prefiltered:
     facts = {**made.facts, "negative_share": share}
     if share <= _LARGEST:
         return replace(made, facts=facts)
+    instead = "" if made.map.representation == "principal" else ", take `to` principal"
     line = (
         f"{share:.1%} of what is visible is negative, which screens show as black; lower `eps` or "
-        f"raise `max_size` to keep more orders{_INSTEAD}, or dim the lamps with `clamp`"
+        f"raise `max_size` to keep more orders{instead}, or dim the lamps with `clamp`"
     )
     return replace(made, facts=facts, warnings=(*made.warnings, line))

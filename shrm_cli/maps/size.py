@@ -23,8 +23,11 @@ _BYTES_A_TEXEL = 6
 
 _ORDERS_A_TEXEL = 1.25
 """The largest order that maps carry, for each texel along a face's edge. Texels in the middle of a
-face could tell twice as many orders apart, and this much of a guard band keeps what filtering
-between them adds small."""
+face could tell more orders apart, and this guard band keeps what filtering adds between them small.
+More was measured to gain little where the order P is what limits a map."""
+_ORDERS_A_TEXEL_ALONE = 2.0
+"""The same for maps of a single cube, whose error is all in the orders. It is all that the texels
+can tell apart, which kinks such as the horizon of Lambert's law need."""
 
 HALF_ERROR = 2.1e-4
 """The relative RMS error of rounding values of any size to half precision."""
@@ -43,9 +46,17 @@ def choose_size(order_f: int) -> int:
     return int(min(2 ** int(np.ceil(np.log2(needed))), MAX_CUBE_SIZE))
 
 
-def supported_order(size: int) -> int:
-    """Return the largest order that a cube with so many texels along an edge supports."""
-    return int(_ORDERS_A_TEXEL * size)
+def supported_order(size: int, order_p: int = 1) -> int:
+    """Return the largest order that cubes with so many texels along an edge support.
+
+    Parameters
+    ----------
+    size : int
+        Texels along a face's edge.
+    order_p : int
+        The order P of the map; with 0 it has a single cube.
+    """
+    return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
 
 def stored_bytes(size: int, cubes: int) -> int:

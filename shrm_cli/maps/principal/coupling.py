@@ -65,6 +65,8 @@ def _modes(light: ComplexArray, parts: Array, s: int) -> ComplexArray:
     degree, m = np.arange(order + 1), np.arange(-order, order + 1)
     for shift in range(-p, p + 1):
         low = max(0, -shift)  # the least l with a degree J >= 0
+        if low > order:
+            continue
         weights = _zonal(parts, s, shift)[low:]
         total = degree[low:] + shift
         weights *= np.sqrt(4 * np.pi / (2 * total + 1)).reshape(-1, 1, 1)

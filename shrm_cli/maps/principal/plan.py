@@ -126,7 +126,7 @@ class Planner:
     def _carried(self, energies: Array, size: int) -> int:
         """Return the order beyond which nothing is visible, or that the texels support."""
         transfer = self.spectrum.transfer
-        limit = min(supported_order(size), transfer.order_f)
+        limit = min(supported_order(size, 0 if self._is_zonal else 1), transfer.order_f)
         rms = np.sqrt(np.append(np.cumsum(energies[::-1])[-2::-1], 0.0)) / (4 * np.pi)
         # The mean of the reflected light is that of the light, times that of the albedo.
         albedo = self.spectrum.weights @ transfer.values[0, 0] / np.sqrt(np.pi) / 2

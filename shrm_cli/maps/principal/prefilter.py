@@ -12,6 +12,7 @@ from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
@@ -25,6 +26,8 @@ from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
+from shrm_cli.sphere.directions import bisector
+from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, MAX_ORDER_F, Sampling
 
@@ -44,6 +47,10 @@ _ROUNDING = 1 + 1e-9
 """How much more than what was asked for counts as the same."""
 _SHARP = 0.05
 """The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
+_PAIRS = 4096
+"""The central directions and views at which it is measured how coherent the terms of a sum are."""
+_SMALL = 16
+"""The texels along a face's edge of the maps that are made for that."""
 _PART_BEYOND = 0.1
 """The part of the squared error that may lie beyond the transfer functions."""
 
@@ -93,12 +100,13 @@ def prefilter(
     # Terms with a single cube take next to nothing of the budget.
     broad = max(sum(len(planner.choices) > 1 for planner in planners), 1)
     wanted = [_Wanted(eps, error, maps, max_size // broad, size) for _ in parts]
+    coherence = _coherence(parts, planners, sampling)
     if error is not None:
-        wanted = _shared_error(planners, wanted, error)
+        wanted = _shared_error(planners, wanted, error * coherence)
     if maps is not None:
         wanted = _shared_maps(planners, wanted, maps)
     terms = [_planned(*each) for each in zip(parts, planners, wanted, strict=True)]
-    info = _info(probe, brdf, terms, eps)
+    info = _info(probe, brdf, terms, eps, coherence)
     made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
     remarks = [planner.spectrum.transfer.remark for planner in planners]
     lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
@@ -112,13 +120,13 @@ def _unmet(
     total = float(np.linalg.norm([info.predicted_error, info.filter_error, HALF_ERROR]))
     if error is not None and total > error * _ROUNDING:
         return [
-            f"`error` {error:g} cannot be met within `max_size` {max_size:,} bytes; the best map "
-            f"has {total:.2%}"
+            f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}; the best "
+            f"map has {total:.1%}"
         ]
     if error is None and not all(term.is_met for term in terms):
         return [
-            f"no map within `max_size` {max_size:,} bytes misses only `eps` {info.tolerance:g}; "
-            f"this one has an error of {total:.2%}, bilinear look-ups included"
+            f"{bytes_text(max_size)} hold no map that misses only `eps` {info.tolerance:g}; the "
+            f"best one has an error of {total:.1%}, bilinear look-ups included; raise `max_size`"
         ]
     return []
 
@@ -267,10 +275,35 @@ def _cubes(term: _Term, degree: int, bundles: list[int], sampling: Sampling) -> 
     return planes.reshape(-1, 3, 6 * form.size, form.size).transpose(2, 3, 0, 1)
 
 
-def _info(probe: Probe, brdf: Brdf, terms: Sequence[_Term], tolerance: float) -> MapInfo:
+def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sampling) -> float:
+    """Return the RMS of the light of all terms, relative to the sum of the RMS of each.
+
+    It is 1 where all are bright in the same places. Small maps of the first function of each term
+    tell it well enough.
+    """
+    if len(parts) == 1:
+        return 1.0
+    views = spiral_directions(_PAIRS)
+    centers = np.random.default_rng(0).permutation(views)
+    info = MapInfo(0, 0, 0.0, 1.0, 0.0)
+    found = []
+    for part, planner in zip(parts, planners, strict=True):
+        form = planner.with_maps(1, _SMALL)
+        lobe = _lobe(_Term(part, planner, form, 0.0, 0, True), sampling)
+        found.append(
+            PrincipalMap((lobe,), info, sampling).radiance(bisector(centers, views), views)
+        )
+    separate = sum(float(np.sqrt(np.mean(each**2))) for each in found)
+    together = float(np.sqrt(np.mean(np.sum(found, axis=0) ** 2)))
+    return together / separate if separate > 0 else 1.0
+
+
+def _info(
+    probe: Probe, brdf: Brdf, terms: Sequence[_Term], tolerance: float, coherence: float
+) -> MapInfo:
     """Return the record of the map, with the errors of the terms combined."""
     strengths = np.sqrt([term.energy for term in terms])
-    whole = max(float(strengths.sum()), 1e-300)
+    whole = max(float(strengths.sum()) * coherence, 1e-300)
 
     def combined(errors: Sequence[float]) -> float:
         return float(np.linalg.norm(strengths * errors) / whole)

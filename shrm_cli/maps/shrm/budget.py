@@ -14,7 +14,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.size import choose_size, largest_p, stored_bytes, supported_order
+from shrm_cli.maps.size import HALF_ERROR, choose_size, largest_p, stored_bytes, supported_order
 from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import filtering_error, predicted_error
@@ -23,12 +23,14 @@ from shrm_cli.vocabulary import (
     MAX_ORDER_F,
     MAX_ORDER_P,
     MIN_CUBE_SIZE,
-    REPRESENTATIONS,
     Sampling,
 )
 
-_SMALLEST = 16
-"""The smallest cube that is tried, texels along a face's edge."""
+_SIZES = (16, 32, 64, 128, 256, 512)
+"""The sizes of cubes that are tried, texels along a face's edge."""
+_SMALLEST = _SIZES[0]
+_LEAST_TOLERANCE = 1e-4
+"""The least part of a BRDF's energy that its coefficients are computed to."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +202,7 @@ def fitting(
         If not even P = 0 fits.
     """
     largest = choose_size(least_orders(coefficients, tolerance).order_f)
-    sizes = [2**k for k in range(int(np.log2(_SMALLEST)), int(np.log2(largest)) + 1)]
+    sizes = [texels for texels in _SIZES if texels <= largest]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
         carried = min(supported_order(texels), coefficients.order_f)
@@ -219,6 +221,85 @@ def fitting(
         least = stored_bytes(_SMALLEST if size is None else size, 1)
         raise ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
     return min(found, key=lambda each: each[:2])[2]
+
+
+def within_error(
+    light: Projection,
+    brdf: Brdf,
+    error: float,
+    max_size: int,
+    size: int | None = None,
+    sampling: Sampling = "center",
+) -> tuple[Choice, BrdfCoefficients, bool]:
+    """Choose the map of the fewest bytes whose error of the reflected light is small enough.
+
+    Parameters
+    ----------
+    light : Projection
+    brdf : Brdf
+    error : float
+        The relative RMS error that orders, bilinear look-ups and half precision may make together.
+    max_size : int
+        The most bytes of the map.
+    size : int, optional
+        Texels along a face's edge, where they are given.
+    sampling : {"center", "border"}
+
+    Returns
+    -------
+    choice : Choice
+        The best map that fits, where none keeps the error.
+    coefficients : BrdfCoefficients
+        The coefficients of the BRDF, to at least the orders of the choice.
+    is_met : bool
+        Whether the error is kept.
+
+    Raises
+    ------
+    ArgumentError
+        If no map fits.
+    BrdfError, ProbeError
+        If the BRDF or the probe cannot be used.
+    """
+    # Real light fades towards high degrees, so that a BRDF known to this part of its energy is
+    # known well enough.
+    tolerance = float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
+    most_p = most_order_p(max_size, size)
+    coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+    lighting = light.to_order(coefficients.order_f)
+
+    def total(carried: int, p: int, texels: int) -> float:
+        parts = (
+            predicted_error(lighting, coefficients, carried, p),
+            filtering_error(lighting, coefficients, carried, p, texels, sampling),
+            HALF_ERROR,
+        )
+        return float(np.linalg.norm(parts))
+
+    found: list[tuple[bool, float, Choice]] = []
+    for texels in _SIZES if size is None else (size,):
+        carried = min(supported_order(texels), coefficients.order_f)
+        most = min(largest_p(carried, texels, max_size), coefficients.order_p)
+        if most < 0:
+            continue
+        last = total(carried, most, texels)
+        low, high = 0, most  # the error falls with P
+        while low < high and last <= error:
+            middle = (low + high) // 2
+            met = total(carried, middle, texels) <= error
+            low, high = (low, middle) if met else (middle + 1, high)
+        p = low if last <= error else most
+        orders = least_orders(coefficients, tolerance, order_p=p)
+        f = min(orders.order_f, carried)
+        captured = float(coefficients.captured()[carried, p])
+        choice = Choice(Orders(f, p, 1 - captured, captured), texels)
+        # The fewest bytes of those that keep the error, else the least error.
+        found.append((last > error, choice.bytes if last <= error else last, choice))
+    if not found:
+        least = stored_bytes(_SMALLEST if size is None else size, 1)
+        raise ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
+    is_missed, _, choice = min(found, key=lambda each: each[:2])
+    return choice, coefficients, not is_missed
 
 
 def halved(
@@ -331,4 +412,4 @@ def shortfall(
 
 def _instead(joined: str) -> str:
     """Return which other representation does better with BRDFs of many orders, if there is one."""
-    return f"{joined}take `to` principal" if "principal" in REPRESENTATIONS else ""
+    return f"{joined}take `to` principal"

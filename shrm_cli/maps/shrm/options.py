@@ -6,7 +6,7 @@ DESCRIPTIONS = {
     "shrm": Representation(
         "shrm",
         "SHRM",
-        BRDF_ARGUMENTS | CUBE_ARGUMENTS,
+        BRDF_ARGUMENTS | CUBE_ARGUMENTS | {"error"},
         (
             Option(
                 "split",

@@ -12,6 +12,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import Expansion, carry
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.shrm.budget import (
     SHRM_FORM,
@@ -22,10 +23,11 @@ from shrm_cli.maps.shrm.budget import (
     halved,
     refuse_large,
     shortfall,
+    within_error,
 )
 from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
-from shrm_cli.maps.size import check_size, choose_size
+from shrm_cli.maps.size import HALF_ERROR, check_size, choose_size
 from shrm_cli.orders import choose_center, choose_orders
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -39,7 +41,8 @@ Notes = tuple[tuple[str, str], ...]
 def prefilter(
     probe: Probe,
     brdf: Brdf,
-    eps: float = DEFAULT_EPS,
+    eps: float | None = None,
+    error: float | None = None,
     order_f: int | None = None,
     order_p: int | None = None,
     center: str | None = None,
@@ -67,6 +70,11 @@ def prefilter(
         )
     if source_height is not None:
         raise ArgumentError("source_height", "applies with `domain` angular")
+    if error is not None:
+        given = {"eps": eps, "order_f": order_f, "order_p": order_p, "split": split}
+        for name in (name for name, value in given.items() if value is not None):
+            raise ArgumentError(name, "does not apply with `error`, which chooses the orders")
+    eps = DEFAULT_EPS if eps is None else eps
     brdf, notes = centered(brdf, eps, center, progress)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
     # that neither can be given.
@@ -76,6 +84,11 @@ def prefilter(
             "split", "applies with neither `center` nor orders; leave one of them out"
         )
     light = Projection(probe, progress)
+    if error is not None:
+        made = _within_error(
+            light, brdf, error, size, frame, sampling, compress, allowed_bytes(max_size, size)
+        )
+        return replace(made, notes=notes)
     chosen = None
     if is_free and split is not False and len(split_terms(brdf)) > 1:
         allowed = allowed_bytes(max_size, size)
@@ -96,6 +109,33 @@ def prefilter(
     )  # fmt: skip
     warnings = () if is_chosen(order_f, order_p) else order_warnings(made, brdf, eps, order_p)
     return replace(made, notes=notes, warnings=(*warnings, *made.warnings))
+
+
+def _within_error(
+    light: Projection,
+    brdf: Brdf,
+    error: float,
+    size: int | None,
+    frame: Frame,
+    sampling: Sampling,
+    compress: int | float | None,
+    max_size: int,
+) -> Prefiltered:
+    """Make the SHRM of the fewest bytes that keeps an error, or the best one."""
+    choice, coefficients, is_met = within_error(light, brdf, error, max_size, size, sampling)
+    made = prefilter_shrm(
+        light, brdf, choice.orders.tolerance, size=choice.size, frame=frame, sampling=sampling,
+        dtype=np.float32, compress=compress, max_size=max_size, chosen=(choice, coefficients),
+    )  # fmt: skip
+    if is_met:
+        return made
+    info = made.map.info
+    total = float(np.linalg.norm([info.predicted_error, info.filter_error, HALF_ERROR]))
+    line = (
+        f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}: the best map "
+        f"has {total:.1%}; take `to` principal, or raise `max_size`"
+    )
+    return replace(made, warnings=(*made.warnings, line))
 
 
 def is_chosen(order_f: int | None, order_p: int | None) -> bool:

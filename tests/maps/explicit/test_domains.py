@@ -37,7 +37,8 @@ def test_band_limited_light(tmp_path, spec, representation):
     other = prefilter_explicit(probe, brdf, 0.03, representation, 3, 20, **options).map
     error = relative(one, other)
     print(f"{spec} {representation}: {error:.2e}, predicted {other.info.predicted_error:.2e}")
-    assert error < (2 * other.info.predicted_error if spec.startswith("micro") else 2e-4)
+    # The pixels make up to 2e-4, and the orders what they are predicted to, within a factor 2.
+    assert error < 2 * other.info.predicted_error + 2e-4
 
 
 @pytest.mark.parametrize(("name", "spec", "representation"), [

@@ -20,9 +20,9 @@ from shrm_cli.maps.irradiance.irradiance import (
 )
 from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window, window_factors
-from shrm_cli.orders import predicted_error
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.reflected import predicted_error
 from tests import oracles
 from tests.brute_force import unit
 from tests.paper.irradiance import PROVEN, integrate, irradiance_row, small_lights
@@ -218,11 +218,11 @@ def test_predicted_error_is_that_of_the_lambertian_brdf(tmp_path):
     light = oracles.real_harmonics(12, oracles.latlong_pixels(160, 80).reshape(-1, 3))
     pixels = (20 + light @ rng.normal(size=(169, 3))).reshape(80, 160, 3)
     probe = write_probe(tmp_path, pixels)
-    power = project(probe, 64).power()
+    lighting = project(probe, 64)
     coefficients = compute_coefficients(Lambertian(), 64, 0)
     for order in (1, 2, 5):
         prefiltered = prefilter_irradiance(probe, order).map.info
-        expected = predicted_error(power, coefficients, order, 0)
+        expected = predicted_error(lighting, coefficients, order, 0)
         assert prefiltered.predicted_error == pytest.approx(expected, rel=1e-9)
         assert prefiltered.captured == pytest.approx(coefficients.captured()[order, 0], rel=1e-6)
 

@@ -23,9 +23,9 @@ from shrm_cli.maps.splitsum.roughness import (
     level_roughnesses,
 )
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.orders import predicted_error
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.reflected import predicted_error
 from shrm_cli.sphere.cube import cube_directions
 from tests.brute_force import unit
 from tests.cli.helpers import polynomial_light, write_exr
@@ -407,12 +407,10 @@ def test_predicted_errors_are_those_of_the_orders(real_probes):
     """With the light known to 511, where nothing of it is left that this lobe would pass."""
     probe = open_probe(real_probes / "studio.exr")
     coefficients = compute_coefficients(GgxLobe(roughness=0.3), 300, 0)
-    lighting = project(probe, 200)
+    lighting = project(probe, 300)
     errors = expansion_errors(lighting, coefficients)
     for order in (5, 20, 40):
-        expected = predicted_error(lighting.power(), coefficients.__class__(
-            coefficients.truncated(200, 0), coefficients.total_energy,
-            coefficients.degree_energy[:201], coefficients.samples), order, 0)  # fmt: skip
+        expected = predicted_error(lighting, coefficients, order, 0)
         assert errors[order] == pytest.approx(expected, rel=1e-6)
 
 
