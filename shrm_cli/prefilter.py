@@ -52,12 +52,16 @@ def prefilter(
         file. Irradiance, split sums and SH exponentials are made without one.
     to : str
         The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
-        ``irradiance``, ``splitsum`` and ``she``.
+        ``principal``, ``irradiance``, ``splitsum`` and ``she``.
     eps : float, optional
         The fraction of the BRDF's energy that may be missed, in (0, 1), by default
         `vocabulary.DEFAULT_EPS`. The orders F and P are chosen from it.
+    error : float, optional
+        The relative RMS error of the reflected light of this probe that the map may have, with
+        bilinear look-ups and half precision, in (0, 1). The map of the fewest bytes is made that
+        keeps it. For ``shrm`` and ``principal``, instead of `eps`.
     order_f, order_p : int, optional
-        Orders to use instead of the chosen ones.
+        Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     center : {"auto", "reflection", "normal", "tangent"}, optional
         The central direction of the map, which is the BRDF's own by default. ``auto`` takes the
         direction that needs the fewest coefficients.
@@ -81,9 +85,10 @@ def prefilter(
     **own
         Arguments that belong to single representations: ``split`` (bool) and ``compress`` (a
         number of components, or the error that may be added) of ``shrm``; ``slices`` of
-        ``kautz-mccool``; ``views`` of ``lightfield``; ``window`` of ``irradiance``; ``levels`` (a
-        number, or the roughness of each) and ``mapping`` of ``splitsum``; ``p_order``,
-        ``q_order``, ``roughness`` (two numbers) and ``law`` of ``she``.
+        ``kautz-mccool``; ``views`` of ``lightfield``; ``maps`` (a number of cubes) and ``divide``
+        (bool, by the directional albedo) of ``principal``; ``window`` of ``irradiance``;
+        ``levels`` (a number, or the roughness of each) and ``mapping`` of ``splitsum``;
+        ``p_order``, ``q_order``, ``roughness`` (two numbers) and ``law`` of ``she``.
 
     Returns
     -------

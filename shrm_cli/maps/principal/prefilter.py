@@ -192,7 +192,7 @@ def _planner(
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
     order = _FIRST_ORDER
     while True:
-        transfer = _transfer(brdf, order)
+        transfer = _transfer(brdf, order, light.progress)
         lighting = light.to_order(order)
         spectrum = Spectrum.of(transfer, brdf.center, _weights(lighting, order), divide)
         planner = Planner(spectrum, lighting, sampling)
@@ -208,9 +208,10 @@ def _planner(
         order = min((4 if missing > _SHARP else 2) * order, MAX_ORDER_F)
 
 
-def _transfer(brdf: Brdf, order: int) -> TransferFunctions:
-    accuracy = _ACCURACY[brdf.is_measured]
-    return cached_transfer(brdf, order, 0 if brdf.zonal else MAX_Q, accuracy, compute_transfer)
+def _transfer(brdf: Brdf, order: int, progress: Progress | None) -> TransferFunctions:
+    """Compute transfer functions to an order, or take them from the cache."""
+    accuracy, max_q = _ACCURACY[brdf.is_measured], 0 if brdf.zonal else MAX_Q
+    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
 
 
 def _weights(lighting: Lighting, order: int) -> Array:
