@@ -54,7 +54,7 @@ def predicted_error(
     float
         The error, which is 0 for black light.
     """
-    light = _weighted_power(lighting, coefficients.order_f)
+    light = weighted_power(lighting, coefficients.order_f)
     whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
     kept = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p))
     return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
@@ -72,7 +72,7 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
         The light, to at least the order of the coefficients.
     coefficients : BrdfCoefficients
     """
-    light = _weighted_power(lighting, coefficients.order_f)
+    light = weighted_power(lighting, coefficients.order_f)
     known = np.sum(light * coefficients.degree_energy)
     return float(np.sqrt(known + energy_beyond(lighting, coefficients)))
 
@@ -100,7 +100,7 @@ def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients | TransferF
     rest = np.maximum(coefficients.total_energy - coefficients.degree_energy.sum(axis=0), 0.0)
     power = lighting.power()[: order + 1]
     last = slice(max(order + 1 - _LAST_DEGREES, 0), order + 1)
-    density = _weighted_power(lighting, order)[last].mean(axis=0)
+    density = weighted_power(lighting, order)[last].mean(axis=0)
     light_left = np.maximum(lighting.energy - power.sum(axis=0), 0.0)
     return float(
         np.sum(np.minimum(density, _convolution_measure(order + 1)[-1] * light_left) * rest)
@@ -152,7 +152,7 @@ def visible_beyond(lighting: Lighting, coefficients: BrdfCoefficients, order_p: 
     ndarray, shape (coefficients.order_f + 1,)
     """
     order = coefficients.order_f
-    energy = _weighted_power(lighting, order) * _kept(coefficients, order, order_p)
+    energy = weighted_power(lighting, order) * _kept(coefficients, order, order_p)
     beyond = np.append(np.cumsum(energy[::-1], axis=0)[-2::-1], np.zeros((1, 3)), axis=0)
     mean = np.abs(lighting.coefficients[0] * coefficients.values[0, 0, 0]) / np.sqrt(4 * np.pi)
     rms = np.sqrt(beyond) / (4 * np.pi)
@@ -226,7 +226,7 @@ def filtering_error(
     float
         The error of the map as it is made, without that of its orders; 0 for black light.
     """
-    light = _weighted_power(lighting, order_f)
+    light = weighted_power(lighting, order_f)
     errors = bilinear_errors(order_f + order_p, size, sampling)
     lost = whole = 0.0
     for p in range(order_p + 1):
@@ -280,7 +280,7 @@ def error_bound(
     float
         The error, which is 0 for black light.
     """
-    light = _weighted_power(lighting, order_f)
+    light = weighted_power(lighting, order_f)
     kept = _kept(coefficients, order_f, order_p)
     low = coefficients.degree_energy[: order_f + 1]
     light_left = np.maximum(lighting.energy - lighting.power()[: order_f + 1].sum(axis=0), 0)
@@ -296,7 +296,7 @@ def _kept(coefficients: BrdfCoefficients, order_f: int, order_p: int) -> Array:
     return coefficients.energies()[: order_f + 1, : order_p + 1].sum(axis=1)
 
 
-def _weighted_power(lighting: Lighting, order: int) -> Array:
+def weighted_power(lighting: Lighting, order: int) -> Array:
     """Return ``Lambda_l^2 sum_m |L_lm|^2`` for each l and channel, shape (order+1, 3)."""
     return _convolution_measure(order)[:, None] * lighting.power()[: order + 1]
 

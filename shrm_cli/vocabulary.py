@@ -78,6 +78,12 @@ MIN_ROUGHNESS = 0.05
 MAX_LEVELS = 64
 """The most levels of a split sum."""
 
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Weights of linear R, G and B in the luminance (ITU-R BT.709).
+
+They serve pictures of any primaries: probes are filtered as they are, and never converted.
+"""
+
 # ---- defaults ------------------------------------------------------------------------------------
 
 DEFAULT_EPS = 0.03

@@ -11,14 +11,13 @@ import numpy as np
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.vocabulary import LUMINANCE
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
 _LARGEST = 1e-3
 """The share of negative luminance that nobody needs to be told of."""
 _SEED = 5
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""The parts of linear Rec.709 RGB in the luminance."""
 
 
 def negative_share(map_: Map) -> float:
@@ -39,7 +38,7 @@ def negative_share(map_: Map) -> float:
     directions = spiral_directions(_PAIRS)
     views = directions[np.random.default_rng(_SEED).permutation(_PAIRS)]
     shown = map_.glimpse(directions, views)
-    return float(np.mean(shown @ _LUMINANCE < 0))
+    return float(np.mean(shown @ LUMINANCE < 0))
 
 
 def examined(made: Prefiltered) -> Prefiltered:

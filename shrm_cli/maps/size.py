@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from shrm_cli.errors import MapError
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, MAX_ORDER_P
 
 MAX_VALUES = 2**30
@@ -29,6 +29,8 @@ _ORDERS_A_TEXEL_ALONE = 2.0
 """The same for maps of a single cube, whose error is all in the orders. It is all that the texels
 can tell apart, which kinks such as the horizon of Lambert's law need."""
 
+TRIED_SIZES = (16, 32, 64, 128, 256, 512)
+"""The sizes of cubes that are tried for a map of few bytes, texels along a face's edge."""
 HALF_ERROR = 2.1e-4
 """The relative RMS error of rounding values of any size to half precision."""
 
@@ -57,6 +59,23 @@ def supported_order(size: int, order_p: int = 1) -> int:
         The order P of the map; with 0 it has a single cube.
     """
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
+
+
+def total_error(error: float, filter_error: float) -> float:
+    """Combine a relative RMS error with those of bilinear look-ups and of half precision."""
+    return float(np.linalg.norm([error, filter_error, HALF_ERROR]))
+
+
+def nothing_fits(size: int | None) -> ArgumentError:
+    """Return the error that refuses a number of bytes which not even a single cube fits into.
+
+    Parameters
+    ----------
+    size : int, optional
+        Texels along a face's edge, where they are given.
+    """
+    least = stored_bytes(TRIED_SIZES[0] if size is None else size, 1)
+    return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
 
 
 def stored_bytes(size: int, cubes: int) -> int:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.render.seen import LUMINANCE, spread_weights
+from shrm_cli.render.seen import spread_weights
+from shrm_cli.vocabulary import LUMINANCE
 
 Array = NDArray[np.floating]
 

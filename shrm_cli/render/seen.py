@@ -11,14 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.vocabulary import LUMINANCE
 
 Array = NDArray[np.floating]
-
-LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Weights of linear R, G and B in the luminance (ITU-R BT.709).
-
-They serve pictures of any primaries: probes are filtered as they are, and never converted.
-"""
 
 FLOOR = 0.02
 """Least truth that an error is divided by, as a fraction of the mean truth.

@@ -1,5 +1,7 @@
 """Directions, angles and frames. World axes: right-handed, +Y up; SH polar axis +Z."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -98,6 +100,27 @@ def tilted_frame(directions: Array, tilt: Array) -> Array:
     x, y, z = np.moveaxis(directions, -1, 0)
     parts = cosine * x - sine * z, y, sine * x + cosine * z
     return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def views_around(centers: ArrayLike, theta: float, count: int) -> Iterator[Array]:
+    """Yield directions at an angle from each center, at evenly spaced azimuths of its local frame.
+
+    Parameters
+    ----------
+    centers : array_like, shape (..., 3)
+        Unit vectors.
+    theta : float
+        The angle, radians.
+    count : int
+        The number of azimuths.
+
+    Yields
+    ------
+    ndarray, shape (..., 3)
+    """
+    frames = local_frame(*to_angles(centers))
+    for phi in 2 * np.pi * np.arange(count) / count:
+        yield frames @ from_angles(theta, phi)
 
 
 def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:

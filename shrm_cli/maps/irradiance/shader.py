@@ -77,15 +77,15 @@ def _comment(irradiance: Irradiance) -> list[str]:
     return [
         "/* Irradiance E of a unit normal in world axes (right-handed, +Y up), linear RGB.",
         " * E is without 1/pi: a diffuse surface reflects the radiance albedo / pi * E.",
-        f" * Probe: {_harmless(info.probe) or 'unknown'}",
-        f" * SHA-256: {_harmless(info.probe_sha256) or 'unknown'}",
+        f" * Probe: {harmless(info.probe) or 'unknown'}",
+        f" * SHA-256: {harmless(info.probe_sha256) or 'unknown'}",
         f" * Order: {irradiance.order_f}; window: {window.name}{width}",
         " * Ramamoorthi and Hanrahan 2001, An Efficient Representation for Irradiance",
         " * Environment Maps: the quadratic polynomial of the normal. */",
     ]
 
 
-def _harmless(text: str) -> str:
+def harmless(text: str) -> str:
     """Replace characters that could end a comment, start one, or continue a line."""
     return re.sub(r"[^A-Za-z0-9 ._+,()-]", "_", text)[:_MOST_NAME]
 

@@ -150,6 +150,16 @@ class Spectrum:
         """
         return self._parts[q][first:last]
 
+    def bundle_parts(self, degree: int, first: int, last: int, order: int) -> Array:
+        """Return the `light_parts` of bundles of a degree, q = 0 .. degree, to an order of light.
+
+        Returns
+        -------
+        ndarray, shape (order+1, degree+1, last - first, 3)
+        """
+        parts = [self.light_parts(q, first, last) for q in range(degree + 1)]
+        return np.stack(parts, axis=1)[:, :, : order + 1].transpose(2, 1, 0, 3)
+
     @cached_property
     def _parts(self) -> list[Array]:
         """The `light_parts` of all functions that are used at most, for each q."""

@@ -6,19 +6,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.functions import Spectrum
 from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
-from shrm_cli.maps.size import HALF_ERROR, most_cubes, stored_bytes, supported_order
+from shrm_cli.maps.size import (
+    TRIED_SIZES,
+    most_cubes,
+    nothing_fits,
+    stored_bytes,
+    supported_order,
+    total_error,
+)
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import INVISIBLE, cube_energies, energy_beyond
 from shrm_cli.sphere.bilinear import bilinear_errors
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
 Array = NDArray[np.floating]
-
-_SIZES = (16, 32, 64, 128, 256, 512)
-"""The sizes of cubes that are tried, texels along a face's edge."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Form:
     @property
     def total_error(self) -> float:
         """The error with all that a renderer adds: bilinear look-ups and half precision."""
-        return float(np.linalg.norm([self.error, self.filter_error, HALF_ERROR]))
+        return total_error(self.error, self.filter_error)
 
 
 @dataclass(frozen=True)
@@ -117,8 +120,7 @@ class Planner:
         light, lost = self.spectrum.light[: carried + 1], 0.0
         for p in set(degrees):
             first, count = degrees.index(p), degrees.count(p)
-            parts = [self.spectrum.light_parts(q, first, first + count) for q in range(p + 1)]
-            kept = np.stack(parts, axis=1)[:, :, : carried + 1].transpose(2, 1, 0, 3)
+            kept = self.spectrum.bundle_parts(p, first, first + count, carried)
             energy = cube_energies(light, kept)
             lost += float(errors[: len(energy)] @ energy)
         return lost
@@ -192,7 +194,7 @@ class Planner:
         """
         best: Form | None = None
         found: Form | None = None
-        for texels in _SIZES if size is None else (size,):
+        for texels in TRIED_SIZES if size is None else (size,):
             most = min(most_cubes(texels, max_size), len(self.choices))
             if found is not None:
                 most = min(most, (found.bytes - 1) // stored_bytes(texels, 1))
@@ -210,6 +212,5 @@ class Planner:
                 low, high = (low, middle) if form.total_error <= error else (middle + 1, high)
             found = self.form(self.choices[low - 1], texels)
         if best is None:
-            least = stored_bytes(_SIZES[0] if size is None else size, 1)
-            raise ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
+            raise nothing_fits(size)
         return (best, False) if found is None else (found, True)

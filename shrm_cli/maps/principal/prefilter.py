@@ -21,11 +21,12 @@ from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
-from shrm_cli.maps.size import HALF_ERROR, choose_size, supported_order
+from shrm_cli.maps.size import choose_size, supported_order, total_error
 from shrm_cli.orders import Orders
-from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
+from shrm_cli.reflected import weighted_power
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -117,7 +118,7 @@ def _unmet(
     info: MapInfo, terms: "Sequence[_Term]", error: float | None, max_size: int
 ) -> list[str]:
     """Return a line about an error or a tolerance that the map does not keep."""
-    total = float(np.linalg.norm([info.predicted_error, info.filter_error, HALF_ERROR]))
+    total = total_error(info.predicted_error, info.filter_error)
     if error is not None and total > error * _ROUNDING:
         return [
             f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}; the best "
@@ -194,7 +195,7 @@ def _planner(
     while True:
         transfer = _transfer(brdf, order, light.progress)
         lighting = light.to_order(order)
-        spectrum = Spectrum.of(transfer, brdf.center, _weights(lighting, order), divide)
+        spectrum = Spectrum.of(transfer, brdf.center, weighted_power(lighting, order), divide)
         planner = Planner(spectrum, lighting, sampling)
         if order >= MAX_ORDER_F:
             return planner
@@ -212,12 +213,6 @@ def _transfer(brdf: Brdf, order: int, progress: Progress | None) -> TransferFunc
     """Compute transfer functions to an order, or take them from the cache."""
     accuracy, max_q = _ACCURACY[brdf.is_measured], 0 if brdf.zonal else MAX_Q
     return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
-
-
-def _weights(lighting: Lighting, order: int) -> Array:
-    """Return ``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel."""
-    degree = np.arange(order + 1)
-    return np.asarray(4 * np.pi / (2 * degree + 1)[:, None] * lighting.power()[: order + 1])
 
 
 def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
@@ -267,9 +262,7 @@ def _cubes(term: _Term, degree: int, bundles: list[int], sampling: Sampling) -> 
     the order of descending degrees.
     """
     spectrum, form = term.planner.spectrum, term.form
-    first, last = bundles[0], bundles[-1] + 1
-    parts = [spectrum.light_parts(q, first, last) for q in range(degree + 1)]
-    kept = np.stack(parts, axis=1)[:, :, : form.carried + 1].transpose(2, 1, 0, 3)
+    kept = spectrum.bundle_parts(degree, bundles[0], bundles[-1] + 1, form.carried)
     series = bundle_coefficients(term.planner.lighting.coefficients, kept)
     flat = series.swapaxes(1, 2).reshape(len(series), -1)
     planes = synthesize_cube(flat, form.size, sampling, np.float32)

@@ -23,9 +23,10 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
-from shrm_cli.sphere.directions import bisector, from_angles, local_frame, to_angles
+from shrm_cli.sphere.directions import bisector, to_angles, views_around
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
@@ -36,8 +37,6 @@ Array = NDArray[np.floating]
 
 _DEFAULT_ORDER_P = 8
 """The order P of the SHRM that a map is converted to, where none is asked for."""
-_AZIMUTHS = 32
-"""The azimuths of the view over which `PrincipalMap.zonal_radiance` averages."""
 _NODES = 64
 """Gauss's nodes over the angle of the view, for conversions."""
 
@@ -287,10 +286,8 @@ class PrincipalMap(Map):
         view_theta : float
             The angle between the view and the central direction, radians.
         """
-        frames = local_frame(*to_angles(centers))
-        phi = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-        views = (frames @ from_angles(view_theta, each) for each in phi)
-        return np.mean([self.central_radiance(centers, each) for each in views], axis=0)
+        around = views_around(centers, view_theta, AZIMUTHS)
+        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
 
     @cached_property
     def _samplers(self) -> list[CubeSampler]:

@@ -1,6 +1,5 @@
 """Source code that looks a map of principal functions up, with its tables in place."""
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,13 +7,12 @@ from numpy.polynomial import legendre, polynomial
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.maps.irradiance.shader import harmless
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, plane_rule
 
 Array = NDArray[np.floating]
 
 LANGUAGES = ("glsl", "hlsl")
-_MOST_NAME = 100
-"""The most characters of a probe's name in the code's comment."""
 
 # What differs between the languages, which otherwise share the code below.
 _WORDS = {
@@ -85,14 +83,9 @@ def _comment(made: PrincipalMap) -> list[str]:
     return [
         "/* Light of a probe reflected by a BRDF, by the BRDF's own functions of the view.",
         " * World axes: right-handed, +Y up; linear RGB radiance.",
-        f" * Probe: {_harmless(made.info.probe) or 'unknown'}",
+        f" * Probe: {harmless(made.info.probe) or 'unknown'}",
         f" * Cubes: {made.cube_count}, the layers of shrm_cubes, in the order of the channels. */",
     ]
-
-
-def _harmless(text: str) -> str:
-    """Replace characters that could end a comment, start one, or continue a line."""
-    return re.sub(r"[^A-Za-z0-9 ._+,()-]", "_", text)[:_MOST_NAME]
 
 
 def _band(degree: int, words: dict[str, str]) -> list[str]:

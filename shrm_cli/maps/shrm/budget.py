@@ -14,7 +14,15 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.size import HALF_ERROR, choose_size, largest_p, stored_bytes, supported_order
+from shrm_cli.maps.size import (
+    TRIED_SIZES,
+    choose_size,
+    largest_p,
+    nothing_fits,
+    stored_bytes,
+    supported_order,
+    total_error,
+)
 from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import filtering_error, predicted_error
@@ -26,9 +34,6 @@ from shrm_cli.vocabulary import (
     Sampling,
 )
 
-_SIZES = (16, 32, 64, 128, 256, 512)
-"""The sizes of cubes that are tried, texels along a face's edge."""
-_SMALLEST = _SIZES[0]
 _LEAST_TOLERANCE = 1e-4
 """The least part of a BRDF's energy that its coefficients are computed to."""
 
@@ -115,7 +120,7 @@ def most_order_p(
     """
 
     def most_at(order_f: int) -> int:
-        texels = max(choose_size(order_f) // 2, _SMALLEST) if size is None else size
+        texels = max(choose_size(order_f) // 2, TRIED_SIZES[0]) if size is None else size
         return min(largest_p(order_f, texels, max_size), most)
 
     return most_at
@@ -202,7 +207,7 @@ def fitting(
         If not even P = 0 fits.
     """
     largest = choose_size(least_orders(coefficients, tolerance).order_f)
-    sizes = [texels for texels in _SIZES if texels <= largest]
+    sizes = [texels for texels in TRIED_SIZES if texels <= largest]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
         carried = min(supported_order(texels), coefficients.order_f)
@@ -218,8 +223,7 @@ def fitting(
         made = Choice(orders, texels)
         found.append((float(error), made.bytes, made))
     if not found:
-        least = stored_bytes(_SMALLEST if size is None else size, 1)
-        raise ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
+        raise nothing_fits(size)
     return min(found, key=lambda each: each[:2])[2]
 
 
@@ -269,15 +273,13 @@ def within_error(
     lighting = light.to_order(coefficients.order_f)
 
     def total(carried: int, p: int, texels: int) -> float:
-        parts = (
+        return total_error(
             predicted_error(lighting, coefficients, carried, p),
             filtering_error(lighting, coefficients, carried, p, texels, sampling),
-            HALF_ERROR,
         )
-        return float(np.linalg.norm(parts))
 
     found: list[tuple[bool, float, Choice]] = []
-    for texels in _SIZES if size is None else (size,):
+    for texels in TRIED_SIZES if size is None else (size,):
         carried = min(supported_order(texels), coefficients.order_f)
         most = min(largest_p(carried, texels, max_size), coefficients.order_p)
         if most < 0:
@@ -296,8 +298,7 @@ def within_error(
         # The fewest bytes of those that keep the error, else the least error.
         found.append((last > error, choice.bytes if last <= error else last, choice))
     if not found:
-        least = stored_bytes(_SMALLEST if size is None else size, 1)
-        raise ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
+        raise nothing_fits(size)
     is_missed, _, choice = min(found, key=lambda each: each[:2])
     return choice, coefficients, not is_missed
 

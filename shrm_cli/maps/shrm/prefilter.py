@@ -27,7 +27,7 @@ from shrm_cli.maps.shrm.budget import (
 )
 from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
-from shrm_cli.maps.size import HALF_ERROR, check_size, choose_size
+from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import choose_center, choose_orders
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -130,7 +130,7 @@ def _within_error(
     if is_met:
         return made
     info = made.map.info
-    total = float(np.linalg.norm([info.predicted_error, info.filter_error, HALF_ERROR]))
+    total = total_error(info.predicted_error, info.filter_error)
     line = (
         f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}: the best map "
         f"has {total:.1%}; take `to` principal, or raise `max_size`"

@@ -11,13 +11,13 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.sphere.directions import bisector, from_angles, local_frame, to_angles
+from shrm_cli.sphere.directions import bisector, views_around
 from shrm_cli.vocabulary import Frame, Sampling
 
 Array = NDArray[np.floating]
 
-_AZIMUTHS = 32
-"""The number of azimuths of the view over which `SummedShrm.zonal_radiance` averages."""
+AZIMUTHS = 32
+"""The number of azimuths of the view over which `zonal_radiance` of sums averages."""
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,5 @@ class SummedShrm(Map):
         -------
         ndarray, shape (..., 3)
         """
-        frames = local_frame(*to_angles(centers))
-        phi = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-        parts = [
-            self.central_radiance(centers, frames @ from_angles(view_theta, each)) for each in phi
-        ]
-        return np.mean(parts, axis=0)
+        around = views_around(centers, view_theta, AZIMUTHS)
+        return np.mean([self.central_radiance(centers, views) for views in around], axis=0)
