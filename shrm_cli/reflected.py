@@ -8,8 +8,6 @@ this measure is that of the pixels of spheres, seen in parallel projection from 
 Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +15,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors
-from shrm_cli.sphere.clebsch_gordan import clebsch_gordan
+from shrm_cli.sphere.clebsch_gordan import zonal_coupling
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -163,7 +161,8 @@ def cube_energies(light: Array, parts: Array) -> Array:
     """Return the energy of cubes over R in each of their own degrees.
 
     Light of degree l, reflected with the harmonics of degree p of the view in world axes, has the
-    degrees ``J = l - p .. l + p`` over R. The light of different degrees is taken as independent.
+    degrees ``J = l - p, l - p + 2 .. l + p`` over R. The light of different degrees is taken as
+    independent.
 
     Parameters
     ----------
@@ -178,29 +177,15 @@ def cube_energies(light: Array, parts: Array) -> Array:
         Their sum is the sum over l and q, of both signs, of light and squared parts.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    zonal = _zonal_coupling(order, p)
-    coupled = np.einsum("qlj,lqnc->jlnc", zonal, parts)
-    energies = np.einsum("lc,jlnc->jl", light, coupled**2)
+    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
+    coupled = (by_order @ zonal_coupling(order, p)).reshape(order + 1, -1, 3, p + 1)
+    energies = np.einsum("lc,lncj->jl", light, coupled**2)
     result = np.zeros(order + p + 1)
-    for shift in range(-p, p + 1):
+    for j, shift in enumerate(range(-p, p + 1, 2)):
         low = max(0, -shift)
         if low > order:
             continue
-        result[low + shift : order + shift + 1] += energies[shift + p, low:]
-    return result
-
-
-@lru_cache(64)
-def _zonal_coupling(order: int, p: int) -> Array:
-    """Return ``(-1)^q <l q p -q | l+j 0>``, both signs of q together, as [q, l, j + p]."""
-    degree = np.arange(order + 1)
-    result = np.zeros((p + 1, order + 1, 2 * p + 1))
-    for q in range(p + 1):
-        for shift in range(-p, p + 1):
-            both = clebsch_gordan(degree, q, p, -q, shift)
-            if q > 0:
-                both = both + clebsch_gordan(degree, -q, p, q, shift)
-            result[q, :, shift + p] = (-1.0) ** q * both
+        result[low + shift : order + shift + 1] += energies[j, low:]
     return result
 
 

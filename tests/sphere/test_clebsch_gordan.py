@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
-from shrm_cli.sphere.clebsch_gordan import clebsch_gordan
+from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 
 
 def integral(degree, m, small, s, total):
@@ -42,3 +42,51 @@ def test_orthogonality(degree, order, small):
     rows = np.array([[float(clebsch_gordan(degree, order - k, small, k, j)) for j in s] for k in s])
     rows = rows[abs(order - s) <= degree]
     np.testing.assert_allclose(rows @ rows.T, np.eye(len(rows)), atol=1e-9)
+
+
+@pytest.mark.parametrize("p", [0, 1, 2, 5, 8])
+def test_the_zonal_coupling_is_that_of_the_sum(p):
+    order = 40
+    found = zonal_coupling(order, p)
+    degree, q = np.arange(order + 1), np.arange(p + 1)
+    for j in range(p + 1):
+        for each in q:
+            wanted = clebsch_gordan(degree, each, p, -each, 2 * j - p)
+            wanted = (-1.0) ** each * (
+                wanted + (each > 0) * clebsch_gordan(degree, -each, p, each, 2 * j - p)
+            )
+            np.testing.assert_allclose(abs(found[:, each, j]), abs(wanted), atol=1e-9)
+
+
+def test_the_zonal_coupling_of_large_degrees():
+    """The products with q = 0, whose squares are integrals of three Legendre polynomials."""
+    order, p = 60, 37
+    found = zonal_coupling(order, p)
+    z, weights = np.polynomial.legendre.leggauss(order + p + 1)
+    legendre = np.polynomial.legendre.legvander(z, order + p)
+    for degree in (0, 3, 36, 37, 38, 60):
+        for j in range(p + 1):
+            total = degree - p + 2 * j
+            wanted = 0.0
+            if total >= abs(degree - p):
+                triple = weights @ (legendre[:, degree] * legendre[:, p] * legendre[:, total])
+                wanted = (2 * total + 1) / 2 * triple
+            assert found[degree, 0, j] ** 2 == pytest.approx(wanted, abs=1e-12)
+
+
+def test_the_signs_of_the_zonal_coupling():
+    """A product of two functions of q has the energy of its degrees: relative signs count."""
+    order, p = 50, 23
+    found = zonal_coupling(order, p)
+    degree = 31
+    both = found[degree] / np.sqrt(np.where(np.arange(p + 1) > 0, 2, 1))[:, None]
+    np.testing.assert_allclose(both.T @ both, np.eye(p + 1), atol=1e-12)
+    # sum over q of <l q p -q | J 0> Y_lq Y_p,-q at one point is Y_J0 times its own coefficient.
+    theta, phi = 0.7, 0.0
+    q = np.arange(p + 1)
+    product = sph_harm_y(degree, q, theta, phi).real * sph_harm_y(p, q, theta, phi).real
+    for j in range(p + 1):
+        total = degree - p + 2 * j
+        scale = np.sqrt((2 * degree + 1) * (2 * p + 1) / (4 * np.pi * (2 * total + 1)))
+        wanted = scale * found[degree, 0, j] * sph_harm_y(total, 0, theta, phi).real
+        assert found[degree, :, j] @ product == pytest.approx(wanted, abs=1e-11)
