@@ -32,7 +32,7 @@ def of_outcome(outcome: Outcome, as_json: bool) -> list[str]:
         "asks for too much memory": "out of memory" in err,
         "internal error": "internal error" in err or "Traceback" in err,
         f"{len(lines)} lines of error": is_refused and len(lines) != 1,
-        "no error line": is_refused and not err.startswith("Error: "),
+        "no error line": is_refused and len(lines) == 1 and not err.startswith("Error: "),
         "an error after half the output": is_refused and out != "",
         "noise on stderr": outcome.code == 0
         and not all(line.startswith("Warning: ") for line in lines),

@@ -30,6 +30,7 @@ from shrm_cli.brdf.base import Array
 from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.brdf.measured.table import AXES, Table, TableSettings
 from shrm_cli.errors import BrdfError, MapError, OutputError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.files.whole import replacing
 from shrm_cli.vocabulary import Center
@@ -243,8 +244,8 @@ def _finite(path: Path, values: Array) -> Array:
 
 def _json_object(path: Path, text: str) -> dict[str, Any]:
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
+        value = parse_json(text)
+    except ValueError:
         value = None
     if not isinstance(value, dict):
         raise BrdfError(f"{path}: its settings are not a JSON object; {_AGAIN}")
