@@ -24,14 +24,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS"):
-    os.environ[_name] = "1"  # before numpy is imported: threads do not survive a fork
-
 from tests.fuzz import judge
 from tests.fuzz.child import Outcome, as_report, run_batch, run_command
 from tests.fuzz.mutations import damage
 from tests.fuzz.seeds import Seed, copy_sound, make_seeds
 
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS")
+"""Variables that libraries obey when they are loaded. Threads do not survive a fork."""
 _REPORT = 60.0  # seconds between lines of progress
 _BATCH = 40  # cases of one process
 
@@ -46,6 +45,9 @@ def main() -> None:
     parser.add_argument("--kind", help="only kinds of files whose names contain this")
     parser.add_argument("--keep", type=Path, default=Path("build/fuzz"), help="findings go there")
     options = parser.parse_args()
+    if any(os.environ.get(name) != "1" for name in _THREADS):
+        environment = {**os.environ, **dict.fromkeys(_THREADS, "1")}
+        os.execve(sys.executable, [sys.executable, "-m", "tests.fuzz", *sys.argv[1:]], environment)
     with tempfile.TemporaryDirectory(prefix="shrm-fuzz-") as work:
         os.environ["SHRM_CACHE_DIR"] = str(Path(work, "cache"))
         findings = Harness(Path(work), options).run()
@@ -163,8 +165,8 @@ class Harness:
     def _note(self, number: int, what: str, err: str) -> None:
         """Note a finding; the first one of a sort is printed, and its input is kept."""
         case = self._case(number)
-        line = ascii((err.strip().splitlines() or [""])[-1])
-        sort = f"{what} [{case.words[0]}, {case.kind}] " + re.sub(r"\d+", "N", line)[:160]
+        line = re.sub(r"'.*'|\(.*\)|\d+", "~", ascii((err.strip().splitlines() or [""])[-1])[1:-1])
+        sort = f"{what} [{case.words[0]}, {case.kind}] {line[:120]}"
         self.findings[sort] += 1
         if sort in self.examples:
             return

@@ -14,7 +14,7 @@ Mutation = Callable[[bytes, random.Random], bytes]
 
 _INTEGERS = (0, 1, -1, 2, 7, 127, 128, 255, 256, 32767, 65535, 65536, 2**24, 2**31 - 1, -(2**31))
 _FLOATS = (0.0, -0.0, 1.0, -1.0, 1e-45, 3e38, -3e38, float("inf"), float("-inf"), float("nan"))
-_NUMBERS = ("nan", "inf", "-inf", "1e999", "-1", "0", "1e-320", "9" * 400, "0x10", "", "１")
+_NUMBERS = ("nan", "inf", "-inf", "1e999", "-1", "0", "1e-320", "9" * 400, "0x10", "", "\uff11")
 _TEXTS = (
     b"",
     b"\x1b]0;pwned\x07",

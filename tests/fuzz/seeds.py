@@ -114,7 +114,9 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
     scenes.write(folder / "b.png", pixels / 2, "uint16")
     scenes.write(folder / "a.tif", pixels, compression="zip")
     scenes.write(folder / "tiled.tif", pixels, tile=16, compression="none")
-    scenes.write_dds_cube(folder / "a.dds", (noise(24, 4) * 100).astype(np.uint8).reshape(6, 4, 4, 3))
+    scenes.write_dds_cube(
+        folder / "a.dds", (noise(24, 4) * 100).astype(np.uint8).reshape(6, 4, 4, 3)
+    )
     _write_half_dds(folder / "half.dds", noise(24, 4))
     scenes.write_pfm(folder / "a.pfm", pixels)
     scenes.write(folder / "a.jpg", pixels / 2, "uint8")
@@ -167,7 +169,9 @@ def _maps(folder: Path) -> list[tuple[str, str]]:
         "cabral": ("--to", "cabral", *glossy),
         "kautz-mccool": ("--to", "kautz-mccool", *glossy, "--slices", "4"),
         "lightfield": ("--to", "lightfield", *glossy, "--views", "3"),
-        "principal": ("--to", "principal", "--brdf", "ggx:roughness=0.6", "--eps", "0.3", "--size", "4"),
+        "principal": (
+            "--to", "principal", "--brdf", "ggx:roughness=0.6", "--eps", "0.3", "--size", "4",
+        ),
         "irradiance": ("--to", "irradiance", "--size", "4"),
         "splitsum": ("--to", "splitsum", "--size", "8"),
         "she": ("--to", "she",),
