@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import conclude, print_json, progress_bar, report_options, warn
+from shrm_cli.cli.options import conclude, progress_bar, report_options, warn
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo, echo_json
 from shrm_cli.cli.types import Fraction
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def _list(as_json: bool, quiet: bool) -> None:
     models, problems = all_models()
     groups = {center: [each for each in models if each.center == center] for center in _GROUPS}
     if as_json:
-        print_json([_describe(model) for group in groups.values() for model in group])
+        echo_json([_describe(model) for group in groups.values() for model in group])
     lines = []
     for center, title in _GROUPS.items():
         lines.append(f"{title}:")
@@ -88,7 +89,7 @@ def _list(as_json: bool, quiet: bool) -> None:
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
     if not (as_json or quiet):
-        click.echo("\n".join(lines))
+        echo("\n".join(lines))
     warn(problems, quiet)
 
 
@@ -117,10 +118,10 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
     written = open_measured(target)
     size, error = Path(target).stat().st_size, difference(chosen, written)
     if as_json:
-        print_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
+        echo_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
     elif not quiet:
-        click.echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
-        click.echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
+        echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
+        echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
 
 
 def _describe(model: Any) -> dict[str, Any]:

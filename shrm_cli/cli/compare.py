@@ -202,6 +202,12 @@ def compare(
         **_numbers(comparison, names, views, flips),
         "picture": target,
     }
+    warnings += [
+        f"{row['file']}: its values, or those that it is compared with, are too large for "
+        "32-bit floats; the differences mean nothing"
+        for row in result["summary"]
+        if row["rmse"] is None
+    ]
     # The first label is that of the baseline, which is the truth or the first map.
     labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
     report = [_table(result, labels[1:], flips is not None)]
@@ -351,15 +357,20 @@ def _cells(row: dict[str, Any]) -> list[str]:
     rmse, psnr, flip = row["rmse"], row["psnr"], row["hdr_flip"]
     none = "inf dB" if rmse == 0 else "-inf dB"
     return [
-        f"{rmse:.4g}",
+        _number(rmse),
         _percent(row["relative_rmse"], 2),
         _percent(row["median_relative_error"], 1),
         _percent(row["p95_relative_error"], 1),
         _percent(row["negative_share"], 2),
         "-" if flip is None else f"{flip:.3f}",
-        f"{row['maximum']:.4g}",
+        _number(row["maximum"]),
         none if psnr is None else f"{psnr:.1f} dB",
     ]
+
+
+def _number(value: float | None) -> str:
+    """Return a number with four digits; those that JSON cannot hold are infinite."""
+    return "inf" if value is None else f"{value:.4g}"
 
 
 def _percent(value: float | None, digits: int) -> str:

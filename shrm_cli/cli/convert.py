@@ -96,6 +96,7 @@ def convert(
       shrm convert probe.exr --to hcross --size 256
     """
     from shrm_cli.maps.file import is_map
+    from shrm_cli.probe.probe import open_probe
 
     result_path = output or _default_name(source, target)
     reading = make_read_options(sampling, values)
@@ -109,6 +110,7 @@ def convert(
         )
     else:
         if target in REPRESENTATIONS:
+            open_probe(source, reading)  # raises what is wrong with a file that is no image
             raise click.BadParameter(
                 f"{source} is no map; a probe becomes {target} by shrm prefilter",
                 param_hint="'--to'",

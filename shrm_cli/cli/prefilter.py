@@ -19,6 +19,7 @@ from shrm_cli.cli.options import (
     shared_options,
 )
 from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing
@@ -116,7 +117,7 @@ def prefilter(
         warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
     warnings += [f"{target}: {line}" for line in made.warnings]
     for text in [] if as_json else printed.values():
-        click.echo(text.rstrip("\n"))
+        echo(text.rstrip("\n"))
     lines = _report(chosen, made, result)
     conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
 

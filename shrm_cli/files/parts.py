@@ -6,6 +6,7 @@ the files. The module writes a file with ``write(path, parts, pixel_type)``. It 
 """
 
 import importlib
+import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -94,6 +95,25 @@ class StoredPart(ABC):
         """Return the value of a text attribute, or an empty string if there is none."""
         value = self.attribute(name)
         return value if isinstance(value, str) else ""
+
+
+def sound_primaries(value: Any) -> tuple[float, ...] | None:
+    """Return the chromaticities of an attribute: CIE x and y of red, green, blue and white.
+
+    Parameters
+    ----------
+    value : object
+        The value of the attribute, or None.
+
+    Returns
+    -------
+    tuple of 8 float or None
+        None if the value is anything else than eight finite numbers.
+    """
+    if not isinstance(value, tuple) or len(value) != 8:
+        return None
+    is_sound = all(isinstance(each, float) and math.isfinite(each) for each in value)
+    return value if is_sound else None
 
 
 class StoredFile(ABC):

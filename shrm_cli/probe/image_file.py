@@ -15,6 +15,9 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.exr_header import excess
+from shrm_cli.files.noise import caught, last_noise, quiet
+from shrm_cli.files.parts import sound_primaries
 
 Array = NDArray[np.floating]
 
@@ -76,7 +79,8 @@ class ImageFile:
         """
         path = Path(path)
         _check_file(path)
-        source = oiio.ImageInput.open(str(path), _reading_hints())
+        with caught():
+            source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
             raise ProbeError(
                 f"{path}: not an image that can be read ({_reason(_last_error(), path)}); "
@@ -113,7 +117,6 @@ class ImageFile:
                 f"{path}: {min(integers)} pixels are not scene-linear radiance; give `linearize` "
                 "to decode them as sRGB, or use an HDR file"
             )
-        primaries = spec.getattribute("chromaticities")
         return cls(
             path,
             width,
@@ -121,7 +124,7 @@ class ImageFile:
             envmap,
             bool(spec.get_int_attribute("oiio:sampleborder")),
             file_format,
-            tuple(primaries) if primaries is not None and len(primaries) == 8 else None,
+            sound_primaries(spec.getattribute("chromaticities")),
             bool(integers),
             source,
             offset,
@@ -160,6 +163,7 @@ class ImageFile:
             while block := stream.read(2**20):
                 yield block
 
+    @quiet
     def _read_data(self, start: int, stop: int) -> Array:
         """Rows of the data window, shape (rows, its width, 3)."""
         spec = self._input.spec()
@@ -206,6 +210,8 @@ def _check_file(path: Path) -> None:
         raise ProbeError(f"{path}: no permission to read it; change its mode")
     if status.st_size == 0:
         raise ProbeError(f"{path}: the file is empty; copy or export it again")
+    if much := excess(path):
+        raise ProbeError(f"{path}: {much}, which is too much; export it again")
     with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, prot=mmap.PROT_READ) as data:
         if not _is_whole(data):
             raise ProbeError(f"{path}: damaged or truncated; copy or export it again")
@@ -287,7 +293,7 @@ def _last_error() -> str:
 
 def _reason(message: str, path: Path) -> str:
     """The first line of a library's message, without its own file name and error codes."""
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    lines = [line.strip() for line in (message or last_noise()).splitlines() if line.strip()]
     if not lines:
         return "no reason was given"
     line = lines[0].replace(f"EXR Error ({path}): ", "").replace(f'("{path}")', "")
