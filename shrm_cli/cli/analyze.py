@@ -145,7 +145,7 @@ def analyze(
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, file_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
-    check_outputs(targets.values(), probes=[source], specs=[spec])
+    check_outputs(targets.values(), specs=[spec])
 
     with progress_bar("expanding", quiet) as progress:
         grid = energy_grid(brdf, tolerances, order_f, order_p, progress)

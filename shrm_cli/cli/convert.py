@@ -208,7 +208,7 @@ def _convert_probe(
             f"{path}: six files need % in place of +X, -X and so on", param_hint="'--output'"
         )
     files = face_paths(path) if target == "faces" else [path]
-    check_outputs(files, probes=[probe], suffixes=CONTAINERS)
+    check_outputs(files, suffixes=CONTAINERS)
     chosen = orientation or default_orientation(target)
     image = to_layout(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
     marked = (target, chosen) in (("openexr", "openexr"), ("latlong", "openexr"))

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from shrm_cli.files.inputs import note
 from shrm_cli.files.whole import check_target
-
-if TYPE_CHECKING:
-    from shrm_cli.probe.probe import Probe
 
 
 def probe_stem(probe: str) -> str:
@@ -28,7 +26,6 @@ def check_outputs(
     targets: Iterable[str],
     *,
     files: Iterable[str] = (),
-    probes: Iterable[Probe | None] = (),
     specs: Iterable[str | None] = (),
     suffixes: Iterable[str] = (),
 ) -> None:
@@ -39,11 +36,9 @@ def check_outputs(
     targets : iterable of str
         The outputs.
     files : iterable of str
-        Paths of inputs.
-    probes : iterable of Probe or None
-        Opened probes, which may have several files.
+        Paths of inputs that have not been opened yet; all others are known, see `files.inputs`.
     specs : iterable of str or None
-        Specifications of BRDFs, which may name files.
+        Specifications of BRDFs, which may name files that have not been opened yet.
     suffixes : iterable of str
         The suffixes that the targets' names may have, in lower case; by default any.
 
@@ -54,11 +49,9 @@ def check_outputs(
     """
     from shrm_cli.brdf.spec import named_files
 
-    inputs: list[str | Path] = list(files)
-    inputs += [path for probe in probes if probe is not None for path in probe.paths]
-    inputs += [path for spec in specs if spec is not None for path in named_files(spec)]
+    note(*files, *(path for spec in specs if spec is not None for path in named_files(spec)))
     for target in targets:
-        check_target(target, inputs, tuple(suffixes))
+        check_target(target, tuple(suffixes))
 
 
 def picture_attributes(

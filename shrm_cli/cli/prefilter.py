@@ -100,7 +100,7 @@ def prefilter(
         check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as)
     target = output or _default_name(probe, brdf, to)
-    check_outputs([target], probes=[source], specs=[brdf], suffixes=CONTAINERS)
+    check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
     printed = {

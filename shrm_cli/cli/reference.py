@@ -85,7 +85,7 @@ def reference(
     source = open_probe(probe, make_read_options(sampling, reading))
     target = output or f"{probe_stem(probe)}.{file_label(spec)}.reference.exr"
     file_type(target)
-    check_outputs([target], probes=[source], specs=[spec])
+    check_outputs([target], specs=[spec])
     with progress_bar("integrating", quiet) as progress:
         truth = Reference(source, brdf, source_height, progress=progress)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)

@@ -3,10 +3,11 @@
 import contextlib
 import os
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.inputs import is_input
 
 _MARK = ".shrm-"
 """This text follows the target's name in the names of temporary files."""
@@ -20,7 +21,6 @@ _STEM = 40
 
 def check_target(
     target: str | os.PathLike[str],
-    inputs: Iterable[str | os.PathLike[str]] = (),
     suffixes: tuple[str, ...] = (),
 ) -> None:
     """Check, before the work begins, that an output can be written and is none of the inputs.
@@ -28,7 +28,6 @@ def check_target(
     Parameters
     ----------
     target : path-like
-    inputs : iterable of path-like
     suffixes : tuple of str, optional
         The suffixes that the target's name may have, in lower case; by default any.
 
@@ -38,7 +37,7 @@ def check_target(
         If the target cannot be written, is one of the inputs, or has another suffix.
     """
     try:
-        _check_target(Path(target), inputs)
+        _check_target(Path(target))
     except (OSError, UnicodeError) as error:  # a name may be too long, for example
         reason = getattr(error, "strerror", None) or "its name is not UTF-8"
         raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
@@ -46,7 +45,7 @@ def check_target(
         raise OutputError(f"{target}: what is written is {suffixes[0]}; name it so")
 
 
-def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
+def _check_target(target: Path) -> None:
     str(target).encode()  # image libraries take UTF-8 names only
     folder = target.parent
     if target.is_dir():
@@ -58,15 +57,14 @@ def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> Non
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{target}: no permission to write in {folder}; name another output")
     _check_replaceable(target)
-    for path in inputs:
-        if target.exists() and Path(path).exists() and os.path.samefile(target, path):
-            raise OutputError(f"{target}: would overwrite the input; name another output")
 
 
 def _check_replaceable(target: Path) -> None:
-    """Refuse to replace a device, such as /dev/null, or a pipe by a file."""
+    """Refuse to replace an input, or a device or a pipe, such as /dev/null, by a file."""
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: not a regular file; name another output")
+    if is_input(target):
+        raise OutputError(f"{target}: would overwrite the input; name another output")
 
 
 @contextlib.contextmanager
@@ -80,8 +78,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the target is not a regular file, or if the block raises an OSError, such as for a full
-        disk.
+        If the target is not a regular file or is an input, or if the block raises an OSError, such
+        as for a full disk.
     """
     target = Path(target)
     # The prefix holds the machine's name, because machines that share a folder do not share

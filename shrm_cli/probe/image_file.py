@@ -15,6 +15,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.inputs import note
 
 Array = NDArray[np.floating]
 
@@ -76,6 +77,7 @@ class ImageFile:
         """
         path = Path(path)
         _check_file(path)
+        note(path)
         source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
             raise ProbeError(
