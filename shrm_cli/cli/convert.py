@@ -17,7 +17,7 @@ from shrm_cli.cli.options import (
     report_options,
     representation_options,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import check_outputs, probe_stem
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 from shrm_cli.maps.options import Option, all_options, listing, owners
@@ -241,7 +241,7 @@ def _default_name(source: str, target: str) -> str:
     family = list(REPRESENTATIONS) if target in REPRESENTATIONS else list(IMAGE_LAYOUTS)
     if dot and last in family:
         stem = base
-    stem = stem.replace("%", "").rstrip("_-.") or "probe"
+    stem = probe_stem(f"{stem}.exr")
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
 
 

@@ -18,7 +18,7 @@ from shrm_cli.cli.options import (
     representation_options,
     shared_options,
 )
-from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing
@@ -132,9 +132,7 @@ def _rules_of_printing(to: str) -> dict[str, Applies]:
 
 
 def _default_name(probe: str, brdf: str | None, to: str) -> str:
-    from shrm_cli.brdf.spec import file_label
-
-    labels = [probe_stem(probe), *([] if brdf is None else [file_label(brdf)]), to]
+    labels = [probe_stem(probe), *([] if brdf is None else [brdf_label(brdf)]), to]
     return f"{'.'.join(labels)}.exr"
 
 
