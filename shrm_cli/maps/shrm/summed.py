@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,6 +96,11 @@ class SummedShrm(Map):
     @property
     def cube_count(self) -> int:
         return sum(term.cube_count for term in self.terms)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what every map tells, and how many of the cubes are principal components."""
+        held = [term.cube_count for term in self.terms if isinstance(term, CompressedShrm)]
+        return {**super().summary(), **({"components": sum(held)} if held else {})}
 
     def planes(self) -> list[Array]:
         """Return the cubes of all terms."""
