@@ -165,7 +165,7 @@ def compare(
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_outputs([target], files=maps, probes=[source], specs=[spec])
+        check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
     loaded, surface, warnings = shaded_maps(
         [open_map(path) for path in maps], maps, roughness and roughness[0], f0
@@ -181,6 +181,8 @@ def compare(
 
             advice = "give --brdf" + (", or another --roughness and --f0" if surface else "")
             brdf = common_brdf(infos, advice) if spec is None else parse_spec(spec)
+            # The maps may have named measured files, which are known only now.
+            check_outputs([] if target is None else [target])
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=stages.within)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)

@@ -17,7 +17,7 @@ from shrm_cli.cli.options import (
     report_options,
     representation_options,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import check_outputs, probe_stem
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 from shrm_cli.maps.options import Option, all_options, listing, owners
@@ -210,7 +210,7 @@ def _convert_probe(
             f"{path}: six files need % in place of +X, -X and so on", param_hint="'--output'"
         )
     files = face_paths(path) if target == "faces" else [path]
-    check_outputs(files, probes=[probe], suffixes=CONTAINERS)
+    check_outputs(files, suffixes=CONTAINERS)
     chosen = orientation or default_orientation(target)
     image = to_layout(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
     marked = (target, chosen) in (("openexr", "openexr"), ("latlong", "openexr"))
@@ -243,7 +243,7 @@ def _default_name(source: str, target: str) -> str:
     family = list(REPRESENTATIONS) if target in REPRESENTATIONS else list(IMAGE_LAYOUTS)
     if dot and last in family:
         stem = base
-    stem = stem.replace("%", "").rstrip("_-.") or "probe"
+    stem = probe_stem(f"{stem}.exr")
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError, OutputError
+from shrm_cli.files.inputs import note
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -217,6 +218,7 @@ def open_file(path: str | os.PathLike[str]) -> StoredFile:
         kind = "a directory" if Path(path).is_dir() else "not a regular file"
         raise MapError(f"{path}: {kind}; name a map")
     found = peek(path)
+    note(path)
     if found is None:
         raise MapError(f"{path}: not an OpenEXR file, or a damaged one; shrm prefilter makes maps")
     return found

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 import OpenImageIO as oiio
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
+from shrm_cli.files.inputs import note
 from shrm_cli.files.noise import caught, last_noise, quiet
 from shrm_cli.files.parts import sound_primaries
 
@@ -79,9 +81,12 @@ class ImageFile:
         """
         path = Path(path)
         _check_file(path)
+        note(path)
         with caught():
             source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
+            if is_zipfile(path):  # the reasons that images cannot be read say nothing of it
+                raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
             raise ProbeError(
                 f"{path}: not an image that can be read ({_reason(_last_error(), path)}); "
                 "copy or export it again"
@@ -93,6 +98,8 @@ class ImageFile:
             raise ProbeError(f"{path}: a map that shrm made, not a light probe; name the probe")
         if spec.getattribute("shrm:table") is not None:
             raise ProbeError(f"{path}: a table that shrm made, not a light probe; name the probe")
+        if spec.getattribute("shrm:brdf_table") is not None:
+            raise ProbeError(f"{path}: a table of a BRDF, not a light probe; it belongs to `brdf`")
         if spec.deep:
             raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
         if spec.get_int_attribute("Orientation", 1) not in _UPRIGHT:
