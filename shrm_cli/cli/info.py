@@ -101,6 +101,7 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
         "sampling": probe.sampling,
         "orientation": probe.orientation,
         "format": first.file_format,
+        **first.facts(),
         "minimum": low.tolist(),
         "maximum": high.tolist(),
         "mean": (total / area).tolist(),

@@ -15,8 +15,8 @@ MAP_KEYS = [
     "probe_sha256", "chromaticities", "warnings",
 ]  # fmt: skip
 PROBE_KEYS = [
-    "file", "kind", "layout", "width", "height", "sampling", "format", "minimum", "maximum",
-    "mean", "sha256", "warnings",
+    "file", "kind", "layout", "width", "height", "sampling", "format", "channels", "encoding",
+    "minimum", "maximum", "mean", "sha256", "warnings",
 ]  # fmt: skip
 
 
