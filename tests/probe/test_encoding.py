@@ -75,7 +75,7 @@ def test_gamma_of_a_radiance_file(tmp_path):
 
 
 def test_xyze(tmp_path):
-    with pytest.raises(ProbeError, match="CIE XYZ .* not RGB; .*ra_xyze"):
+    with pytest.raises(ProbeError, match=r"CIE XYZ .* not RGB; .*ra_xyze"):
         open_probe(hdr(tmp_path, kind="xyze"))
 
 
@@ -153,7 +153,7 @@ def test_curves_that_are_not_known_are_refused(tmp_path, steps):
     """Perceptual quantizing, as HDR video has it."""
     values = np.rint(steps * 255).astype(np.uint8)
     path = scenes.write_png(tmp_path / "a.png", values, (b"cICP", bytes([9, 16, 0, 1])))
-    with pytest.raises(ProbeError, match="encoded as pq_.*; convert it"):
+    with pytest.raises(ProbeError, match=r"encoded as pq_.*; convert it"):
         ImageFile.open(path, linearize=True)
 
 

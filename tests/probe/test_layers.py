@@ -73,17 +73,17 @@ def test_parts(tmp_path, names, chosen):
 
 def test_what_is_not_plain_is_listed(tmp_path):
     path = layers(tmp_path, ["diffuse", "specular"])
-    with pytest.raises(ProbeError, match="any of layer diffuse, layer specular; give `layer`$"):
+    with pytest.raises(ProbeError, match=r"any of layer diffuse, layer specular; give `layer`$"):
         open_probe(path)
     path = parts(tmp_path, ["key", "fill"])
-    with pytest.raises(ProbeError, match="any of part key, part fill; give `part`$"):
+    with pytest.raises(ProbeError, match=r"any of part key, part fill; give `part`$"):
         open_probe(path)
 
 
 def test_stereo(tmp_path):
     """OpenEXR leaves the first view out of its channels' names."""
     path = layers(tmp_path, ["", "right"], multiView=["left", "right"])
-    with pytest.raises(ProbeError, match="any of layer left, layer right; give `layer`$"):
+    with pytest.raises(ProbeError, match=r"any of layer left, layer right; give `layer`$"):
         open_probe(path)
     assert open_probe(path, layer="left").image()[0, 0, 0] == 1
     assert open_probe(path, layer="right").image()[0, 0, 0] == 2
