@@ -40,7 +40,8 @@ exposure_option = click.option(
 )  # fmt: skip
 precision_option = click.option(
     "--precision", type=click.Choice(PRECISIONS), default="auto",
-    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
+    show_default=True,
+    help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
 )  # fmt: skip
 probe_sampling_option = click.option(
     "--sampling", type=click.Choice(SAMPLINGS),
