@@ -166,7 +166,7 @@ def _convert_map(
     chosen = orientation or default_orientation(layout)
     if precision == "auto" and not made.is_exact_in_half:
         precision = "float"  # a conversion must not lose precision
-    pixels = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
+    stored = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
     result = {
         "file": path,
         "kind": "map",
@@ -181,7 +181,8 @@ def _convert_map(
         "predicted_error": made.info.predicted_error,
         "added_error": made.info.added_error,
         "fit_residual": made.info.fit_residual,
-        "precision": pixels,
+        "storage_error": max(stored.error, made.info.storage_error),
+        "precision": stored.pixel_type,
     }
     return result, []
 
@@ -261,7 +262,12 @@ def _report(result: dict[str, Any]) -> str:
         f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "
         f"{size} texels as {result['layout']}, {result['precision']}"
     ]
-    for key, text in (("added_error", "added by its form"), ("fit_residual", "left by the fit")):
-        if result[key] >= 5e-6:
+    errors = {
+        "added_error": "added by its form",
+        "fit_residual": "left by the fit",
+        "storage_error": "from half precision",
+    }
+    for key, text in errors.items():
+        if result[key] >= (5e-4 if key == "storage_error" else 5e-6):
             lines.append(f"  RMS error      {result[key]:.3%} {text}")
     return "\n".join(lines)
