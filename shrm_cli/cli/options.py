@@ -209,6 +209,12 @@ def print_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
+def announce(lines: Sequence[str], quiet: bool) -> None:
+    """Say on a terminal, before long work begins, what it will be."""
+    if not quiet and sys.stderr.isatty():
+        click.echo("\n".join(lines), err=True)
+
+
 @contextmanager
 def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
     """Yield a callable (done, all) that shows progress on a terminal, after the first second.
