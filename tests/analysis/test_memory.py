@@ -23,9 +23,9 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.shading import ggx_surface
 
 r.COMPARED = ("shrm",)
-probe = Probe.from_array(np.ones((8, 16, 3), np.float32))
+probe = Probe.from_array(np.ones((4, 8, 3), np.float32))
 peaks = []
-for size in (16, 640):
+for size in (16, 500):
     plan = r.plan_comparison(probe, [ggx_surface(1.0)], 0.3, [Viewer(0, 0)], size)
     r.compare_representations(plan)
     peaks.append([resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, plan.memory.needed])
