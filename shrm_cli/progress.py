@@ -17,7 +17,7 @@ class Stages:
     """The progress of work in stages of equal length, each of which reports its own progress.
 
     Both methods are progress callables: `done` is called for whole stages, and `within` for the
-    stage that is being worked on.
+    stage that is being worked on. What is told never falls, even where a stage begins anew within.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Stages:
     """
 
     def __init__(self, progress: Progress | None, total: int) -> None:
-        self._progress, self._total, self._finished = progress, total, 0
+        self._progress, self._total, self._finished, self._told = progress, total, 0, 0
 
     def done(self, done: int, total: int) -> None:
         """Report that `done` stages are finished; `total` is not used."""
@@ -41,7 +41,8 @@ class Stages:
 
     def _show(self, steps: int) -> None:
         if self._progress is not None:
-            self._progress(_STEPS * self._finished + steps, _STEPS * self._total)
+            self._told = max(self._told, _STEPS * self._finished + steps)
+            self._progress(self._told, _STEPS * self._total)
 
 
 class Rising:

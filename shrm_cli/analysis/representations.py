@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.analysis.memory import Memory, within_limit
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ShrmError
 from shrm_cli.files.picture import Picture
@@ -36,8 +37,48 @@ _ROWS = 64, 256
 """The fewest and the most rows that the truth takes by default."""
 
 
-COMPARED = ("shrm", "splitsum", "she", "cabral")
+COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """Names of the representations that are compared."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a comparison will make.
+
+    Attributes
+    ----------
+    probe : Probe
+    surfaces : tuple of Ggx
+        Surfaces of one f0, in order of their roughness.
+    tolerance : float
+        The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF.
+    viewers : tuple of V Viewer
+    size : int
+        Width and height of each picture, pixels.
+    source_heights : tuple of int or None
+        Rows that the probe is averaged down to for the truth of each surface; None where it is not
+        averaged.
+    memory : Memory
+        The memory that it takes, and the most bytes of a map.
+    """
+
+    probe: Probe
+    surfaces: tuple[Ggx, ...]
+    tolerance: float
+    viewers: tuple[Viewer, ...]
+    size: int
+    source_heights: tuple[int | None, ...]
+    memory: Memory
+
+    @property
+    def truths(self) -> int:
+        """The number of pictures by brute force; each representation has as many."""
+        return len(self.surfaces) * len(self.viewers)
+
+    @property
+    def maps(self) -> int:
+        """The number of maps."""
+        return sum(len(groups(name, self.surfaces)) for name in COMPARED)
 
 
 @dataclass(frozen=True)
@@ -91,15 +132,11 @@ class RepresentationTable:
         Surfaces of one f0, in order of their roughness.
     truth : ndarray of float32, shape (surfaces, V, S, S, 3)
         Pictures by brute force.
-    source_heights : tuple of int or None
-        Rows that the probe was averaged down to for the truth of each surface; None where it was
-        not averaged.
     results : tuple of RepresentationResult
     """
 
     surfaces: tuple[Ggx, ...]
     truth: Picture
-    source_heights: tuple[int | None, ...]
     results: tuple[RepresentationResult, ...]
 
     def sheet(self, exposure: float = 0.0) -> Picture:
@@ -148,95 +185,98 @@ def source_height(probe: Probe, roughness: float) -> int | None:
     return enough if probe.grid.latlong_rows > enough else None
 
 
-def compare_representations(
+def groups(name: str, surfaces: Sequence[Ggx]) -> list[Sequence[Ggx]]:
+    """Return the surfaces that share a map of a representation: each its own, or one for all."""
+    return [[each] for each in surfaces] if registry.description(name).needs_brdf else [surfaces]
+
+
+def plan_comparison(
     probe: Probe,
     surfaces: Sequence[Ggx],
     tolerance: float,
     viewers: Sequence[Viewer],
     size: int,
     height: int | None = None,
-    progress: Progress | None = None,
-) -> RepresentationTable:
-    """Prefilter a probe to every representation, and compare their pictures with brute force.
-
-    The pictures are drawn from maps that were written and read again, so that they include the
-    rounding of the files.
+    max_memory: int | None = None,
+) -> Plan:
+    """Choose what to make, and estimate the memory that it takes.
 
     Parameters
     ----------
-    probe : Probe
-    surfaces : sequence of Ggx
-        Surfaces of one f0, in order of their roughness.
-    tolerance : float
-        The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF.
-    viewers : sequence of V Viewer
-    size : int
-        Width and height of each picture, pixels.
+    probe, surfaces, tolerance, viewers, size
+        The same as in `Plan`.
     height : int, optional
         Rows that the probe is averaged down to for the truth; `source_height` by default.
+    max_memory : int, optional
+        The most bytes of memory that may be taken; by default half of the machine's memory. Where
+        they are too few, maps of fewer bytes than the default are made.
+
+    Raises
+    ------
+    ArgumentError
+        If the pictures or the probe alone would take more.
+    """
+    heights = [height or source_height(probe, each.number("roughness")) for each in surfaces]
+    memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
+    return Plan(probe, tuple(surfaces), tolerance, tuple(viewers), size, tuple(heights), memory)
+
+
+def compare_representations(plan: Plan, progress: Progress | None = None) -> RepresentationTable:
+    """Prefilter a probe to every representation, and compare their pictures with brute force.
+
+    The pictures are drawn from maps that were written and read again, so that they include the
+    rounding of the files. One map is in memory at a time.
+
+    Parameters
+    ----------
+    plan : Plan
+        What `plan_comparison` returns.
     progress : callable, optional
-        Called with the amount done and the amount in all.
+        Called with the amount done and the amount in all, from the start on.
 
     Raises
     ------
     ProbeError
         If the probe cannot be read. If a map cannot be made, its result says so instead.
     """
-    heights = [height or source_height(probe, each.number("roughness")) for each in surfaces]
-    pictures = len(surfaces) * len(viewers)
-    total = pictures + len(COMPARED)
-    stages = Stages(progress, total)
-    truth = _draw_truth(probe, surfaces, heights, viewers, size, stages, total)
-    results = []
+    stages = Stages(progress, plan.truths + plan.maps)
+    stages.done(0, 0)
+    truth = _draw_truth(plan, stages)
+    done, results = plan.truths, []
     for name in COMPARED:
-        results.append(
-            _judge(registry.description(name), probe, surfaces, tolerance, viewers, truth)
-        )
-        stages.done(pictures + len(results), total)
-    return RepresentationTable(tuple(surfaces), truth, tuple(heights), tuple(results))
+        results.append(_judge(registry.description(name), plan, truth, stages, done))
+        done += len(groups(name, plan.surfaces))
+    return RepresentationTable(plan.surfaces, truth, tuple(results))
 
 
-def _draw_truth(
-    probe: Probe,
-    surfaces: Sequence[Ggx],
-    heights: Sequence[int | None],
-    viewers: Sequence[Viewer],
-    size: int,
-    stages: Stages,
-    total: int,
-) -> Picture:
+def _draw_truth(plan: Plan, stages: Stages) -> Picture:
     """Draw the surfaces by brute force, shape (surfaces, V, S, S, 3)."""
-    pictures: list[Picture] = []
-
-    for surface, rows in zip(surfaces, heights, strict=True):
-        truth = Reference(probe, surface, rows, progress=stages.within)
-        for viewer in viewers:
-            pictures.append(render_sphere(truth, viewer, size))
-            stages.done(len(pictures), total)
-    return np.stack(pictures).reshape(len(surfaces), len(viewers), size, size, 3)
+    count, size = len(plan.viewers), plan.size
+    pictures = np.empty((len(plan.surfaces), count, size, size, 3), dtype=np.float32)
+    for index, (surface, rows) in enumerate(zip(plan.surfaces, plan.source_heights, strict=True)):
+        truth = Reference(plan.probe, surface, rows, progress=stages.within)
+        for view, viewer in enumerate(plan.viewers):
+            pictures[index, view] = render_sphere(truth, viewer, size)
+            stages.done(index * count + view + 1, plan.truths)
+    return pictures
 
 
 def _judge(
-    representation: Representation,
-    probe: Probe,
-    surfaces: Sequence[Ggx],
-    tolerance: float,
-    viewers: Sequence[Viewer],
-    truth: Picture,
+    representation: Representation, plan: Plan, truth: Picture, stages: Stages, done: int
 ) -> RepresentationResult:
-    """Make, write, read and draw the maps of a representation, and compare with the truth."""
-    groups = [[each] for each in surfaces] if representation.needs_brdf else [surfaces]
+    """Make, write, read and draw the maps of a representation, and compare with the truth.
+
+    `done` stages are finished before.
+    """
     pictures: list[Picture | None] = []
     failures, files, stored, seconds = [], 0, 0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map.exr"
-        for group in groups:
-            start = time.perf_counter()
+        for count, group in enumerate(groups(representation.name, plan.surfaces), start=1):
             try:
-                made = _make(representation, probe, group, tolerance)
-                duration = time.perf_counter() - start
-                made.save(path)
-                found = open_map(path)
+                seconds += _make(representation, plan, group, path, stages.within)
+                pictures += _drawn(path, plan, group)
+                files, stored = files + 1, stored + path.stat().st_size
             except ShrmError as reason:
                 where = (
                     f"roughness {group[0].number('roughness'):.3g}: "
@@ -245,10 +285,7 @@ def _judge(
                 )
                 failures.append(where + str(reason).removeprefix(f"{path}: "))
                 pictures += [None] * len(group)
-                continue
-            seconds += duration
-            files, stored = files + 1, stored + path.stat().st_size
-            pictures += [_draw(_shaded(found, each), viewers, truth.shape[-2]) for each in group]
+            stages.done(done + count, 0)
     differences = tuple(
         None if found is None else measure(found, expected)
         for found, expected in zip(pictures, truth, strict=True)
@@ -261,20 +298,40 @@ def _judge(
     )  # fmt: skip
 
 
-def _draw(reflection_map: ReflectionMap, viewers: Sequence[Viewer], size: int) -> Picture:
-    return np.stack([render_sphere(reflection_map, each, size) for each in viewers])
-
-
 def _make(
-    representation: Representation, probe: Probe, surfaces: Sequence[Ggx], tolerance: float
-) -> Map:
-    """Make the map that `shrm prefilter` would make for these surfaces."""
+    representation: Representation,
+    plan: Plan,
+    surfaces: Sequence[Ggx],
+    path: Path,
+    progress: Progress,
+) -> float:
+    """Write the map that `shrm prefilter` would make for surfaces.
+
+    Returns
+    -------
+    float
+        The seconds that it took to make it, without writing.
+    """
     given: dict[str, Any] = {}
     if representation.needs_brdf:
-        given = {"brdf": surfaces[0], "eps": tolerance}
+        given = {"brdf": surfaces[0], "eps": plan.tolerance, "max_size": plan.memory.max_size}
     elif "roughness" in representation.arguments:
         given = {"roughness": (surfaces[0].number("roughness"), surfaces[-1].number("roughness"))}
-    return prefilter_with_facts(probe, representation.name, given).map
+    start = time.perf_counter()
+    made = prefilter_with_facts(plan.probe, representation.name, given, progress).map
+    seconds = time.perf_counter() - start
+    made.save(path)
+    return seconds
+
+
+def _drawn(path: Path, plan: Plan, surfaces: Sequence[Ggx]) -> list[Picture]:
+    """Read a map, and draw it as each surface; a list of arrays of shape (V, S, S, 3)."""
+    found = open_map(path)
+    return [_draw(_shaded(found, each), plan.viewers, plan.size) for each in surfaces]
+
+
+def _draw(reflection_map: ReflectionMap, viewers: Sequence[Viewer], size: int) -> Picture:
+    return np.stack([render_sphere(reflection_map, each, size) for each in viewers])
 
 
 def _shaded(found: Map, surface: Ggx) -> ReflectionMap:

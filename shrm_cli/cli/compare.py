@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import f0_option, shaded_maps, surface_values
-from shrm_cli.cli.types import AzimuthElevation, Fraction, Interval, Within
+from shrm_cli.cli.types import AzimuthElevation, Bytes, Fraction, Interval, Within
 from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, SAMPLINGS
 
@@ -38,7 +38,7 @@ _SIZE = 128
 _NO_FLIP = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install 'shrm[flip]'"
 _OF_MAPS = ("spec", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
-_OF_REPRESENTATIONS = ("tolerance", "steps")
+_OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 """Arguments that apply only with --representations."""
 
 
@@ -73,6 +73,11 @@ _OF_REPRESENTATIONS = ("tolerance", "steps")
     "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
     help="Rows that the probe is averaged down to for the truth: faster.  [default: all; with "
     "--representations 24 / roughness^2 within 64 .. 256, right to 1 %]",
+)  # fmt: skip
+@click.option(
+    "--max-memory", type=Bytes(), metavar="BYTES",
+    help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
+    "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
 @click.option(
     "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS,
@@ -111,6 +116,7 @@ def compare(
     steps: int | None,
     tolerance: float,
     source_height: int | None,
+    max_memory: int | None,
     views: tuple[tuple[float, float], ...],
     size: int | None,
     exposure: float,
@@ -145,7 +151,7 @@ def compare(
         _check_representations(maps, output, roughness)
         print_representations(
             maps[0], make_read_options(sampling, reading), roughness, steps, f0, tolerance, views,
-            size, source_height, exposure, output, as_json, quiet,
+            size, source_height, max_memory, exposure, output, as_json, quiet,
         )  # fmt: skip
         return
     from shrm_cli.brdf.spec import parse_spec

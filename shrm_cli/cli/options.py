@@ -211,6 +211,12 @@ def warn(lines: Sequence[str], quiet: bool) -> None:
         echo_message(f"Warning: {flags(line)}")
 
 
+def announce(lines: Sequence[str], quiet: bool) -> None:
+    """Say on a terminal, before long work begins, what it will be."""
+    if not quiet and sys.stderr.isatty():
+        click.echo("\n".join(lines), err=True)
+
+
 @contextmanager
 def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
     """Yield a callable (done, all) that shows progress on a terminal, after the first second.

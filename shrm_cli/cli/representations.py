@@ -9,15 +9,21 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.options import conclude, progress_bar
+from shrm_cli.cli.options import announce, conclude, progress_bar
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import reflectance
 from shrm_cli.cli.usage import flags
+from shrm_cli.maps.options import bytes_text, counted, listing
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis.representations import RepresentationResult, RepresentationTable
+    from shrm_cli.analysis.representations import (
+        Plan,
+        RepresentationResult,
+        RepresentationTable,
+    )
     from shrm_cli.probe.options import ReadOptions
 
 ROUGHNESS = (0.5, 1.0)
@@ -38,6 +44,7 @@ def print_representations(
     views: Sequence[tuple[float, float]],
     size: int | None,
     source_height: int | None,
+    max_memory: int | None,
     exposure: float,
     output: str | None,
     as_json: bool,
@@ -46,7 +53,11 @@ def print_representations(
     """Print a table of the storage, the time and the errors of each representation of a probe."""
     import numpy as np
 
-    from shrm_cli.analysis.representations import compare_representations, table_layout
+    from shrm_cli.analysis.representations import (
+        compare_representations,
+        plan_comparison,
+        table_layout,
+    )
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
@@ -61,19 +72,21 @@ def print_representations(
     low, high = roughness or ROUGHNESS
     size = size or (SIZE if output is None else SIZE_OF_PICTURE)
     steps = 1 if low == high else steps or STEPS
-    table_layout(steps * len(views), size)  # raises if the sheet is too large
     if output is not None:
+        table_layout(steps, size)  # raises if the sheet is too large
         file_type(output)
         check_outputs([output])
     color = reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
+    plan = plan_comparison(
+        source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
+        max_memory,
+    )  # fmt: skip
+    announce(_statement(plan, path), quiet)
     with progress_bar("comparing", quiet) as progress:
-        table = compare_representations(
-            source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
-            progress,
-        )  # fmt: skip
+        table = compare_representations(plan, progress)
     result = {
         "probe": path,
         "probe_sha256": source.digest(),
@@ -82,11 +95,19 @@ def print_representations(
         "epsilon": tolerance,
         "views": [list(view) for view in views],
         "size": size,
-        "source_heights": list(table.source_heights),
+        "source_heights": list(plan.source_heights),
+        "estimated_memory": plan.memory.needed,
+        "max_memory": plan.memory.limit,
+        "max_size": plan.memory.max_size,
         "representations": [_values(each) for each in table.results],
         "picture": output,
     }
     warnings = [f"{path}: {line}" for line in source.report.warnings()]
+    if plan.memory.is_reduced:
+        warnings.append(
+            f"maps have at most {bytes_text(plan.memory.max_size)} each, less than "
+            f"{bytes_text(DEFAULT_MAX_SIZE)}, to keep `max_memory` {bytes_text(plan.memory.limit)}"
+        )
     warnings += [
         f"{each.representation.title}: {why}" for each in table.results for why in each.failures
     ]
@@ -97,6 +118,20 @@ def print_representations(
         pixel_type = write_picture(output, pixels, attributes=attributes)
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
     conclude(result, report, warnings, as_json, quiet)
+
+
+def _statement(plan: Plan, path: str) -> list[str]:
+    """Return lines that say what will be made, and what that takes."""
+    from shrm_cli.analysis.representations import COMPARED
+
+    memory, size = plan.memory, plan.size
+    pictures = counted(plan.truths, "picture")
+    return [
+        f"{path}: {pictures} of {size} x {size} pixels by brute force, and as many of each of "
+        f"{len(COMPARED)} representations",
+        f"  {counted(plan.maps, 'map')} of at most {bytes_text(memory.max_size)} each, and "
+        f"{bytes_text(memory.needed)} of memory at most, of {bytes_text(memory.limit)} allowed",
+    ]
 
 
 def _values(result: RepresentationResult) -> dict[str, Any]:
@@ -150,10 +185,10 @@ def _report(table: RepresentationTable, path: str) -> str:
     lines.append(
         "p95: the 95th percentile of the relative error over all the pixels of the spheres."
     )
-    single = " and ".join(
-        each.representation.title for each in table.results if each.representation.needs_brdf
-    )
-    lines.append(f"{single} need a file for each roughness, all counted; the others serve all.")
+    every = [each.representation for each in table.results]
+    titles = [each.title for each in every if each.needs_brdf]
+    named = listing(titles, "and") if titles[1:] else titles[0]
+    lines.append(f"{named} need a file for each roughness, all counted; the others serve all.")
     return "\n".join(lines)
 
 

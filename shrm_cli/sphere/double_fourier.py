@@ -10,16 +10,22 @@ coefficients c_lm to (A, B); `harmonics_from_moments` is its transpose, which tu
 of an image with those waves into its coefficients c_lm.
 """
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.harmonics import legendre_table, order_of
+from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 Array = NDArray[np.floating]
 
+Tables = tuple[slice, Array, tuple[Array, Array]]
+"""Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
+
 _CACHED_ORDER = 96
+_TABLE_BYTES = 2**24
+"""Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
 
 
 def fourier_from_harmonics(coefficients: Array) -> Array:
@@ -45,12 +51,12 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     columns[1:] *= np.sqrt(2)
     flat = columns.reshape(count, count, 2 * maps)
     result = np.empty_like(flat)
-    for m_parity, matrix, tables in _tables(count - 1):
-        chosen = flat[m_parity::2]
+    for which, matrix, tables in _tables(count - 1):
+        chosen = flat[which]
         even = tables[0].transpose(0, 2, 1) @ chosen[:, 0::2]
         odd = tables[1].transpose(0, 2, 1) @ chosen[:, 1::2]
         circle = np.concatenate([even + odd, (even - odd)[:, -2::-1]], axis=1)
-        result[m_parity::2] = matrix @ circle
+        result[which] = matrix @ circle
     return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
 
 
@@ -71,14 +77,14 @@ def harmonics_from_moments(moments: Array) -> Array:
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
     series = np.zeros_like(flat)
-    for m_parity, matrix, tables in _tables(count - 1):
-        circle = matrix.T @ flat[m_parity::2]
+    for which, matrix, tables in _tables(count - 1):
+        circle = matrix.T @ flat[which]
         rings = tables[0].shape[-1]
         north = circle[:, :rings]
         south = np.zeros_like(north)
         south[:, :-1] = circle[:, :-rings:-1]
-        series[m_parity::2, 0::2] = tables[0] @ (north + south)
-        series[m_parity::2, 1::2] = tables[1] @ (north - south)
+        series[which, 0::2] = tables[0] @ (north + south)
+        series[which, 1::2] = tables[1] @ (north - south)
     columns = series.reshape(count, count, 2, maps)
     columns[1:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
@@ -96,38 +102,46 @@ def _by_m(count: int) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
     return [(m, center[m:] + m, center[m:] - m) for m in range(count)]
 
 
-def _tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
+def _tables(order: int) -> Iterable[Tables]:
     """What `_make_tables` makes, kept from one call to the next unless it is large."""
     return _cached_tables(order) if order <= _CACHED_ORDER else _make_tables(order)
 
 
-def _make_tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
+def _make_tables(order: int) -> Iterator[Tables]:
     """The transform from samples on half a circle to Fourier coefficients, and f_lm there.
 
     The samples lie at theta = j pi / n, n > order, which is enough for degree `order`. Functions
     of even and odd l - m are symmetric and antisymmetric about the equator, so they are tabulated
     on one hemisphere only.
 
-    Returns
-    -------
-    list of (parity, matrix, (symmetric, antisymmetric))
-        For even and for odd m: the parity of m, the transform, shape (order+1, samples), and the
-        functions of even and odd l - m, each of shape (m, l - m, rings), of this parity of m.
+    Yields
+    ------
+    which : slice
+        Some m, all even or all odd.
+    matrix : ndarray, shape (order+1, samples)
+        The transform of waves of this parity of m.
+    symmetric, antisymmetric : ndarray, shape (m, l - m, rings)
+        The functions of even and odd l - m.
     """
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)
-    table = legendre_table(order, np.cos(np.linspace(0, np.pi / 2, rings)))
+    z = np.cos(np.linspace(0, np.pi / 2, rings))
     angle = np.outer(np.arange(order + 1), np.arange(intervals + 1)) * (np.pi / intervals)
     weights = np.full(intervals + 1, 2.0 / intervals)
     weights[[0, -1]] /= 2
     cosine, sine = np.cos(angle) * weights, np.sin(angle) * weights
     cosine[0] /= 2
-    return [
-        (parity, matrix, (table[parity::2, 0::2], table[parity::2, 1::2]))
-        for parity, matrix in ((0, cosine), (1, sine))
-    ]
+    step = 2 * max(1, _TABLE_BYTES // (2 * (order + 1) * rings * 8))
+    for start in range(0, order + 1, step):
+        stop = min(start + step, order + 1)
+        table = legendre_columns(order, z, start, stop)
+        for parity, matrix in ((0, cosine), (1, sine)):
+            part = table[parity::2]
+            if len(part):
+                which = slice(start + parity, stop, 2)
+                yield which, matrix, (part[:, 0::2], part[:, 1::2])
 
 
 @lru_cache(maxsize=2)
-def _cached_tables(order: int) -> list[tuple[int, Array, tuple[Array, Array]]]:
-    return _make_tables(order)
+def _cached_tables(order: int) -> list[Tables]:
+    return list(_make_tables(order))

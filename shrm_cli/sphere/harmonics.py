@@ -95,6 +95,42 @@ def legendre_table(order: int, z: ArrayLike, max_m: int | None = None) -> Array:
     return table
 
 
+def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
+    """Some rows of `legendre_table`: those of ``m = first .. last - 1``, without the others.
+
+    Parameters
+    ----------
+    order : int
+    z : ndarray, shape (n,)
+        Cosines of the polar angle, in [-1, 1].
+    first, last : int
+
+    Returns
+    -------
+    ndarray, shape (last - first, order+1, n)
+        ``[m - first, l - m, ...]``, zero where l > order; the same to the last bit as in the table.
+    """
+    table = np.zeros((last - first, order + 1, len(z)))
+    sine = np.sqrt((1 - z) * (1 + z))
+    highest = np.full(len(z), np.sqrt(1 / (4 * np.pi)))  # f_mm
+    for degree in range(last):
+        if degree:
+            highest = np.sqrt((2 * degree + 1) / (2 * degree)) * sine * highest
+        if degree >= first:
+            table[degree - first, 0] = highest
+    # The recurrence in l goes up in all m at once, as far as each of them reaches.
+    for above in range(1, order - first + 1):
+        m = np.arange(first, min(last, order - above + 1))[:, None]
+        high = m + above  # the degree l
+        scale = np.sqrt((4 * high**2 - 1) / (high**2 - m**2))
+        current = scale * z * table[: len(m), above - 1]
+        if above > 1:
+            back = np.sqrt(((high - 1) ** 2 - m**2) / (4 * (high - 1) ** 2 - 1))
+            current -= scale * back * table[: len(m), above - 2]
+        table[: len(m), above] = current
+    return table
+
+
 def real_harmonics(order: int, directions: ArrayLike) -> Array:
     """Values of the real spherical harmonics (eq. 4.5).
 

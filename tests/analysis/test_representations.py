@@ -5,7 +5,12 @@ import os
 import numpy as np
 import pytest
 
-from shrm_cli.analysis.representations import COMPARED, compare_representations, source_height
+from shrm_cli.analysis.representations import (
+    COMPARED,
+    compare_representations,
+    plan_comparison,
+    source_height,
+)
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.explicit.prefilter import prefilter_explicit
 from shrm_cli.maps.file import save
@@ -38,9 +43,16 @@ def probe(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def table(probe):
+def told():
+    """What the comparison has told of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def table(probe, told):
     surfaces = [ggx_surface(roughness, F0) for roughness in ROUGHNESS]
-    return compare_representations(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 128)
+    plan = plan_comparison(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 128)
+    return compare_representations(plan, lambda *what: told.append(what))
 
 
 def ggx(roughness, normal, view, light):
@@ -98,12 +110,12 @@ def maps(name, probe):
     if name == "splitsum":
         split = prefilter_split_sum(probe).map
         return [split.shaded(each.number("roughness"), each.color("f0")) for each in surfaces]
-    if name == "shrm":
-        return [prefilter(probe, each, eps=TOLERANCE) for each in surfaces]
+    if name in ("shrm", "principal"):
+        return [prefilter(probe, each, to=name, eps=TOLERANCE) for each in surfaces]
     return [prefilter_explicit(probe, each, TOLERANCE, name).map for each in surfaces]
 
 
-@pytest.mark.parametrize("name", ["shrm", "cabral", "splitsum"])
+@pytest.mark.parametrize("name", ["shrm", "principal", "cabral", "splitsum"])
 def test_errors_are_those_of_brute_force(probe, table, truth, name):
     (result,) = (each for each in table.results if each.representation.name == name)
     normals, _, view = disc()
@@ -136,7 +148,18 @@ def test_pictures_and_shapes(table):
     for each in table.results:
         assert [picture.shape for picture in each.pictures] == [(1, 128, 128, 3)] * 2
         assert each.seconds > 0
-    assert table.source_heights == (None, None)  # the probe's own rows are fewer
+
+
+def test_progress_is_told_from_the_start_to_the_end(table, told):
+    done, total = (np.array(each) for each in zip(*told, strict=True))
+    assert len(set(total)) == 1
+    assert done[0] == 0
+    assert done[-1] == total[0]
+    assert (np.diff(done) >= 0).all()
+    # Two pictures by brute force, two maps of each of three representations, and two other maps.
+    stage = total[0] / 10
+    made = np.unique(done[done > 2 * stage])
+    assert (np.abs(made / stage - np.round(made / stage)) > 0.01).sum() > 10
 
 
 def test_rows_of_the_truth_follow_the_roughness(probe, tmp_path):
@@ -144,4 +167,4 @@ def test_rows_of_the_truth_follow_the_roughness(probe, tmp_path):
     tall = open_probe(tmp_path / "tall.exr")
     heights = [source_height(tall, roughness) for roughness in (0.1, 0.4, 0.5, 0.7, 1.0)]
     assert heights == [256, 150, 96, 64, 64]
-    assert source_height(probe, 0.1) is None
+    assert source_height(probe, 0.1) is None  # its own rows are fewer

@@ -29,9 +29,16 @@ class Run:
     err: str
 
 
-def run(*arguments):
+class Terminal(io.StringIO):
+    """A stream in memory that programs take for a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def run(*arguments, terminal=False):
     """Run `shrm` in this process, and undo its changes to signals, warnings and environment."""
-    out, err = io.StringIO(), io.StringIO()
+    out, err = io.StringIO(), Terminal() if terminal else io.StringIO()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     environment = dict(os.environ)
     try:

@@ -1,6 +1,7 @@
 """`shrm compare PROBE --representations`: the table, the JSON, the sheet, and bad input."""
 
 import json
+import sys
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,10 @@ from tests.cli.helpers import assert_refused, done, polynomial_light, run, snaps
 from tests.oracles import latlong_pixels
 from tests.render.materials import furnace
 
-NAMES = ["shrm", "splitsum", "she", "cabral"]
+NAMES = ["shrm", "principal", "splitsum", "she", "cabral"]
+SINGLE = ("shrm", "principal", "cabral")
+"""Representations that are made for one roughness."""
+TITLES = ["SHRM", "principal functions", "split sum", "SH exponential", "Cabral"]
 QUICK = ["--representations", "--eps", 0.1, "--size", 16, "--source-height", 8, "--view", "30,10"]
 TWO = [*QUICK, "--roughness", "0.6..1", "--steps", 2]
 
@@ -64,7 +68,7 @@ def test_json(folder):
     assert (value["source_heights"], value["picture"]) == ([8, 8], None)
     assert [each["representation"] for each in value["representations"]] == NAMES
     for each in value["representations"]:
-        assert each["files"] == (2 if each["representation"] in ("shrm", "cabral") else 1)
+        assert each["files"] == (2 if each["representation"] in SINGLE else 1)
         assert 100 < each["bytes"] < 10_000_000
         assert each["seconds"] > 0
         assert each["failures"] == []
@@ -80,10 +84,7 @@ def test_json(folder):
         "room.exr on GGX of f0 1/0.5/0.5: relative RMS error by roughness, against brute force"
     )
     assert lines[1].split() == ["files", "storage", "build", "0.6", "1", "all", "p95"]
-    for line, title, each in zip(
-        lines[2:6], ["SHRM", "split sum", "SH exponential", "Cabral"], value["representations"],
-        strict=True,
-    ):  # fmt: skip
+    for line, title, each in zip(lines[2:7], TITLES, value["representations"], strict=True):
         assert line.startswith(title + "  ")
         cells = line[len(title) :].split()
         assert cells[0] == str(each["files"])
@@ -92,11 +93,12 @@ def test_json(folder):
         assert cells[-4:] == [f"{error:.2%}" for error in errors]
         assert cells[2] in ("B", "kB")
         assert cells[4] == "s"
-    assert lines[6:] == [
+    assert lines[7:] == [
         "p95: the 95th percentile of the relative error over all the pixels of the spheres.",
-        "SHRM and Cabral need a file for each roughness, all counted; the others serve all.",
+        "SHRM, principal functions and Cabral need a file for each roughness, all counted; the "
+        "others serve all.",
     ]
-    assert len({len(line) for line in lines[1:6]}) == 1  # the columns are flush
+    assert len({len(line) for line in lines[1:7]}) == 1  # the columns are flush
 
 
 def test_the_same_again_and_nothing(folder, only_shrm):
@@ -108,7 +110,7 @@ def test_the_same_again_and_nothing(folder, only_shrm):
 def test_a_single_roughness(folder):
     value = told("room.exr", *QUICK, "--roughness", 0.8)
     assert value["roughness"] == [0.8]
-    assert [each["files"] for each in value["representations"]] == [1, 1, 1, 1]
+    assert [each["files"] for each in value["representations"]] == [1] * len(NAMES)
     for each in value["representations"]:
         assert each["relative_rmse"] == [each["relative_rmse_of_all"]]
 
@@ -121,33 +123,34 @@ def test_the_table_of_a_single_roughness(folder, only_shrm):
 def test_defaults(folder, monkeypatch):
     seen = []
 
-    def note(probe, surfaces, tolerance, viewers, size, height, progress):
-        seen.append((surfaces, tolerance, viewers, size, height))
+    def note(probe, surfaces, tolerance, viewers, size, height, max_memory):
+        seen.append((surfaces, tolerance, viewers, size, height, max_memory))
         raise OrderError("stop here")
 
-    monkeypatch.setattr(representations, "compare_representations", note)
+    monkeypatch.setattr(representations, "plan_comparison", note)
     run("compare", "room.exr", "--representations")
     run("compare", "room.exr", "--representations", "-o", "x.png")
-    (surfaces, tolerance, viewers, size, height), (*_, picture_size, _) = seen
+    (surfaces, tolerance, viewers, size, height, max_memory), (*_, picture_size, _, _) = seen
     roughness = [each.number("roughness") for each in surfaces]
     np.testing.assert_allclose(roughness, [1 / 2, 2 / 3, 5 / 6, 1])
     assert {each.color("f0") for each in surfaces} == {(1, 1, 1)}
     assert (tolerance, len(viewers), size, height, picture_size) == (0.03, 3, 48, None, 96)
+    assert max_memory is None
 
 
 def test_the_sheet_has_a_row_for_each_roughness(folder):
     out = done("compare", "room.exr", *TWO, "-o", "sheet.exr", "--exposure", 1)
     layout = representations.table_layout(2, 16)
-    assert layout.columns == 5
+    assert layout.columns == 6
     height, width = layout.shape
     assert out.splitlines()[-1] == f"sheet.exr: {width} x {height}, half"
     image = oiio.ImageBuf("sheet.exr")
     pixels = image.get_pixels(oiio.FLOAT)
-    for index in range(10):
+    for index in range(12):
         top, left = layout.origin(index)
         # No map is far from the truth, which stands in the first column.
         middle = pixels[top + 8, left + 8]
-        expected = pixels[layout.origin(index // 5 * 5)[0] + 8, layout.origin(0)[1] + 8]
+        expected = pixels[layout.origin(index // 6 * 6)[0] + 8, layout.origin(0)[1] + 8]
         assert expected.min() > 0.3
         np.testing.assert_allclose(middle, expected, rtol=0.3)
     recipe = json.loads(image.spec().get_string_attribute("shrm:recipe"))
@@ -256,6 +259,16 @@ USAGE = {
     "one step": (["room.exr", *QUICK, "--steps", 1], "--steps"),
     "eps": (["room.exr", "--representations", "--eps", 1], "--eps"),
     "range": (["room.exr", *QUICK, "--roughness", "0.01..1"], "--roughness"),
+    "memory for maps": (
+        ["white.shrm.exr", "white.shrm.exr", "--max-memory", "2GB"],
+        "--max-memory",
+    ),
+    "memory": (["room.exr", *QUICK, "--max-memory", "2 ells"], "--max-memory"),
+    "little memory": (["room.exr", *QUICK, "--max-memory", "1MB"], "--max-memory 1 MB is too"),
+    "large pictures": (
+        ["room.exr", *QUICK, "--size", 2048, "--steps", 32, "--max-memory", "2GB"],
+        "or lower --size, --steps",
+    ),
 }
 
 
@@ -271,7 +284,10 @@ REFUSED = {
     "missing": (["no.exr", *QUICK], "no.exr: no such file"),
     "onto the probe": (["room.exr", *QUICK, "-o", "room.exr"], "overwrite"),
     "jpeg": (["room.exr", *QUICK, "-o", "x.jpg"], ".png or .exr"),
-    "too large": (["room.exr", *QUICK, "--size", 2048, "--steps", 32], "give a smaller --size"),
+    "too large": (
+        ["room.exr", *QUICK, "--size", 2048, "--steps", 32, "-o", "x.png"],
+        "give a smaller --size",
+    ),
 }
 
 
@@ -281,3 +297,49 @@ def test_refused_before_anything_is_written(folder, case):
     before = snapshot(folder)
     assert_refused(run("compare", *arguments), 1, part)
     assert snapshot(folder) == before
+
+
+def test_what_will_be_made_is_said_on_a_terminal_before_it_begins(folder, monkeypatch):
+    seen = []
+
+    def stop(plan, progress):
+        seen.append((plan, progress, sys.stderr.getvalue()))
+        raise OrderError("stop here")
+
+    monkeypatch.setattr(representations, "compare_representations", stop)
+    limited = [*TWO, "--max-memory", "1GiB"]
+    run("compare", "room.exr", *limited, terminal=True)
+    run("compare", "room.exr", *limited, "--quiet", terminal=True)
+    run("compare", "room.exr", *limited)
+    (plan, progress, said), quiet, elsewhere = seen
+    # SHRM, principal functions and Cabral are made twice, for two roughnesses.
+    assert said.splitlines() == [
+        "room.exr: 2 pictures of 16 x 16 pixels by brute force, and as many of each of 5 "
+        "representations",
+        f"  8 maps of at most 32 MB each, and {plan.memory.needed / 1e9:.3g} GB of memory at most, "
+        "of 1.07 GB allowed",
+    ]
+    assert progress is not None
+    assert quiet[1:] == elsewhere[1:] == (None, "")
+
+
+def test_memory_is_in_the_json_and_limits_maps(folder, only_shrm, monkeypatch):
+    most = told("room.exr", *QUICK, "--roughness", 0.8)
+    assert most["max_size"] == 32_000_000
+    assert most["estimated_memory"] <= most["max_memory"]
+    sizes = []
+    make = shrm.prefilter
+
+    def note(*arguments, **options):
+        sizes.append(options["max_size"])
+        return make(*arguments, **options)
+
+    monkeypatch.setattr(shrm, "prefilter", note)
+    limit = most["estimated_memory"] // 2
+    result = run("compare", "room.exr", *QUICK, "--roughness", 0.8, "--max-memory", limit, "--json")
+    value = json.loads(result.out)
+    assert sizes == [value["max_size"]]
+    assert value["max_size"] < 32_000_000
+    assert value["estimated_memory"] <= limit == value["max_memory"]
+    assert result.err.startswith("Warning: maps have at most ")
+    assert "--max-memory" in result.err

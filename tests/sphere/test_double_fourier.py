@@ -1,6 +1,9 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
+from shrm_cli.sphere import double_fourier
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from tests import oracles
 from tests.oracles import random_directions, tolerance
@@ -73,3 +76,28 @@ def test_kept_and_fresh_tables_agree(rng):
         for order, c in ((96, series), (97, longer))
     )
     np.testing.assert_allclose(short, long, atol=tolerance(97))
+
+
+@pytest.fixture(params=[1, 5000])
+def small_blocks(request, monkeypatch):
+    """Tables of few m at a time, made anew for each call."""
+    monkeypatch.setattr(double_fourier, "_TABLE_BYTES", request.param)
+    monkeypatch.setattr(double_fourier, "_CACHED_ORDER", -1)
+
+
+@pytest.mark.parametrize("order", [0, 1, 6, 21])
+def test_functions_of_few_m_at_a_time(rng, order, small_blocks):
+    test_the_fourier_series_is_the_harmonic_series(rng, order)
+    test_the_two_are_adjoint(rng, order)
+
+
+def test_high_orders_take_little_memory():
+    """All functions together would take 110 MB."""
+    moments = np.ones((2, 301, 301, 1))
+    tracemalloc.start()
+    try:
+        harmonics_from_moments(moments)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 60e6

@@ -164,3 +164,10 @@ def test_complex_coefficients_describe_the_same_function(rng, order):
     count = (order + 1) ** 2
     expected = oracles.real_harmonics(order, directions) @ coefficients[:count]
     np.testing.assert_allclose(total, expected, atol=100 * EPS * (order + 1))
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 31), (0, 1), (7, 12), (30, 31)])
+def test_columns_are_those_of_the_table(first, last):
+    z = np.cos(np.linspace(0, np.pi, 9))
+    found = harmonics.legendre_columns(30, z, first, last)
+    np.testing.assert_array_equal(found, harmonics.legendre_table(30, z)[first:last])

@@ -39,6 +39,8 @@ _DEFAULT_ORDER_P = 8
 """The order P of the SHRM that a map is converted to, where none is asked for."""
 _NODES = 64
 """Gauss's nodes over the angle of the view, for conversions."""
+_VALUES_AT_ONCE = 2**22
+"""The most values of cubes that are looked up at a time, 16 MB as 32-bit floats."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,17 @@ class Lobe:
         centers, views : ndarray, shape (..., 3)
             Unit vectors in world axes.
         """
+        shape = centers.shape
+        centers, views = centers.reshape(-1, 3), views.reshape(-1, 3)
+        result = np.empty(centers.shape)
+        step = max(_VALUES_AT_ONCE // (3 * self.cubes.shape[2]), 1)
+        for start in range(0, len(centers), step):
+            part = slice(start, start + step)
+            result[part] = self._radiance(sampler, centers[part], views[part])
+        return result.reshape(shape)
+
+    def _radiance(self, sampler: CubeSampler, centers: Array, views: Array) -> Array:
+        """Evaluate what `radiance` does, for so few points that they fit into memory."""
         # The normal lies between the mirror direction and the view, and tells their plane even
         # where the view grazes and points away from the mirror direction.
         beside = bisector(centers, views) if self.center == "reflection" else views

@@ -71,7 +71,8 @@ def best_counts(energies: Array, most: int) -> list[Counts]:
 
 def _traced(held: Array, choices: list[NDArray[np.intp]], cubes: int) -> Counts:
     """Follow the choices back from the best number of functions of order 0."""
-    n = int(np.argmax(held[:, cubes]))
+    # A map holds one function at least, even where there is no light.
+    n = 1 + int(np.argmax(held[1:, cubes]))
     left, counts = cubes - n, [n]
     for best in choices[:-1]:
         n = int(best[n, left])

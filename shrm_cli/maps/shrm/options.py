@@ -16,7 +16,8 @@ DESCRIPTIONS = {
             ),
             Option(
                 "compress",
-                "Keep K principal components of an SHRM, or as many as an error X needs.",
+                "Keep K principal components of an SHRM, or as many as an error X needs. From a "
+                "probe, --to principal is better.",
                 "components",
                 converts=True,
             ),
