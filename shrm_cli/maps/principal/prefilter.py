@@ -111,7 +111,8 @@ def prefilter(
     made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
     remarks = [planner.spectrum.transfer.remark for planner in planners]
     lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
-    return Prefiltered(made, {"error_bound": None}, notes, tuple(lines))
+    facts = {"error_bound": None, "predicted_wrong_share": None}
+    return Prefiltered(made, facts, notes, tuple(lines))
 
 
 def _unmet(
