@@ -115,8 +115,23 @@ def predicted_wrong_share(expansion: Expansion) -> float | None:
     lobes = _lobes_of(expansion, min(_ACCURACY[0], _ACCURACY[1] * squared))
     if lobes is None:
         return None
-    unknown = expansion.estimated
-    return wrong_share(expansion.lighting, lobes, 0.0 if unknown <= _UNKNOWN * squared else unknown)
+    return known_share(expansion.lighting, lobes, expansion.estimated, squared)
+
+
+def known_share(
+    lighting: Lighting, lobes: Lobes, unknown: float, squared_error: float
+) -> float | None:
+    """Return the `wrong_share`; what is unknown counts where it is not small beside the error.
+
+    Parameters
+    ----------
+    lighting, lobes, unknown
+        The same as for `wrong_share`.
+    squared_error : float
+        The energy of the map's error, relative to all of the reflected light.
+    """
+    is_small = unknown <= _UNKNOWN * squared_error
+    return wrong_share(lighting, lobes, 0.0 if is_small else unknown)
 
 
 def wrong_share(lighting: Lighting, lobes: Lobes, unknown: float = 0.0) -> float | None:

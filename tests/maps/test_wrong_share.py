@@ -11,6 +11,7 @@ from tests import brute_force, oracles
 from tests.cli.helpers import polynomial_light
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+MICROFACET = brute_force.microfacet(0.3)
 POINTS = 1500
 
 
@@ -37,14 +38,15 @@ def share(pixels, rho_hat, made):
     return np.mean(np.abs(shown - truth) > 0.05 * np.maximum(truth, 0.02 * truth.mean()))
 
 
-@pytest.mark.parametrize(("spec", "rho_hat", "given", "range_"), [
-    ("microfacet:sigma=0.3", brute_force.microfacet(0.3), {}, (0.1, 0.5)),
-    ("microfacet:sigma=0.3", brute_force.microfacet(0.3), {"order_f": 5, "order_p": 2}, (0.4, 0.9)),
-    ("microfacet:sigma=0.3", brute_force.microfacet(0.3), {"order_p": 4}, (0.02, 0.3)),
-    ("phong:exponent=20", brute_force.phong(20), {"order_f": 10}, (0.2, 0.9)),
+@pytest.mark.parametrize(("to", "spec", "rho_hat", "given", "range_"), [
+    ("shrm", "microfacet:sigma=0.3", MICROFACET, {}, (0.1, 0.5)),
+    ("shrm", "microfacet:sigma=0.3", MICROFACET, {"order_f": 5, "order_p": 2}, (0.4, 0.9)),
+    ("shrm", "microfacet:sigma=0.3", MICROFACET, {"order_p": 4}, (0.02, 0.3)),
+    ("shrm", "phong:exponent=20", brute_force.phong(20), {"order_f": 10}, (0.2, 0.9)),
+    ("principal", "microfacet:sigma=0.3", MICROFACET, {"maps": 3}, (0.1, 0.9)),
 ])  # fmt: skip
-def test_it_is_what_brute_force_counts(light, spec, rho_hat, given, range_):
-    made = prefilter_with_facts(Probe.from_array(light), "shrm", {"brdf": spec, **given})
+def test_it_is_what_brute_force_counts(light, to, spec, rho_hat, given, range_):
+    made = prefilter_with_facts(Probe.from_array(light), to, {"brdf": spec, **given})
     expected = share(light, rho_hat, made.map)
     assert range_[0] < expected < range_[1]
     # A share of 1500 points is uncertain by up to 0.013, and the prediction's own points add to it.
@@ -77,3 +79,16 @@ def test_unknown_light_matters_only_where_it_might_show():
     assert wrong_share(lighting, lobes) == 0
     assert wrong_share(lighting, lobes, 1e-6) == 0
     assert wrong_share(lighting, lobes, 0.01) is None
+
+
+def test_principal_maps_do_not_bend_beside_the_horizon(light):
+    """Lambert's law has few views, of which those below the horizon once took part in tables."""
+    probe = Probe.from_array(light)
+    made, exact = (prefilter_with_facts(probe, to, {"brdf": "lambertian"}).map
+                   for to in ("principal", "shrm"))  # fmt: skip
+    normal = np.array([0.6, 0.0, 0.8])
+    angle = np.radians([0, 60, 75, 85, 89])[:, None]
+    views = np.cos(angle) * normal + np.sin(angle) * np.array([0.0, 1.0, 0.0])
+    found = made.radiance(np.broadcast_to(normal, views.shape), views)
+    np.testing.assert_allclose(found, np.broadcast_to(exact.radiance(normal, normal), found.shape),
+                               rtol=0.02)  # fmt: skip
