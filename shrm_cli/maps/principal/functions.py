@@ -217,7 +217,13 @@ class Spectrum:
             total += float(signs[q] * np.sum(self.light * squares)) / (2 * np.pi)
         return total
 
-    def rest(self, q: int, counts: "tuple[int, ...]", order: int) -> Array:
+    def rest(
+        self,
+        q: int,
+        counts: "tuple[int, ...]",
+        order: int,
+        nodes: NDArray[np.intp] | None = None,
+    ) -> Array:
         """Return what some of the functions leave out of the transfer functions of an order q.
 
         Parameters
@@ -225,23 +231,25 @@ class Spectrum:
         q : int
         counts, order
             The same as for `missing`.
+        nodes : ndarray of int, shape (n,), optional
+            The nodes of the transfer functions; all of them by default.
 
         Returns
         -------
         ndarray, shape (F+1, n, 3)
-            In the units of the transfer functions, at their nodes.
+            In the units of the transfer functions, at the nodes.
         """
-        rest = self.transfer.values[q]
+        at = np.arange(len(self.weights)) if nodes is None else nodes
+        rest = self.transfer.values[q][:, at]
         used = counts[q] if q < len(counts) else 0
         if not used:
             return rest
-        back = linear_matrix(self.angles(), self.transfer.theta_o)
+        back = linear_matrix(self.angles(), self.transfer.theta_o[at])
         albedo = self.albedo_table()
         parts = self.light_parts(q, 0, used)[:, : order + 1]
         functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
         if albedo is not None:
             functions = functions * (back @ albedo)
-        rest = rest.copy()
         rest[: order + 1] -= 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
         return rest
 
