@@ -135,7 +135,9 @@ def carried_order(
     return max(order_f, int(np.argmin(seen)))
 
 
-def visible_beyond(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Array:
+def visible_beyond(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_p: int | None = None
+) -> Array:
     """Return what truncation after each order l leaves out, relative to the mean reflected light.
 
     It is the RMS over all orientations and views of the known terms with p <= P beyond l, in the
@@ -146,15 +148,16 @@ def visible_beyond(lighting: Lighting, coefficients: BrdfCoefficients, order_p: 
     lighting : Lighting
         The light, to at least the order of the coefficients.
     coefficients : BrdfCoefficients
-    order_p : int
-        The order P of the map.
+    order_p : int, optional
+        The order P of the map; every p by default.
 
     Returns
     -------
     ndarray, shape (coefficients.order_f + 1,)
     """
     order = coefficients.order_f
-    energy = weighted_power(lighting, order) * _kept(coefficients, order, order_p)
+    of_brdf = coefficients.degree_energy if order_p is None else _kept(coefficients, order, order_p)
+    energy = weighted_power(lighting, order) * of_brdf
     beyond = np.append(np.cumsum(energy[::-1], axis=0)[-2::-1], np.zeros((1, 3)), axis=0)
     mean = np.abs(lighting.coefficients[0] * coefficients.values[0, 0, 0]) / np.sqrt(4 * np.pi)
     rms = np.sqrt(beyond) / (4 * np.pi)

@@ -84,6 +84,14 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 They serve pictures of any primaries: probes are filtered as they are, and never converted.
 """
 
+WRONG = 0.05
+"""Relative error of the luminance above which a pixel counts as wrong."""
+SEEN_FLOOR = 0.02
+"""Least truth that an error of the luminance is divided by, as a fraction of the mean truth.
+
+It keeps pixels that are all but black, whose error nobody sees, from having the largest ones.
+"""
+
 # ---- defaults ------------------------------------------------------------------------------------
 
 DEFAULT_EPS = 0.03

@@ -62,19 +62,10 @@ class PolarRule:
         s, weights = _even_nodes(count), colatitude_weights(count)
         if self.focus == 1:
             return s, weights
-        theta = self._angles(s)
+        theta = _crowded_angles(self, count)
         half = theta / 2
         narrow = self.focus / (self.focus**2 * np.cos(half) ** 2 + np.sin(half) ** 2)
         return theta, weights * np.sin(theta) / (np.sin(s) * (_EVEN + (1 - _EVEN) * narrow))
-
-    def _angles(self, s: Array) -> Array:
-        """The angles of parameters, by halving intervals; `parameter` ascends."""
-        low, high = np.zeros_like(s), np.full_like(s, np.pi)
-        for _ in range(_ITERATIONS):
-            middle = (low + high) / 2
-            below = self.parameter(middle) < s
-            low, high = np.where(below, middle, low), np.where(below, high, middle)
-        return (low + high) / 2
 
 
 @dataclass(frozen=True)
@@ -170,6 +161,18 @@ def squeezed_azimuths(count: int, squeeze: Array) -> tuple[Array, Array]:
     s, squeeze = azimuths(count), squeeze[:, None]
     across, along = squeeze * np.sin(s), np.cos(s)
     return np.arctan2(across, along), np.pi / count * squeeze / (along**2 + across**2)
+
+
+@lru_cache(16)
+def _crowded_angles(rule: PolarRule, count: int) -> Array:
+    """The angles of a focused rule's nodes, by halving intervals; `parameter` ascends."""
+    s = _even_nodes(count)
+    low, high = np.zeros_like(s), np.full_like(s, np.pi)
+    for _ in range(_ITERATIONS):
+        middle = (low + high) / 2
+        below = rule.parameter(middle) < s
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return (low + high) / 2
 
 
 def _even_nodes(count: int) -> Array:

@@ -136,8 +136,9 @@ def compare(
 
     RMSE, relative RMSE, maximum and PSNR are those of radiance. Median and p95 (95th percentile)
     are those of the relative error of the luminance over the sphere's pixels, where the truth
-    counts as 2 % of its mean at least; negative is the share of pixels below 0. FLIP is the mean
-    HDR-FLIP error, 0 to 1, if flip-evaluator is installed.
+    counts as 2 % of its mean at least; >5% is the share of pixels where it exceeds 5 %, and
+    <0 the share of negative pixels. FLIP is the mean HDR-FLIP error, 0 to 1, if
+    flip-evaluator is installed.
 
     \b
       shrm compare a.shrm.exr b.shrm.exr
@@ -347,7 +348,7 @@ def _table(result: dict[str, Any], names: Sequence[str], flipped: bool) -> str:
 
     The name of a map comes last, because it may be long. FLIP has a column if it was measured.
     """
-    titles = ["RMSE", "relative", "median", "p95", "negative", "FLIP", "maximum", "PSNR"]
+    titles = ["RMSE", "relative", "median", "p95", ">5%", "<0", "FLIP", "max", "PSNR"]
     rows = [["view", *titles, "map"]]
     of_views = [("{:g},{:g}".format(*each["view"]), each["maps"]) for each in result["views"]]
     for view, maps in [*of_views, ("all", result["summary"])]:
@@ -372,7 +373,8 @@ def _cells(row: dict[str, Any]) -> list[str]:
         _percent(row["relative_rmse"], 2),
         _percent(row["median_relative_error"], 1),
         _percent(row["p95_relative_error"], 1),
-        _percent(row["negative_share"], 2),
+        _percent(row["wrong_share"], 0),
+        _percent(row["negative_share"], 1),
         "-" if flip is None else f"{flip:.3f}",
         _number(row["maximum"]),
         none if psnr is None else f"{psnr:.1f} dB",

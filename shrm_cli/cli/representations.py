@@ -150,7 +150,7 @@ def _values(result: RepresentationResult) -> dict[str, Any]:
 def _seen(result: RepresentationResult) -> dict[str, Any]:
     """Return what `shrm compare` says of pixels, of each roughness and of all together."""
     values: dict[str, Any] = {}
-    for key in ("median_relative_error", "p95_relative_error", "negative_share"):
+    for key in ("median_relative_error", "p95_relative_error", "wrong_share", "negative_share"):
         *each, whole = [
             None if found is None else _finite(getattr(found, key))
             for found in (*result.differences, result.difference)

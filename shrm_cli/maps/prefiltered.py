@@ -19,7 +19,9 @@ class Prefiltered:
     facts : dict
         Facts that the map's own `summary` does not have, by the names used in JSON. For maps
         that are made for a BRDF ``error_bound`` is among them: the conservative relative RMS
-        error of eq. 5.19, or None in the angular domain.
+        error of eq. 5.19, or None in the angular domain. So is ``predicted_wrong_share``: the
+        share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`, or None
+        where it is not known.
     notes : tuple of (str, str)
         Headings and texts that tell people what was chosen automatically.
     warnings : tuple of str

@@ -34,7 +34,7 @@ class Difference:
     psnr : float
         The largest value of the baseline divided by `rmse`, in decibels; infinite for equal
         pictures, otherwise minus infinity if no value of the baseline is above 0.
-    median_relative_error, p95_relative_error, negative_share : float
+    median_relative_error, p95_relative_error, wrong_share, negative_share : float
         What is seen of it, pixel by pixel; see `SeenErrors`.
     """
 
@@ -44,6 +44,7 @@ class Difference:
     psnr: float
     median_relative_error: float
     p95_relative_error: float
+    wrong_share: float
     negative_share: float
 
 
@@ -79,6 +80,7 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
         _decibels(float(expected.max()), rmse),
         what_is_seen.median_relative_error,
         what_is_seen.p95_relative_error,
+        what_is_seen.wrong_share,
         what_is_seen.negative_share,
     )
 

@@ -2,7 +2,8 @@
 
 A root mean square over HDR radiance is nearly the error of the few brightest pixels. These numbers
 count the pixels instead: the median and the 95th percentile of the relative error of the
-luminance, and the share of pixels whose luminance is negative, which a screen shows as black.
+luminance, the share of pixels where it exceeds 5 %, and the share of pixels whose luminance is
+negative, which a screen shows as black.
 """
 
 from dataclasses import dataclass
@@ -11,15 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
 
 Array = NDArray[np.floating]
-
-FLOOR = 0.02
-"""Least truth that an error is divided by, as a fraction of the mean truth.
-
-It keeps pixels that are all but black, whose error nobody sees, from having the largest ones.
-"""
 
 
 @dataclass(frozen=True)
@@ -30,14 +25,17 @@ class SeenErrors:
     ----------
     median_relative_error, p95_relative_error : float
         Median and 95th percentile, over the pixels, of `|picture - truth| / max(truth, floor)`,
-        where the floor is `FLOOR` of the mean truth; 1 is 100 %. Infinite where the truth is not
-        above 0 and the picture differs.
+        where the floor is `vocabulary.SEEN_FLOOR` of the mean truth; 1 is 100 %. Infinite where
+        the truth is not above 0 and the picture differs.
+    wrong_share : float
+        Share of the pixels whose relative error exceeds `vocabulary.WRONG`, 5 %; from 0 to 1.
     negative_share : float
         Share of the pixels whose luminance is below 0 in the picture, from 0 to 1.
     """
 
     median_relative_error: float
     p95_relative_error: float
+    wrong_share: float
     negative_share: float
 
 
@@ -72,15 +70,16 @@ def seen_errors(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) 
     counts = shares > 0
     found, expected, shares = found[counts], expected[counts], shares[counts]
     if not (np.isfinite(found).all() and np.isfinite(expected).all()):
-        return SeenErrors(np.nan, np.nan, np.nan)
+        return SeenErrors(np.nan, np.nan, np.nan, np.nan)
     shown, true = found @ LUMINANCE, expected @ LUMINANCE
-    floor = FLOOR * max(float(np.average(true, weights=shares)), 0.0)
+    floor = SEEN_FLOOR * max(float(np.average(true, weights=shares)), 0.0)
     errors, scale = np.abs(shown - true), np.maximum(true, floor)
     # Where nothing is expected, no error is none, and any error is infinitely large.
     relative = np.where(errors > 0, np.inf, 0.0)
     np.divide(errors, scale, out=relative, where=scale > 0)
     median, p95 = _quantiles(relative, shares, (0.5, 0.95))
-    return SeenErrors(median, p95, float(np.average(shown < 0, weights=shares)))
+    wrong, negative = (np.average(each, weights=shares) for each in (relative > WRONG, shown < 0))
+    return SeenErrors(median, p95, float(wrong), float(negative))
 
 
 def spread_weights(weights: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -36,8 +36,8 @@ OURS = {
 KEYS = [
     "file", "representation", "frame", "center", "size", "sampling", "maps", "domain", "order_f",
     "order_p", "order_carried", "epsilon", "brdf_energy_captured", "predicted_error",
-    "added_error", "filter_error", "error_bound", "negative_share", "brdf", "probe",
-    "probe_sha256", "bytes", "precision", "warnings",
+    "added_error", "filter_error", "error_bound", "predicted_wrong_share", "negative_share",
+    "brdf", "probe", "probe_sha256", "bytes", "precision", "warnings",
 ]  # fmt: skip
 
 
@@ -297,6 +297,19 @@ def test_half_holds_up_to_its_largest_value(folder):
         options = ["--brdf", "lambertian", "--precision", "half", "-o", f"{fits}.exr"]
         assert (run("prefilter", "edge.exr", *options).code == 0) is fits
     assert read_exr("True.exr")[1]["sh000.R"].max() == 65504
+
+
+def test_the_share_of_wrong_pixels_is_that_of_compare(folder):
+    """Predicted over all pairs of directions and views, and measured in three views."""
+    out = process(*COMMAND[:4], "--order-p", "1", "-o", "a.exr").out
+    (line,) = [line.split() for line in out.splitlines() if line.startswith("  pixels ")]
+    assert " ".join(line[2:]) == "predicted to be wrong by more than 5%"
+    values = json.loads(process(*COMMAND[:4], "--order-p", "1", "-o", "a.exr", "--json").out)
+    assert line[1] == f"{values['predicted_wrong_share']:.1%}"
+    options = "--probe", "probe.exr", "--size", "32", "--no-picture", "--no-flip"
+    found = json.loads(process("compare", "a.exr", *options, "--json").out)["summary"][0]
+    assert found["wrong_share"] > 0.1
+    assert values["predicted_wrong_share"] == pytest.approx(found["wrong_share"], rel=0.2, abs=0.05)
 
 
 def test_json_is_alone_on_stdout_with_stable_keys(folder):

@@ -75,7 +75,7 @@ def test_json(folder):
         assert len(each["relative_rmse"]) == 2
         low, high = sorted(each["relative_rmse"])
         assert 0 < low <= each["relative_rmse_of_all"] <= high < 0.4
-        for key in ("median_relative_error", "p95_relative_error", "negative_share"):
+        for key in ("median_relative_error", "p95_relative_error", "wrong_share", "negative_share"):
             low, high = sorted(each[key])
             assert 0 <= low <= each[f"{key}_of_all"] <= high < 0.5
         assert 0 < each["median_relative_error_of_all"] < each["p95_relative_error_of_all"]

@@ -50,7 +50,7 @@ def formulas(values, expected):
 
 
 def seen(values, expected):
-    """Median and p95 of the relative error, and the share of negatives, by the definition."""
+    """Median and p95 of the relative error, and the shares of wrong and negative, by definition."""
     weights = np.broadcast_to(coverage(), values.shape[:-1])
     inside = weights > 0
     weights = weights[inside] / weights.sum()
@@ -58,7 +58,7 @@ def seen(values, expected):
     errors = np.abs(shown - true) / np.maximum(true, 0.02 * (weights * true).sum())
     up_to = np.array([weights[errors <= error].sum() for error in errors])
     found = [errors[up_to >= fraction].min() for fraction in (0.5, 0.95)]
-    return *found, weights[shown < 0].sum()
+    return *found, weights[errors > 0.05].sum(), weights[shown < 0].sum()
 
 
 def numbers(difference):
@@ -76,7 +76,8 @@ def test_formulas(views):
 def test_what_is_seen(views):
     values, expected = noise(1, *views, low=-0.7), noise(2, *views, high=3)
     found = measure(disc(values), disc(expected))
-    numbers = found.median_relative_error, found.p95_relative_error, found.negative_share
+    relative = found.median_relative_error, found.p95_relative_error
+    numbers = *relative, found.wrong_share, found.negative_share
     np.testing.assert_allclose(numbers, seen(values, expected), rtol=1e-5)
     assert 0.01 < found.negative_share < 0.5
 

@@ -14,7 +14,7 @@ def luminance(pixel):
 
 
 def formulas(picture, truth, weights):
-    """The three numbers; a percentile is the least error that leaves too little weight above."""
+    """The four numbers; a percentile is the least error that leaves too little weight above."""
     pixels = [
         (luminance(picture[index]), luminance(truth[index]), weights[index])
         for index in np.ndindex(truth.shape[:-1])
@@ -32,12 +32,14 @@ def formulas(picture, truth, weights):
                 return error
         raise AssertionError
 
+    wrong = sum(weight for error, weight in errors if error > 0.05)
     negative = sum(weight for m, _, weight in pixels if m < 0)
-    return percentile(0.5), percentile(0.95), negative / whole
+    return percentile(0.5), percentile(0.95), wrong / whole, negative / whole
 
 
 def numbers(found):
-    return found.median_relative_error, found.p95_relative_error, found.negative_share
+    relative = found.median_relative_error, found.p95_relative_error
+    return *relative, found.wrong_share, found.negative_share
 
 
 @pytest.mark.parametrize("shape", [(90,), (20, 30), (3, 11, 13)])
@@ -92,16 +94,16 @@ def test_units_do_not_matter():
 
 def test_a_black_truth():
     black, some = np.zeros((5, 3)), np.ones((5, 3))
-    assert seen_errors(black, black) == SeenErrors(0, 0, 0)
-    assert seen_errors(some, black) == SeenErrors(math.inf, math.inf, 0)
-    assert seen_errors(-some, -some) == SeenErrors(0, 0, 1)
+    assert seen_errors(black, black) == SeenErrors(0, 0, 0, 0)
+    assert seen_errors(some, black) == SeenErrors(math.inf, math.inf, 1, 0)
+    assert seen_errors(-some, -some) == SeenErrors(0, 0, 0, 1)
     # Most pixels are right, so the median is 0.
     assert seen_errors(np.eye(5)[:, [0] * 3], black).median_relative_error == 0
 
 
 def test_a_single_pixel():
     found = numbers(seen_errors([-1, -1, -1], [2, 2, 2]))
-    np.testing.assert_allclose(found, (1.5, 1.5, 1))
+    np.testing.assert_allclose(found, (1.5, 1.5, 1, 1))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -110,7 +112,7 @@ def test_what_is_not_finite_counts_only_where_it_has_weight(bad):
     broken[1, 2] = bad
     for pair in ((good, broken), (broken, good), (broken, broken)):
         assert all(math.isnan(each) for each in numbers(seen_errors(*pair)))
-        assert seen_errors(*pair, weights=[1, 0, 1]) == SeenErrors(0, 0, 0)
+        assert seen_errors(*pair, weights=[1, 0, 1]) == SeenErrors(0, 0, 0, 0)
 
 
 @pytest.mark.parametrize(

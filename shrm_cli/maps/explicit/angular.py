@@ -111,7 +111,7 @@ def prefilter_angular(
     )  # fmt: skip
     info = replace(info, added_error=kind.from_shrm(smooth, view_count).info.added_error)
     built = tabulate(kind, integral, brdf.center, info, size, view_count, sampling, progress)
-    return Prefiltered(built, {"error_bound": None})
+    return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
 
 
 def _tail_coefficients(brdf: Brdf, angle: float, whole: BrdfCoefficients) -> BrdfCoefficients:

@@ -174,8 +174,11 @@ class Spectrum:
 
     def table(self, q: int, first: int, last: int) -> Array:
         """Return functions of an order q at even angles, shape (last - first, TABLE, 3)."""
-        matrix = interpolation_matrix(self.transfer.theta_o, self.angles(), odd=q % 2 == 1)
-        table = np.einsum("to,koc->ktc", matrix, self.vectors[q, first:last])
+        # Views that nobody sees have no value, and must not take part.
+        seen = self.weights > 0
+        nodes = self.transfer.theta_o[seen]
+        matrix = interpolation_matrix(nodes, self.angles(), odd=q % 2 == 1)
+        table = np.einsum("to,koc->ktc", matrix, self.vectors[q, first:last][:, seen])
         if q > 0:  # a function of the azimuth has no value where there is none
             table[:, 0] = 0.0
         return table
@@ -207,22 +210,48 @@ class Spectrum:
             them, for the degrees that the transfer functions have.
         """
         signs = both_signs(self.transfer.max_q)
-        back = linear_matrix(self.angles(), self.transfer.theta_o)
-        albedo = self.albedo_table()
         total = 0.0
         for q in range(self.transfer.max_q + 1):
-            rest = self.transfer.values[q] / (2 * np.pi)
-            used = counts[q] if q < len(counts) else 0
-            if used:
-                parts = self.light_parts(q, 0, used)[:, : order + 1]
-                functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
-                if albedo is not None:
-                    functions = functions * (back @ albedo)
-                rest = rest.copy()
-                rest[: order + 1] -= np.einsum("klc,koc->loc", parts, functions)
+            rest = self.rest(q, counts, order)
             squares = np.einsum("loc,loc,o->lc", rest, rest, self.weights)
-            total += float(signs[q] * np.sum(self.light * squares)) * 2 * np.pi
+            total += float(signs[q] * np.sum(self.light * squares)) / (2 * np.pi)
         return total
+
+    def rest(
+        self,
+        q: int,
+        counts: "tuple[int, ...]",
+        order: int,
+        nodes: NDArray[np.intp] | None = None,
+    ) -> Array:
+        """Return what some of the functions leave out of the transfer functions of an order q.
+
+        Parameters
+        ----------
+        q : int
+        counts, order
+            The same as for `missing`.
+        nodes : ndarray of int, shape (n,), optional
+            The nodes of the transfer functions; all of them by default.
+
+        Returns
+        -------
+        ndarray, shape (F+1, n, 3)
+            In the units of the transfer functions, at the nodes.
+        """
+        at = np.arange(len(self.weights)) if nodes is None else nodes
+        rest = self.transfer.values[q][:, at]
+        used = counts[q] if q < len(counts) else 0
+        if not used:
+            return rest
+        back = linear_matrix(self.angles(), self.transfer.theta_o[at])
+        albedo = self.albedo_table()
+        parts = self.light_parts(q, 0, used)[:, : order + 1]
+        functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
+        if albedo is not None:
+            functions = functions * (back @ albedo)
+        rest[: order + 1] -= 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
+        return rest
 
     @cached_property
     def known(self) -> Array:

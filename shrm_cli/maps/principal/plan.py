@@ -127,13 +127,21 @@ class Planner:
 
     def _carried(self, energies: Array, size: int) -> int:
         """Return the order beyond which nothing is visible, or that the texels support."""
-        transfer = self.spectrum.transfer
-        limit = min(supported_order(size, 0 if self._is_zonal else 1), transfer.order_f)
+        limit = supported_order(size, 0 if self._is_zonal else 1)
+        return min(limit, self.spectrum.transfer.order_f, self.visible_order(energies))
+
+    def visible_order(self, energies: Array) -> int:
+        """Return the order beyond which nothing is visible of light with an energy in each degree.
+
+        Parameters
+        ----------
+        energies : ndarray, shape (F+1,)
+        """
         rms = np.sqrt(np.append(np.cumsum(energies[::-1])[-2::-1], 0.0)) / (4 * np.pi)
         # The mean of the reflected light is that of the light, times that of the albedo.
-        albedo = self.spectrum.weights @ transfer.values[0, 0] / np.sqrt(np.pi) / 2
+        albedo = self.spectrum.weights @ self.spectrum.transfer.values[0, 0] / np.sqrt(np.pi) / 2
         mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
-        return min(limit, int(np.argmax(rms <= INVISIBLE * mean)) if mean > 0 else 0)
+        return int(np.argmax(rms <= INVISIBLE * mean)) if mean > 0 else 0
 
     def for_tolerance(self, tolerance: float) -> tuple[Counts, int, float]:
         """Find the least functions, and then the least order F, that miss a part of the energy.

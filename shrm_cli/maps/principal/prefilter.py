@@ -19,6 +19,7 @@ from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees
+from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
 from shrm_cli.maps.size import choose_size, supported_order, total_error
@@ -111,7 +112,9 @@ def prefilter(
     made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
     remarks = [planner.spectrum.transfer.remark for planner in planners]
     lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
-    return Prefiltered(made, {"error_bound": None}, notes, tuple(lines))
+    share = predicted_wrong_share(terms[0].planner, terms[0].form) if len(terms) == 1 else None
+    facts = {"error_bound": None, "predicted_wrong_share": share}
+    return Prefiltered(made, facts, notes, tuple(lines))
 
 
 def _unmet(

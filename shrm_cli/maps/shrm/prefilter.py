@@ -28,6 +28,7 @@ from shrm_cli.maps.shrm.budget import (
 from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
 from shrm_cli.maps.size import check_size, choose_size, total_error
+from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.orders import choose_center, choose_orders
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -266,8 +267,12 @@ def prefilter_shrm(
         light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
     )
     made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
-    facts = {"error_bound": expansion.bound}
-    return Prefiltered(compressed(made, compress), facts, warnings=warnings)
+    kept = compressed(made, compress)
+    # Forms other than that of an SHRM add errors of their own, and so does compression.
+    is_all = form is SHRM_FORM and not kept.info.added_error
+    share = predicted_wrong_share(expansion) if is_all else None
+    facts = {"error_bound": expansion.bound, "predicted_wrong_share": share}
+    return Prefiltered(kept, facts, warnings=warnings)
 
 
 def expand(

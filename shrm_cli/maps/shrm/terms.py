@@ -273,7 +273,8 @@ def prefilter_terms(
     remarks = {each.remark: None for each in expansions if each.remark is not None}
     missed = _shortfall(plan, info.predicted_error)
     warnings = (*remarks, *([] if missed is None else [missed]))
-    return Prefiltered(SummedShrm(tuple(maps), info), {"error_bound": bound}, warnings=warnings)
+    facts = {"error_bound": bound, "predicted_wrong_share": None}
+    return Prefiltered(SummedShrm(tuple(maps), info), facts, warnings=warnings)
 
 
 def _shortfall(plan: Plan, error: float) -> str | None:
