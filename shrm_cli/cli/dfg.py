@@ -4,9 +4,11 @@ import os
 
 import click
 
+from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import precision_option, print_json, progress_bar, report_options
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import exclude
+from shrm_cli.cli.usage import exclude, given_options
+from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import CONTAINERS, Precision
 
 
@@ -27,6 +29,7 @@ from shrm_cli.vocabulary import CONTAINERS, Precision
     "-o", "--output", type=click.Path(), default="dfg.exr", show_default=True,
     help="OpenEXR file to write.",
 )  # fmt: skip
+@force_option
 @precision_option
 @report_options
 def dfg(
@@ -34,6 +37,7 @@ def dfg(
     multiscatter: bool,
     moments: bool,
     output: str,
+    force: bool,
     precision: Precision,
     as_json: bool,
     quiet: bool,
@@ -61,7 +65,9 @@ def dfg(
             table = moments_table(size, progress)
         else:
             table = environment_table(size, multiscatter, progress)
-    pixel_type = write_dfg(output, table, kind, precision)
+    is_kept = not force and "output" not in given_options()
+    with keeping(*([output] if is_kept else [])):
+        pixel_type = write_dfg(output, table, kind, precision)
     meaning = MEANINGS[kind]
     # This is what a white metal reflects in a white furnace, by single scattering.
     white = {

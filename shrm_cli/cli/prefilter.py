@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.kept import force_option, keep_other_map
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -56,6 +57,7 @@ _PRINTS = [name for name, each in all_options(registry.descriptions()).items() i
     "-o", "--output", type=click.Path(),
     help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
 )  # fmt: skip
+@force_option
 @click.option(
     "--sampling", type=_SAMPLINGS,
     help="Where edge pixels lie, in the probe and in the written cube.",
@@ -70,6 +72,7 @@ def prefilter(
     to: str,
     precision: Precision,
     output: str | None,
+    force: bool,
     sampling: str | None,
     probe_sampling: str | None,
     map_sampling: str | None,
@@ -101,6 +104,8 @@ def prefilter(
     source = open_probe(probe, read_as)
     target = output or _default_name(probe, brdf, to)
     check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
+    if not (output or force):
+        keep_other_map(target, to, source, given, precision)
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
     printed = {

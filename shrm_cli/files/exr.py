@@ -19,7 +19,7 @@ from shrm_cli import settings
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
-from shrm_cli.vocabulary import MAX_ORDER_P
+from shrm_cli.vocabulary import MAX_ORDER_P, PixelType
 
 Array = NDArray[np.floating]
 
@@ -132,6 +132,11 @@ class ExrPart(StoredPart):
 
     def attribute(self, name: str) -> Any:
         return self._spec.getattribute(name)
+
+    @property
+    def pixel_type(self) -> PixelType:
+        numbers = {str(self._spec.channelformat(k)) for k in range(self._spec.nchannels)}
+        return "half" if numbers == {"half"} else "float"
 
     def holds(self, names: Sequence[str]) -> bool:
         spec = self._spec

@@ -77,6 +77,11 @@ class StoredPart(ABC):
     def attribute(self, name: str) -> Any:
         """Return the value of an attribute, or None if the part has no such attribute."""
 
+    @property
+    @abstractmethod
+    def pixel_type(self) -> PixelType:
+        """The type of the channels; ``"float"`` where they differ."""
+
     @abstractmethod
     def holds(self, names: Sequence[str]) -> bool:
         """Return whether the part has exactly these channels, all half or 32-bit float."""

@@ -1,9 +1,11 @@
 """Output files that appear whole or not at all."""
 
 import contextlib
+import filecmp
 import os
 import platform
 from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
@@ -17,6 +19,23 @@ _HOST = 40
 
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
+
+
+_kept: ContextVar[frozenset[str]] = ContextVar("shrm_cli.kept", default=frozenset())
+"""Names of files that `replacing` replaces by their like only."""
+
+
+@contextlib.contextmanager
+def keeping(*targets: str | os.PathLike[str]) -> Iterator[None]:
+    """Within this context, files that exist are replaced by files of the same bytes only.
+
+    The same inputs and options give the same bytes, so that what others have made stays.
+    """
+    before = _kept.set(_kept.get() | {os.fspath(target) for target in targets})
+    try:
+        yield
+    finally:
+        _kept.reset(before)
 
 
 def check_target(
@@ -78,7 +97,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the target is not a regular file or is an input, or if the block raises an OSError, such
+        If the target is not a regular file or is an input, if it is kept (see `keeping`) and the
+        new file differs from it, or if the block raises an OSError, such
         as for a full disk.
     """
     target = Path(target)
@@ -92,6 +112,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
+        if str(target) in _kept.get() and target.exists():
+            _check_same(temporary, target)
         os.replace(temporary, target)
     except OSError as error:
         reason = error.strerror or error
@@ -101,6 +123,14 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _check_same(temporary: Path, target: Path) -> None:
+    if not filecmp.cmp(temporary, target, shallow=False):
+        raise OutputError(
+            f"{target}: exists, and other inputs or options made it; give `force` to replace it, "
+            "or name another `output`"
+        )
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:

@@ -69,6 +69,8 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         header["shrm:filter_error"] = float(info.filter_error)
     if info.domain != "frequency":
         header["shrm:domain"] = info.domain
+    if info.options:
+        header["shrm:options"] = json.dumps(info.options, sort_keys=True)
     if info.chromaticities is not None:
         header["chromaticities"] = tuple(info.chromaticities)
     return header
@@ -122,7 +124,7 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
         if not is_sound:
             raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
         result[name] = shortest(value) if kind is float else value
-    return {**result, "brdf": json.loads(result["brdf"])}
+    return {**result, **{name: json.loads(result[name]) for name in ("brdf", "options")}}
 
 
 def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
@@ -151,6 +153,7 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
         carried=attributes["carried"] if attributes["carried"] >= 0 else None,
         filter_error=attributes["filter_error"],
         domain=attributes["domain"],
+        options=attributes["options"],
     )
 
 
@@ -179,6 +182,7 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "carried": (int, lambda value: -1 <= value <= MAX_ORDER_F),
     "filter_error": (float, math.isfinite),
     "domain": (str, DOMAINS.__contains__),
+    "options": (str, _is_json_object),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
     "sampling": (str, ("", *SAMPLINGS).__contains__),
@@ -191,6 +195,7 @@ _OPTIONAL: dict[str, Any] = {
     "carried": -1,
     "filter_error": 0.0,
     "domain": "frequency",
+    "options": "{}",
     "layout": "openexr",
     "orientation": "openexr",
 }

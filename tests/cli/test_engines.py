@@ -50,7 +50,7 @@ def folder(tmp_path, monkeypatch):
 def prefiltered(kind, *options, probe="probe.exr"):
     """What a command prints as JSON; options replace the small ones."""
     given = options or SMALL[kind]
-    return json.loads(done("prefilter", probe, "--to", kind, "--json", *given))
+    return json.loads(done("prefilter", probe, "--to", kind, "--json", "--force", *given))
 
 
 @pytest.fixture(scope="module")
@@ -377,7 +377,7 @@ def test_what_a_window_costs_is_reported(folder):
     assert "window         none is needed" in done(
         "prefilter", "probe.exr", "--to", "irradiance", "--window", "auto"
     )
-    text = done("prefilter", "probe.exr", "--to", "irradiance", "--window", "hann:4")
+    text = done("prefilter", "probe.exr", "--to", "irradiance", "--window", "hann:4", "--force")
     assert "window         hann of width 4: takes " in text
     made = open_map("probe.irradiance.exr")
     assert made.window.name == "hann"

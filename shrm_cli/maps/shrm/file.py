@@ -79,6 +79,8 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
     }
     if info.added_error:
         whole["shrm:added_error"] = float(info.added_error)
+    if info.options:
+        whole["shrm:options"] = json.dumps(info.options, sort_keys=True)
     if info.filter_error:
         whole["shrm:filter_error"] = float(info.filter_error)
     parts = [part for term in summed.terms for part in encode(term)]
