@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.kept import force_option, keep_other_map
 from shrm_cli.cli.options import (
+    READING_NAMES,
     conclude,
     make_read_options,
     optional_brdf_option,
@@ -22,7 +24,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
-from shrm_cli.maps.options import all_options, listing
+from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.vocabulary import (
     CONTAINERS,
     REPRESENTATIONS,
@@ -42,7 +44,24 @@ _OWN_BRDFS = listing(
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
 
 
-@click.command()
+_OWN_OPTIONS = {
+    f"Options of --to {listing(names, 'and')}": [option.name for option in options]
+    for names, options in own_options(registry.descriptions())
+}
+_HEADINGS = {
+    "What to make": ["brdf", "to"],
+    "How exact": ["eps", "error", "order_f", "order_p", "max_size", "center"],
+    "Form of the map": [
+        "size", "frame", "map_sampling", "domain", "source_height", "precision",
+    ],
+    **_OWN_OPTIONS,
+    "How the probe is read": [*READING_NAMES, "probe_sampling"],
+    "Output": ["output", "force", "as_json", "quiet"],
+}  # fmt: skip
+"""The options under the headings of the help."""
+
+
+@click.command(cls=command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @optional_brdf_option
 @click.option(
@@ -88,6 +107,13 @@ def prefilter(
 
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
+
+    \b
+      shrm prefilter probe.exr --brdf ggx:roughness=0.4,f0=gold
+      shrm prefilter probe.exr --brdf "0.9*lambertian+0.1*phong" --eps 0.01
+      shrm prefilter probe.exr --brdf paint.binary --error 0.05 --to principal
+      shrm prefilter probe.exr --to irradiance --window auto --shader glsl
+      shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe

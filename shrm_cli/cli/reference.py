@@ -69,8 +69,8 @@ def reference(
 ) -> None:
     """Render the correct sphere in the light of PROBE, by brute force.
 
-    Every pixel is an integral over all pixels of the probe. That takes a minute where a map
-    takes milliseconds; --source-height makes it shorter.
+    Every pixel is an integral over all pixels of the probe. That takes a minute where
+    `shrm render` draws a map within a second; --source-height makes it shorter.
 
     \b
       shrm reference probe.exr --brdf microfacet --source-height 128 -o truth.png
