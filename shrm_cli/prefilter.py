@@ -140,7 +140,7 @@ def prefilter_with_facts(
     ArgumentError, BrdfError, ProbeError, OrderError, MapError
         For the same reasons as `prefilter`.
     """
-    given = checked_arguments(to, given)
+    given = checked_arguments(to, given, probe)
     make = registry.module(to, "prefilter").prefilter
     # Maps for a BRDF take one attempt after another at its coefficients.
     is_rising = registry.description(to).needs_brdf and given.get("domain") != "angular"
@@ -155,7 +155,7 @@ def prefilter_with_facts(
     return replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
 
 
-def checked_arguments(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def checked_arguments(to: str, given: Mapping[str, Any], probe: Probe) -> dict[str, Any]:
     """Return the arguments that are given as the makers of maps take them, with a BRDF for its
     specification.
 
@@ -168,7 +168,7 @@ def checked_arguments(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
     check_arguments(to, given)
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
     return {
-        name: _material(value) if name == "brdf" else options[name].checked(value)
+        name: _material(value, probe) if name == "brdf" else options[name].checked(value)
         for name, value in given.items()
     }
 
@@ -221,10 +221,10 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
         raise ArgumentError("brdf", f"is missing; `to` {to} needs one")
 
 
-def _material(brdf: object) -> Brdf:
-    """Return a BRDF from itself or from its specification."""
+def _material(brdf: object, probe: Probe) -> Brdf:
+    """Return a BRDF from itself or from its specification, with the probe's primaries."""
     if isinstance(brdf, str):
-        return parse_spec(brdf)
+        return parse_spec(brdf, primaries=probe.chromaticities)
     if not isinstance(brdf, Brdf):
         raise ArgumentError("brdf", f"{brdf!r} is neither a BRDF nor the specification of one")
     return brdf

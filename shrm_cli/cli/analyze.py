@@ -141,8 +141,8 @@ def analyze(
     rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))
     refuse_inapplicable(rules)
     exclude("output", "no_plots")
-    brdf = parse_spec(spec)
     source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
+    brdf = parse_spec(spec, primaries=source.chromaticities if source is not None else None)
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}

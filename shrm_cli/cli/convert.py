@@ -100,6 +100,7 @@ def convert(
       shrm convert probe.exr --to hcross --size 256
     """
     from shrm_cli.maps.file import is_map
+    from shrm_cli.probe.probe import open_probe
 
     result_path = output or _default_name(source, target)
     reading = make_read_options(sampling, values)
@@ -118,6 +119,7 @@ def convert(
         )
     else:
         if target in REPRESENTATIONS:
+            open_probe(source, reading)  # raises what is wrong with a file that is no image
             raise click.BadParameter(
                 f"{source} is no map; a probe becomes {target} by shrm prefilter",
                 param_hint="'--to'",
@@ -173,7 +175,7 @@ def _convert_map(
     chosen = orientation or default_orientation(layout)
     if precision == "auto" and not made.is_exact_in_half:
         precision = "float"  # a conversion must not lose precision
-    pixels = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
+    stored = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
     result = {
         "file": path,
         "kind": "map",
@@ -188,7 +190,8 @@ def _convert_map(
         "predicted_error": made.info.predicted_error,
         "added_error": made.info.added_error,
         "fit_residual": made.info.fit_residual,
-        "precision": pixels,
+        "storage_error": max(stored.error, made.info.storage_error),
+        "precision": stored.pixel_type,
     }
     return result, []
 
@@ -268,7 +271,12 @@ def _report(result: dict[str, Any]) -> str:
         f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "
         f"{size} texels as {result['layout']}, {result['precision']}"
     ]
-    for key, text in (("added_error", "added by its form"), ("fit_residual", "left by the fit")):
-        if result[key] >= 5e-6:
+    errors = {
+        "added_error": "added by its form",
+        "fit_residual": "left by the fit",
+        "storage_error": "from half precision",
+    }
+    for key, text in errors.items():
+        if result[key] >= (5e-4 if key == "storage_error" else 5e-6):
             lines.append(f"  RMS error      {result[key]:.3%} {text}")
     return "\n".join(lines)

@@ -5,8 +5,9 @@ import os
 import click
 
 from shrm_cli.cli.kept import force_option
-from shrm_cli.cli.options import precision_option, print_json, progress_bar, report_options
+from shrm_cli.cli.options import precision_option, progress_bar, report_options
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo, echo_json
 from shrm_cli.cli.usage import exclude, given_options
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -89,7 +90,7 @@ def dfg(
     if moments:
         result["mean_direction"] = meaning.mean
     if as_json:
-        print_json(result)
+        echo_json(result)
     elif not quiet:
         lines = [
             f"{output}: {size} x {size}, N.V across, roughness down; {', '.join(meaning.names)}; "
@@ -100,4 +101,4 @@ def dfg(
             f"  white furnace  {white.min():.2%} to {white.max():.2%} at f0 = 1 by single "
             "scattering",
         ]
-        click.echo("\n".join(lines))
+        echo("\n".join(lines))

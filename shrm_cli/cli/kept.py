@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -51,33 +52,26 @@ def keep_other_map(
     import os
 
     from shrm_cli.files.inputs import protecting
-    from shrm_cli.files.parts import choose_pixel_type, peek
     from shrm_cli.maps.file import open_map
     from shrm_cli.maps.provenance import record_of, same_brdf
     from shrm_cli.prefilter import checked_arguments, options_of
 
     if not os.path.lexists(target):
         return
-    given = checked_arguments(to, given)
-    stored = peek(target)
-    try:
-        with protecting():  # what is only looked at is no input
-            found = open_map(target)
-    except MapError:
-        stored = None
-    if stored is None or found.representation != to:
+    given = checked_arguments(to, given, probe)
+    found = None
+    with suppress(MapError), protecting():  # what is only looked at is no input
+        found = open_map(target)
+    if found is None or found.representation != to:
         raise kept(target, f"it is no map of representation {to} that can be read")
     if found.info.probe_sha256 != probe.digest():
         raise kept(target, "another probe made it, or another version of this one")
     if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
         raise kept(target, "it is for another BRDF")
-    differing = _differing(found.info.options, options_of(probe, given))
+    wanted = options_of(probe, given) | ({} if precision == "auto" else {"precision": precision})
+    differing = _differing(found.info.options, wanted)
     if differing:
         raise kept(target, f"it was made with other options ({differing})")
-    planes = (plane for part in found.encode() for plane in part.channels.values())
-    asked = found.natural_precision if precision == "auto" else precision
-    if stored.first.pixel_type != choose_pixel_type(target, planes, asked):
-        raise kept(target, f"its pixels are {stored.first.pixel_type}")
 
 
 def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:

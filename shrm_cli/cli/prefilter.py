@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from shrm_cli.cli.options import (
     shared_options,
 )
 from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
@@ -33,6 +35,7 @@ from shrm_cli.vocabulary import (
 )
 
 if TYPE_CHECKING:
+    from shrm_cli.files.parts import Storage
     from shrm_cli.maps.options import Representation
     from shrm_cli.maps.prefiltered import Prefiltered
 
@@ -115,6 +118,7 @@ def prefilter(
       shrm prefilter probe.exr --to irradiance --window auto --shader glsl
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
+    from shrm_cli.maps.file import save
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
@@ -139,17 +143,24 @@ def prefilter(
         for name, value in prints.items()
         if value is not None
     }
-    pixel_type = made.map.save(target, precision)
-    result = {"file": os.fspath(target), **made.summary()}
-    result |= {"bytes": os.path.getsize(target), "precision": pixel_type}
+    stored = save(target, made.map, precision)
+    result = {"file": os.fspath(target), **made.summary(), "storage_error": stored.error}
+    result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
-    if pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
-        warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
+    if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
+        warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     warnings += [f"{target}: {line}" for line in made.warnings]
     for text in [] if as_json else printed.values():
-        click.echo(text.rstrip("\n"))
+        echo(text.rstrip("\n"))
     lines = _report(chosen, made, result)
     conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
+
+
+def _why_float(stored: Storage) -> str:
+    """Return what half could not keep."""
+    if math.isfinite(stored.half_error):
+        return f"light so dim that half would add an RMS error of {stored.half_error:.2%}"
+    return "values beyond half's range"
 
 
 def _rules_of_printing(to: str) -> dict[str, Applies]:
@@ -171,5 +182,7 @@ def _report(chosen: Representation, made: Prefiltered, result: dict[str, Any]) -
     """Return lines about the map, which its representation words, and how it was made."""
     what, *lines = registry.module(chosen.name, "report").report(result)
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
+    if result["storage_error"] >= 5e-4:
+        lines.append(f"and            {result['storage_error']:.2%} from half precision")
     lines += [f"{heading:<15}{text}" for heading, text in made.notes]
     return [f"{result['file']}: {what}, {', '.join(stored)}", *(f"  {line}" for line in lines)]

@@ -84,8 +84,8 @@ def reference(
     from shrm_cli.render.image import expose
     from shrm_cli.render.sphere import render_sphere
 
-    brdf = parse_spec(spec)
     source = open_probe(probe, make_read_options(sampling, reading))
+    brdf = parse_spec(spec, primaries=source.chromaticities)
     target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
     check_outputs([target], specs=[spec])

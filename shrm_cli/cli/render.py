@@ -69,7 +69,7 @@ def render(
     view: tuple[float, float],
     size: int,
     roughness: float | None,
-    f0: tuple[float, float, float] | None,
+    f0: str | None,
     exposure: float,
     background: str | None,
     frames: int | None,

@@ -17,6 +17,9 @@ _MARK = ".shrm-"
 _HOST = 40
 """The most characters of the machine's name in a temporary file's name."""
 
+_ANY_WRITE = 0o222
+"""The bits of a file's mode of which one at least says that it may be written."""
+
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
 
@@ -38,6 +41,10 @@ def keeping(*targets: str | os.PathLike[str]) -> Iterator[None]:
         _kept.reset(before)
 
 
+_together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", default=None)
+"""The temporary files and the targets that wait for the end of a block of `together`."""
+
+
 def check_target(
     target: str | os.PathLike[str],
     suffixes: tuple[str, ...] = (),
@@ -55,6 +62,8 @@ def check_target(
     OutputError
         If the target cannot be written, is one of the inputs, or has another suffix.
     """
+    if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
+        raise OutputError(f"{target}: a directory; name a file to write")
     try:
         _check_target(Path(target))
     except (OSError, UnicodeError) as error:  # a name may be too long, for example
@@ -66,6 +75,8 @@ def check_target(
 
 def _check_target(target: Path) -> None:
     str(target).encode()  # image libraries take UTF-8 names only
+    if not target.name:
+        raise OutputError(f"{target}: a directory; name a file to write")
     folder = target.parent
     if target.is_dir():
         raise OutputError(f"{target}: a directory; name a file to write")
@@ -79,11 +90,15 @@ def _check_target(target: Path) -> None:
 
 
 def _check_replaceable(target: Path) -> None:
-    """Refuse to replace an input, or a device or a pipe, such as /dev/null, by a file."""
-    if target.exists() and not target.is_file():
+    """Refuse to replace an input, a device, a pipe, or a file that nobody may write."""
+    if not target.exists():
+        return
+    if not target.is_file():
         raise OutputError(f"{target}: not a regular file; name another output")
     if is_input(target):
         raise OutputError(f"{target}: would overwrite the input; name another output")
+    if not target.stat().st_mode & _ANY_WRITE:
+        raise OutputError(f"{target}: read-only; change its mode or name another output")
 
 
 @contextlib.contextmanager
@@ -114,15 +129,47 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
             os.fsync(stream.fileno())
         if str(target) in _kept.get() and target.exists():
             _check_same(temporary, target)
-        os.replace(temporary, target)
+        waiting = _together.get()
+        if waiting is None:
+            os.replace(temporary, target)
+        else:
+            waiting.append((temporary, target))
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(
             f"{target}: cannot be written ({reason}); make room or name another output"
         ) from error
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        if (temporary, target) not in (_together.get() or ()):
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def together() -> Iterator[None]:
+    """Context manager within which files become their targets at its end, or none of them does.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot become its target; those before it have become theirs then.
+    """
+    waiting: list[tuple[Path, Path]] = []
+    token = _together.set(waiting)
+    try:
+        yield
+        for temporary, target in waiting:
+            try:
+                os.replace(temporary, target)
+            except OSError as error:
+                raise OutputError(
+                    f"{target}: cannot be written ({error.strerror}); name another output"
+                ) from error
+    finally:
+        _together.reset(token)
+        for temporary, _ in waiting:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
 def _check_same(temporary: Path, target: Path) -> None:

@@ -11,12 +11,12 @@ from tests.cli.helpers import assert_refused, done, noise, process, run, snapsho
 MAP_KEYS = [
     "file", "kind", "representation", "frame", "center", "size", "sampling", "maps", "domain",
     "order_f", "order_p", "order_carried", "epsilon", "brdf_energy_captured", "predicted_error",
-    "added_error", "filter_error", "fit_residual", "brdf", "probe",
+    "added_error", "filter_error", "storage_error", "fit_residual", "brdf", "probe",
     "probe_sha256", "chromaticities", "warnings",
 ]  # fmt: skip
 PROBE_KEYS = [
-    "file", "kind", "layout", "width", "height", "sampling", "format", "minimum", "maximum",
-    "mean", "sha256", "warnings",
+    "file", "kind", "layout", "width", "height", "sampling", "format", "channels", "encoding",
+    "minimum", "maximum", "mean", "sha256", "warnings",
 ]  # fmt: skip
 
 

@@ -60,7 +60,7 @@ REFERENCE = ["reference", "probe.exr", "--brdf", "phong", "--size", "16", "--sou
 CASES = {
     "tolerance": (PREFILTER, ["--eps", "0.1"], "--eps by default there, 0.1 here"),
     "order": (PREFILTER, ["--order-f", "3"], "--order-f by default there, 3 here"),
-    "precision": (PREFILTER, ["--precision", "float"], "its pixels are half"),
+    "precision": (PREFILTER, ["--precision", "float"], "--precision by default there"),
     "reading": (PREFILTER, ["--yaw", "20"], "how the probe is read"),
     "clamp": (PREFILTER, ["--clamp", "2"], "how the probe is read"),
     "window": (

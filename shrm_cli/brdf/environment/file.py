@@ -7,8 +7,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.files.parts import Part, peek, write_parts
-from shrm_cli.vocabulary import Precision
+from shrm_cli.errors import BrdfError, MapError
+from shrm_cli.files.parts import Part, StoredPart, peek, write_parts
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 
 Array = NDArray[np.floating]
 Kind = Literal["scale-bias", "multiscatter", "moments"]
@@ -102,7 +103,7 @@ def write_dfg(
 
 
 def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """Return what a file of `write_dfg` says about its table, without the table's numbers.
+    """Return what a file of `write_dfg` says about its table, once its numbers were read.
 
     Parameters
     ----------
@@ -113,6 +114,11 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     dict or None
         The items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
         ``reflectance``, and for moments ``mean_direction``. None if the file is anything else.
+
+    Raises
+    ------
+    BrdfError
+        If the table is damaged.
     """
     found = peek(path)
     if found is None or found.first.text("shrm:table") != "dfg":
@@ -121,6 +127,7 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     multiscatter = part.attribute("shrm:multiscatter") not in (None, 0)
     moments = part.attribute("shrm:moments") not in (None, 0)
     meaning = MEANINGS["moments" if moments else "multiscatter" if multiscatter else "scale-bias"]
+    _check_numbers(part, meaning)
     facts = {
         "width": part.width,
         "height": part.height,
@@ -130,3 +137,15 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         "reflectance": meaning.reflectance,
     }
     return {**facts, "mean_direction": meaning.mean} if moments else facts
+
+
+def _check_numbers(part: StoredPart, meaning: Meaning) -> None:
+    """Refuse a table whose numbers are not all there."""
+    names = sorted({*meaning.names, "B"} if "R" in meaning.names else meaning.names)
+    again = "make it again with shrm dfg"
+    if not part.holds(names) or max(part.width, part.height) > MAX_CUBE_SIZE:
+        raise BrdfError(f"{part.path}: its channels are not those of such a table; {again}")
+    try:
+        part.read(names)
+    except MapError:
+        raise BrdfError(f"{part.path}: damaged or truncated; {again}") from None

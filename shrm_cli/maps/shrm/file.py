@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.attributes import common_header, shortest
+from shrm_cli.maps.attributes import common_header, options_text, shortest
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
@@ -80,7 +81,7 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
     if info.added_error:
         whole["shrm:added_error"] = float(info.added_error)
     if info.options:
-        whole["shrm:options"] = json.dumps(info.options, sort_keys=True)
+        whole["shrm:options"] = options_text(info.options)
     if info.filter_error:
         whole["shrm:filter_error"] = float(info.filter_error)
     parts = [part for term in summed.terms for part in encode(term)]
@@ -165,7 +166,7 @@ def _decode_compressed(image: StoredImage) -> CompressedShrm:
 def _matrix(text: str) -> Array | None:
     """Read a matrix of finite numbers from JSON; the result is None for any other text."""
     try:
-        values = np.array(json.loads(text), dtype=float)
-    except (ValueError, TypeError, RecursionError, OverflowError):
+        values = np.array(parse_json(text), dtype=float)
+    except (ValueError, TypeError, OverflowError):
         return None
     return values if values.ndim == 2 and values.size and np.isfinite(values).all() else None
