@@ -144,6 +144,8 @@ class Probe:
         they are.
         """
         found: dict[str, Any] = {"layout": self.layout, "sampling": self.sampling}
+        facts = self.images[0].facts()
+        found |= {name: facts[name] for name in ("part", "layer") if name in facts}
         if self.orientation is not None:
             found["orientation"] = self.orientation
         if not np.array_equal(self.matrix, np.eye(3)):
