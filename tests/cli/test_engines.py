@@ -395,7 +395,7 @@ def test_windows_that_there_are_not(folder, spec):
 @pytest.mark.parametrize(("language", "first"), [
     ("glsl", "vec3 shrm_irradiance(vec3 normal)"),
     ("hlsl", "float3 shrm_irradiance(float3 normal)"),
-    ("c", "static inline void shrm_irradiance("),
+    ("c", "static void shrm_irradiance("),
 ])  # fmt: skip
 def test_the_shader_is_alone_on_stdout(folder, language, first):
     options = ("prefilter", "probe.exr", "--to", "irradiance", "--shader", language)
