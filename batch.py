@@ -9,6 +9,8 @@ The lists PROBES, BRDFS and FORMS are words as in a shell, so that quotes keep a
 together. Make hands them over in the environment. It runs with any Python, and needs no packages.
 """
 
+from __future__ import annotations
+
 import glob
 import hashlib
 import json
@@ -43,17 +45,17 @@ def probes() -> list[str]:
     found: dict[str, None] = {}
     for word in words("PROBES"):
         matching = [word] if os.path.exists(word) else sorted(glob.glob(word))
-        found |= dict.fromkeys(matching or [word])
+        found.update(dict.fromkeys(matching or [word]))
     return [f"./{name}" if name.startswith("-") else name for name in found]
 
 
 def label(text: str) -> str:
     """Return a text as a part of a file's name; long ones are cut, and end in a digest."""
     plain = "".join(c if c.isalnum() or c in "._+" else "-" for c in text)
-    data = plain.encode()
+    data = os.fsencode(plain)
     if len(data) <= LONGEST:
         return plain
-    digits = hashlib.sha256(text.encode()).hexdigest()[:8]
+    digits = hashlib.sha256(os.fsencode(text)).hexdigest()[:8]
     return f"{data[: LONGEST - 9].decode(errors='ignore')}-{digits}"
 
 
@@ -133,8 +135,9 @@ class Jobs:
 
 def write(path: Path, text: str) -> None:
     """Write a file if it does not hold this text yet; its time says when it changed."""
-    if not path.exists() or path.read_text() != text:
-        path.write_text(text)
+    data = os.fsencode(text)  # names may be no UTF-8
+    if not path.exists() or path.read_bytes() != data:
+        path.write_bytes(data)
 
 
 def variable(name: str) -> list[str]:

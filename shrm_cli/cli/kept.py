@@ -8,6 +8,7 @@ are written without asking, and so are pictures to look at.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -49,8 +50,6 @@ def keep_other_map(
     BrdfError
         If the BRDF cannot be used.
     """
-    import os
-
     from shrm_cli.files.inputs import protecting
     from shrm_cli.maps.file import open_map
     from shrm_cli.maps.provenance import record_of, same_brdf
@@ -89,8 +88,6 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     OutputError
         If the file exists, and another recipe, or none, made it.
     """
-    import os
-
     from shrm_cli.files.parts import peek
 
     if not os.path.lexists(target):
