@@ -5,8 +5,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 SHRM := $(BIN)/shrm
 
-# make batch PROBES="a.exr b.exr" BRDFS="microfacet:sigma=0.1 phong:exponent=32"
-PROBES ?= $(wildcard probes/*.exr)
+# make batch PROBES="a.exr hdr/*.exr 'my probe.exr'" BRDFS="microfacet:sigma=0.1 phong:exponent=32"
+# Words are those of a shell: quotes keep a name with spaces together.
+PROBES ?= probes/*.exr
 BRDFS ?= microfacet:sigma=0.1 microfacet:sigma=0.3 phong:exponent=32 lambertian
 EPS ?= 0.03
 # make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--window auto": what engines load
@@ -21,7 +22,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test bench tables probes batch batch-all clean distclean FORCE
+.PHONY: help install demo test bench tables probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -81,66 +82,18 @@ probes:
 
 # ---- batch ------------------------------------------------------------------------------------
 
-comma := ,
-label = $(subst $(comma),-,$(subst =,-,$(subst :,-,$(1))))
-baked = build/$(basename $(notdir $(1))).$(call label,$(2)).shrm
+# batch.py writes the jobs as a makefile of their own, because make itself cannot handle spaces,
+# quotes, $ and % in names. The variables are handed over as they are, without being expanded.
+HANDED := PROBES BRDFS FORMS EPS PREFILTER_FLAGS RENDER_FLAGS $(filter FLAGS_%,$(.VARIABLES))
+$(foreach v,$(HANDED),$(eval export BATCH_$(v) := $$(value $(v))))
+export BATCH_SHRM := $(SHRM)
 
-# One probe, one BRDF: a map and its picture. Files are written whole or not at all, so an
-# interrupted run goes on where it stopped.
-define pair
-$(call baked,$(1),$(2)).exr: $(1) build/.options | $(VENV)/.installed
-	$$(SHRM) prefilter '$(1)' --brdf '$(2)' --eps $$(EPS) $$(PREFILTER_FLAGS) -o '$$@'
-$(call baked,$(1),$(2)).png: $(call baked,$(1),$(2)).exr build/.render-options | $(VENV)/.installed
-	$$(SHRM) render '$$<' $$(RENDER_FLAGS) -o '$$@'
-BATCH += $(call baked,$(1),$(2)).png
-endef
-
-# One probe, one form that needs no BRDF.
-formed = build/$(basename $(notdir $(1))).$(2).exr
-define form
-$(call formed,$(1),$(2)): $(1) build/.$(2)-options | $(VENV)/.installed
-	$$(SHRM) prefilter '$(1)' --to $(2) $$(FLAGS_$(2)) -o '$$@'
-BATCH += $(call formed,$(1),$(2))
-endef
-
-BATCH :=
-ifneq ($(filter batch-all,$(MAKECMDGOALS)),)
-  # A file that does not exist keeps its name, and fails by it.
-  FILES := $(foreach p,$(PROBES),$(or $(wildcard $(p)),$(p)))
-  NAMES := $(basename $(notdir $(FILES)))
-  ifneq ($(words $(NAMES)),$(words $(sort $(NAMES))))
-    $(error Two of PROBES have the same name: their outputs would overwrite each other)
-  endif
-  $(foreach p,$(FILES),$(foreach b,$(sort $(BRDFS)),$(eval $(call pair,$(p),$(b)))))
-  $(foreach p,$(FILES),$(foreach f,$(sort $(FORMS)),$(eval $(call form,$(p),$(f)))))
-  ifeq ($(BATCH),)
-    $(error There is nothing to bake: name one of PROBES and one of BRDFS or FORMS at least)
-  endif
-endif
-
-# -k: a pair that fails does not stop the others, but the run fails.
+# -k: a job that fails does not stop the others, but the run fails.
 batch: $(VENV)/.installed
-	@+$(MAKE) --no-print-directory -k batch-all || \
-	  { echo 'Some pairs failed, see above; the others are in build/'; exit 1; }
+	@$(PYTHON) -B batch.py
+	@+$(MAKE) --no-print-directory -k -f build/.batch/jobs.mk || \
+	  { echo 'Some jobs failed, see above; the others are in build/'; exit 1; }
 	@echo 'Maps and pictures are in $(CURDIR)/build/'
-
-batch-all: $(BATCH)
-
-# The options are a prerequisite: changing them bakes anew, running again does not.
-build/.options: FORCE
-	@mkdir -p build
-	@echo '--eps $(EPS) $(PREFILTER_FLAGS)' | cmp -s - $@ || \
-	  echo '--eps $(EPS) $(PREFILTER_FLAGS)' > $@
-
-build/.%-options: FORCE
-	@mkdir -p build
-	@echo '$(FLAGS_$*)' | cmp -s - $@ || echo '$(FLAGS_$*)' > $@
-
-build/.render-options: FORCE
-	@mkdir -p build
-	@echo '$(RENDER_FLAGS)' | cmp -s - $@ || echo '$(RENDER_FLAGS)' > $@
-
-FORCE:
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -6,6 +6,7 @@ decided here and in the folders of the representations, and nowhere else.
 
 import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from shrm_cli.brdf.base import Brdf
@@ -18,7 +19,7 @@ from shrm_cli.maps.options import SHARED, Representation, listing, owners
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress, Rising
-from shrm_cli.vocabulary import REPRESENTATIONS, Domain, Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, REPRESENTATIONS, Domain, Frame, Sampling
 
 
 def prefilter(
@@ -139,13 +140,7 @@ def prefilter_with_facts(
     ArgumentError, BrdfError, ProbeError, OrderError, MapError
         For the same reasons as `prefilter`.
     """
-    given = {name: value for name, value in given.items() if value is not None}
-    check_arguments(to, given)
-    options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
-    given = {
-        name: _material(value, probe) if name == "brdf" else options[name].checked(value)
-        for name, value in given.items()
-    }
+    given = checked_arguments(to, given, probe)
     make = registry.module(to, "prefilter").prefilter
     # Maps for a BRDF take one attempt after another at its coefficients.
     is_rising = registry.description(to).needs_brdf and given.get("domain") != "angular"
@@ -155,7 +150,50 @@ def prefilter_with_facts(
     if isinstance(work, Rising):
         work.end()
     # Maps of light alone have words of their own for what is negative, or cannot be.
-    return examined(made) if registry.description(to).needs_brdf else made
+    made = examined(made) if registry.description(to).needs_brdf else made
+    info = replace(made.map.info, options=options_of(probe, given))
+    return replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
+
+
+def checked_arguments(to: str, given: Mapping[str, Any], probe: Probe) -> dict[str, Any]:
+    """Return the arguments that are given as the makers of maps take them, with a BRDF for its
+    specification.
+
+    Raises
+    ------
+    ArgumentError, BrdfError
+        If an argument does not apply, or has a value that it cannot have.
+    """
+    given = {name: value for name, value in given.items() if value is not None}
+    check_arguments(to, given)
+    options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
+    return {
+        name: _material(value, probe) if name == "brdf" else options[name].checked(value)
+        for name, value in given.items()
+    }
+
+
+def options_of(probe: Probe, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a map records of the options that it is made with.
+
+    Parameters
+    ----------
+    probe : Probe
+    given : mapping of str to value
+        The arguments of `prefilter` by name. One that is None counts as not given; the BRDF has a
+        record of its own, and so has the default tolerance none.
+
+    Returns
+    -------
+    dict
+        Values as JSON has them, and under ``reading`` how the probe was read.
+    """
+    named = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in given.items()
+        if value is not None and name != "brdf" and (name, value) != ("eps", DEFAULT_EPS)
+    }
+    return {**named, "reading": probe.reading()}
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:

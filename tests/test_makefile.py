@@ -57,6 +57,7 @@ class Project:
         self.folder = folder
         shutil.copy(ROOT / "Makefile", folder)
         shutil.copy(ROOT / "pyproject.toml", folder)
+        shutil.copy(ROOT / "batch.py", folder)
         for name in ("probes", "shrm_cli", "tests"):
             (folder / name).mkdir()
         (folder / ".venv" / "bin").mkdir(parents=True)
@@ -224,7 +225,7 @@ def test_a_broken_probe_fails_the_run_but_not_the_others(project, jobs):
     result = project.batch(jobs)
     assert result.returncode != 0
     assert result.stderr.count("Error: probes/a.exr: broken; mend it") == 2
-    assert "Some pairs failed" in result.stdout
+    assert "Some jobs failed" in result.stdout
     assert "Maps and pictures are in" not in result.stdout
     assert project.built() == outputs("b")
     project.calls()
@@ -278,6 +279,98 @@ def test_forms_are_baked_of_every_probe(project):
         f"-o build/{probe}.irradiance.exr"
         for probe in "ab"
     ]
+
+
+HOSTILE = ["my probe", "it's", "p%q", "a$b$(HOME)", 'say "hi"', "x#y", "a:b", "50% ~grey", "ü*"]
+
+
+@pytest.mark.parametrize("name", HOSTILE[:4])
+def test_probes_of_any_name_are_baked(project, name):
+    project.write(f"probes/{name}.exr", "light")
+    asked = {"probes": shlex.quote(f"probes/{name}.exr"), "brdfs": "phong:exponent=8"}
+    result = project.batch("FORMS=she", **asked)
+    assert (result.returncode, result.stderr) == (0, "")
+    made = outputs(name, labels=["phong-exponent-8"])
+    assert project.built() == sorted([*made, f"{name}.she.exr"])
+    assert len(project.calls()) == 3
+    assert project.batch("FORMS=she", **asked).returncode == 0
+    assert project.calls() == []
+    project.write(f"probes/{name}.exr", "broken light")
+    assert project.batch("FORMS=she", **asked).returncode != 0
+    assert f"Error: probes/{name}.exr: broken" in project.batch("FORMS=she", **asked).stderr
+    assert (project.folder / "build" / f"{name}.she.exr").exists()
+
+
+def test_patterns_find_probes_of_any_name(project):
+    for name in HOSTILE:
+        project.write(f"probes/{name}.exr", "light")
+    assert project.batch("-j4", probes="probes/*.exr", brdfs="phong:exponent=8").returncode == 0
+    assert project.built() == outputs("a", "b", *HOSTILE, labels=["phong-exponent-8"])
+
+
+@pytest.mark.parametrize(
+    ("spec", "label"),
+    [
+        ("../more/x.bsdf", "x"),
+        ("../more/my paint's.brdf", "my-paint-s"),
+        ("../more/a$b.brdf", "a-b"),
+        ("lambertian:albedo=0.8/0.1/0.05", "lambertian-albedo-0.8-0.1-0.05"),
+        ("0.5*lambertian + 0.5*phong", "0.5-lambertian-+-0.5-phong"),
+    ],
+)
+def test_specifications_of_any_form_are_baked(tmp_path, spec, label):
+    (tmp_path / "more").mkdir()
+    (tmp_path / "project").mkdir()
+    project = Project(tmp_path / "project")
+    if spec.startswith("../"):
+        project.write(spec, "measured")
+    result = project.batch(probes="probes/a.exr", brdfs=shlex.quote(spec))
+    assert (result.returncode, result.stderr) == (0, "")
+    assert project.built() == outputs("a", labels=[label])
+    assert f"--brdf {spec} --eps" in "".join(project.calls())
+    assert project.batch(probes="probes/a.exr", brdfs=shlex.quote(spec)).returncode == 0
+    assert project.calls() == []
+    if spec.startswith("../"):
+        project.write(spec, "measured again")
+        assert project.batch(probes="probes/a.exr", brdfs=shlex.quote(spec)).returncode == 0
+        assert len(project.calls()) == 2
+
+
+def test_long_sums_have_short_names_of_their_own(project):
+    sums = ["+".join([first, *["0.1*phong:exponent=8"] * 20]) for first in ("ggx", "ward")]
+    assert project.batch(probes="probes/a.exr", brdfs=" ".join(sums)).returncode == 0
+    assert len(project.built()) == 4
+    assert max(map(len, project.built())) < 120
+
+
+def test_six_faces_are_one_probe(project):
+    for face in ("+X", "-X", "+Y", "-Y", "+Z", "-Z"):
+        project.write(f"probes/sky_{face}.exr", "light")
+    asked = {"probes": "probes/sky_%.exr", "brdfs": "phong:exponent=8"}
+    assert project.batch(**asked).returncode == 0
+    assert project.built() == outputs("sky_%", labels=["phong-exponent-8"])
+    project.calls()
+    project.write("probes/sky_-Y.exr", "other light")
+    assert project.batch(**asked).returncode == 0
+    assert len(project.calls()) == 2
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"probes": "'probes/a.exr"}, "PROBES: No closing quotation; quote names as in a shell"),
+        ({"brdfs": "x/p.brdf y/p.brdf"}, "must differ; rename one of the same name"),
+    ],
+)
+def test_what_cannot_be_baked_is_said_in_a_line(project, asked, words):
+    for folder in "xy":
+        (project.folder / folder).mkdir()
+        project.write(f"{folder}/p.brdf", "measured")
+    result = project.batch(**asked)
+    assert result.returncode != 0
+    assert result.stderr.startswith("Error: ")
+    assert words in result.stderr.splitlines()[0]
+    assert project.calls() == []
 
 
 @pytest.mark.parametrize("nothing", [{"probes": ""}, {"brdfs": ""}, {"probes": "no/*.exr"}])

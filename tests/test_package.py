@@ -58,7 +58,15 @@ def run(*command, **options):
 def distributions(tmp_path_factory):
     """The wheel and the source distribution of a copy of the tracked files."""
     source = tmp_path_factory.mktemp("source")
-    for name in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "MANIFEST.in"):
+    names = [
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "MANIFEST.in",
+    ]
+    for name in names:
         (source / name).write_bytes((ROOT / name).read_bytes())
     for folder in ("shrm_cli", "docs", "examples", "tests", "probes"):
         for path in ROOT.glob(f"{folder}/**/*"):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
@@ -39,7 +40,7 @@ _LEAST_ROWS = 128
 
 
 @click.command()
-@click.argument("others", metavar="[SPEC...]", nargs=-1)
+@click.argument("others", metavar="[SPEC...]", nargs=-1, type=Spec())
 @brdf_option
 @click.option(
     "--probe", type=click.Path(), metavar="PROBE",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import conclude, progress_bar, report_options, warn
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo, echo_json
@@ -29,7 +30,7 @@ _GROUPS = {
 
 
 @click.command()
-@click.argument("spec", metavar="[SPEC|FILE]", required=False)
+@click.argument("spec", metavar="[SPEC|FILE]", type=Spec(), required=False)
 @click.option(
     "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     conclude,
     exposure_option,
@@ -49,7 +50,11 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Compare with the truth: the brute-force integral under this light probe.",
 )  # fmt: skip
 @click.option(
-    "--brdf", "spec", metavar="SPEC", help="BRDF of the truth.  [default: the one of all maps]"
+    "--brdf",
+    "spec",
+    type=Spec(),
+    metavar="SPEC",
+    help="BRDF of the truth.  [default: the one of all maps]",
 )
 @click.option(
     "--representations", is_flag=True,

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -19,6 +20,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, probe_stem
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
+from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 from shrm_cli.maps.options import Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions
@@ -48,6 +50,7 @@ def _converts(option: Option) -> bool:
     help="Representation (of a map), or layout of the images (of a map or a probe).",
 )  # fmt: skip
 @click.option("-o", "--output", type=click.Path(), help="File to write.  [default: IN.TO.exr]")
+@force_option
 @click.option(
     "--frame", type=click.Choice(FRAMES),
     help="Axes of the view in an SHRM.  [default: those of IN]",
@@ -74,6 +77,7 @@ def convert(
     source: str,
     target: str,
     output: str | None,
+    force: bool,
     size: int | None,
     to_orientation: str | None,
     to_sampling: str | None,
@@ -102,6 +106,11 @@ def convert(
     reading = make_read_options(sampling, values)
     found = is_map(source)
     refuse_inapplicable({**_rules(target), **reading_rules(not found, "to probes; IN is a map")})
+    if not (output or force):
+        from shrm_cli.probe.probe import face_paths
+
+        names = face_paths(result_path) if target == "faces" else [result_path]
+        click.get_current_context().with_resource(keeping(*names))
     if found:
         given = {name: values[name] for name in given_options() if name in values}
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)

@@ -4,10 +4,12 @@ import os
 
 import click
 
+from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import precision_option, progress_bar, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo, echo_json
-from shrm_cli.cli.usage import exclude
+from shrm_cli.cli.usage import exclude, given_options
+from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import CONTAINERS, Precision
 
 
@@ -28,6 +30,7 @@ from shrm_cli.vocabulary import CONTAINERS, Precision
     "-o", "--output", type=click.Path(), default="dfg.exr", show_default=True,
     help="OpenEXR file to write.",
 )  # fmt: skip
+@force_option
 @precision_option
 @report_options
 def dfg(
@@ -35,6 +38,7 @@ def dfg(
     multiscatter: bool,
     moments: bool,
     output: str,
+    force: bool,
     precision: Precision,
     as_json: bool,
     quiet: bool,
@@ -62,7 +66,9 @@ def dfg(
             table = moments_table(size, progress)
         else:
             table = environment_table(size, multiscatter, progress)
-    pixel_type = write_dfg(output, table, kind, precision)
+    is_kept = not force and "output" not in given_options()
+    with keeping(*([output] if is_kept else [])):
+        pixel_type = write_dfg(output, table, kind, precision)
     meaning = MEANINGS[kind]
     # This is what a white metal reflects in a white furnace, by single scattering.
     white = {

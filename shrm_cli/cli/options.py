@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import settings
+from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, click_option
@@ -32,8 +33,8 @@ _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
 )
-brdf_option = click.option("--brdf", "spec", metavar="SPEC", required=True, help=_SPEC)
-optional_brdf_option = click.option("--brdf", metavar="SPEC", help=_SPEC)
+brdf_option = click.option("--brdf", "spec", type=Spec(), metavar="SPEC", required=True, help=_SPEC)
+optional_brdf_option = click.option("--brdf", type=Spec(), metavar="SPEC", help=_SPEC)
 exposure_option = click.option(
     "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
@@ -154,8 +155,11 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
 
 def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
     """Return rules for `refuse_inapplicable` about the options for reading a probe's file."""
-    names = ("sampling", *_READING, "fix_nonfinite", "clamp")
-    return dict.fromkeys(names, Applies(holds, words))
+    return dict.fromkeys(READING_NAMES, Applies(holds, words))
+
+
+READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp")
+"""The names of the options for reading a probe's file."""
 
 
 def shared_options(*names: str) -> Callable[[Command], Command]:

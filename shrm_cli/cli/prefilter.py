@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.headings import command_with_headings
+from shrm_cli.cli.kept import force_option, keep_other_map
 from shrm_cli.cli.options import (
+    READING_NAMES,
     conclude,
     make_read_options,
     optional_brdf_option,
@@ -23,7 +26,7 @@ from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
-from shrm_cli.maps.options import all_options, listing
+from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.vocabulary import (
     CONTAINERS,
     REPRESENTATIONS,
@@ -44,7 +47,24 @@ _OWN_BRDFS = listing(
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
 
 
-@click.command()
+_OWN_OPTIONS = {
+    f"Options of --to {listing(names, 'and')}": [option.name for option in options]
+    for names, options in own_options(registry.descriptions())
+}
+_HEADINGS = {
+    "What to make": ["brdf", "to"],
+    "How exact": ["eps", "error", "order_f", "order_p", "max_size", "center"],
+    "Form of the map": [
+        "size", "frame", "map_sampling", "domain", "source_height", "precision",
+    ],
+    **_OWN_OPTIONS,
+    "How the probe is read": [*READING_NAMES, "probe_sampling"],
+    "Output": ["output", "force", "as_json", "quiet"],
+}  # fmt: skip
+"""The options under the headings of the help."""
+
+
+@click.command(cls=command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @optional_brdf_option
 @click.option(
@@ -59,6 +79,7 @@ _PRINTS = [name for name, each in all_options(registry.descriptions()).items() i
     "-o", "--output", type=click.Path(),
     help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
 )  # fmt: skip
+@force_option
 @click.option(
     "--sampling", type=_SAMPLINGS,
     help="Where edge pixels lie, in the probe and in the written cube.",
@@ -73,6 +94,7 @@ def prefilter(
     to: str,
     precision: Precision,
     output: str | None,
+    force: bool,
     sampling: str | None,
     probe_sampling: str | None,
     map_sampling: str | None,
@@ -88,6 +110,13 @@ def prefilter(
 
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
+
+    \b
+      shrm prefilter probe.exr --brdf ggx:roughness=0.4,f0=gold
+      shrm prefilter probe.exr --brdf "0.9*lambertian+0.1*phong" --eps 0.01
+      shrm prefilter probe.exr --brdf paint.binary --error 0.05 --to principal
+      shrm prefilter probe.exr --to irradiance --window auto --shader glsl
+      shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import save
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
@@ -105,6 +134,8 @@ def prefilter(
     source = open_probe(probe, read_as)
     target = output or _default_name(probe, brdf, to)
     check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
+    if not (output or force):
+        keep_other_map(target, to, source, given, precision)
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
     printed = {

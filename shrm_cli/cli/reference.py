@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.kept import force_option, keep_other_picture
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     "-o", "--output", type=click.Path(),
     help="PNG or EXR to write.  [default: PROBE.BRDF.reference.exr in the current folder]",
 )  # fmt: skip
+@force_option
 @click.option(
     "--view", type=AzimuthElevation(), default="0,0", show_default=True,
     help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
@@ -54,6 +56,7 @@ def reference(
     probe: str,
     spec: str,
     output: str | None,
+    force: bool,
     view: tuple[float, float],
     size: int,
     exposure: float,
@@ -66,8 +69,8 @@ def reference(
 ) -> None:
     """Render the correct sphere in the light of PROBE, by brute force.
 
-    Every pixel is an integral over all pixels of the probe. That takes a minute where a map
-    takes milliseconds; --source-height makes it shorter.
+    Every pixel is an integral over all pixels of the probe. That takes a minute where
+    `shrm render` draws a map within a second; --source-height makes it shorter.
 
     \b
       shrm reference probe.exr --brdf microfacet --source-height 128 -o truth.png
@@ -86,9 +89,6 @@ def reference(
     target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
     check_outputs([target], specs=[spec])
-    with progress_bar("integrating", quiet) as progress:
-        truth = Reference(source, brdf, source_height, progress=progress)
-        pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
     result = {
         "view": list(view),
         "size": size,
@@ -97,10 +97,16 @@ def reference(
         "probe": Path(probe).name,
         "probe_sha256": source.digest(),
         "source_height": source_height,
-        "source_pixels": truth.source.pixels,
     }
     # The probe is named without its folder, so that the file's bytes do not depend on that.
-    attributes = picture_attributes({"reference": result}, [source.chromaticities])
+    recipe = {"reference": {**result, "reading": source.reading(), "precision": precision}}
+    if not (output or force):
+        keep_other_picture(target, recipe)
+    with progress_bar("integrating", quiet) as progress:
+        truth = Reference(source, brdf, source_height, progress=progress)
+        pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
+    result["source_pixels"] = truth.source.pixels
+    attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     lines = [

@@ -82,7 +82,8 @@ def render(
 ) -> None:
     """Render a sphere from each MAP, as a distant viewer sees it.
 
-    PNG is 8-bit sRGB, EXR is linear. Several maps make one contact sheet. Split sums and SH
+    PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
+    picture's width. Several maps make one contact sheet. Split sums and SH
     exponentials are shown as GGX of --roughness and --f0, irradiance as white and diffuse. The
     options from --sampling to --clamp are about the file of --background.
 

@@ -1,6 +1,7 @@
 """Output files that appear whole or not at all."""
 
 import contextlib
+import filecmp
 import os
 import platform
 from collections.abc import Iterator
@@ -21,6 +22,23 @@ _ANY_WRITE = 0o222
 
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
+
+
+_kept: ContextVar[frozenset[str]] = ContextVar("shrm_cli.kept", default=frozenset())
+"""Names of files that `replacing` replaces by their like only."""
+
+
+@contextlib.contextmanager
+def keeping(*targets: str | os.PathLike[str]) -> Iterator[None]:
+    """Within this context, files that exist are replaced by files of the same bytes only.
+
+    The same inputs and options give the same bytes, so that what others have made stays.
+    """
+    before = _kept.set(_kept.get() | {os.fspath(target) for target in targets})
+    try:
+        yield
+    finally:
+        _kept.reset(before)
 
 
 _together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", default=None)
@@ -94,7 +112,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the target is not a regular file or is an input, or if the block raises an OSError, such
+        If the target is not a regular file or is an input, if it is kept (see `keeping`) and the
+        new file differs from it, or if the block raises an OSError, such
         as for a full disk.
     """
     target = Path(target)
@@ -108,6 +127,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
+        if str(target) in _kept.get() and target.exists():
+            _check_same(temporary, target)
         waiting = _together.get()
         if waiting is None:
             os.replace(temporary, target)
@@ -149,6 +170,14 @@ def together() -> Iterator[None]:
         for temporary, _ in waiting:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def _check_same(temporary: Path, target: Path) -> None:
+    if not filecmp.cmp(temporary, target, shallow=False):
+        raise OutputError(
+            f"{target}: exists, and other inputs or options made it; give `force` to replace it, "
+            "or name another `output`"
+        )
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -78,9 +78,16 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         header["shrm:storage_error"] = float(info.storage_error)
     if info.domain != "frequency":
         header["shrm:domain"] = info.domain
+    if info.options:
+        header["shrm:options"] = options_text(info.options)
     if info.chromaticities is not None:
         header["chromaticities"] = tuple(info.chromaticities)
     return header
+
+
+def options_text(options: Mapping[str, Any]) -> str:
+    """Return the options of prefiltering as a file holds them."""
+    return json.dumps(options, sort_keys=True)
 
 
 def shortest(value: float) -> float:
@@ -131,7 +138,8 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
         if not is_sound:
             raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
         result[name] = shortest(value) if kind is float else value
-    return {**result, "brdf": parse_json(result["brdf"], _MOST_DEPTH)}
+    held = {name: parse_json(result[name], _MOST_DEPTH) for name in ("brdf", "options")}
+    return {**result, **held}
 
 
 def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
@@ -159,6 +167,7 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
         filter_error=attributes["filter_error"],
         storage_error=attributes["storage_error"],
         domain=attributes["domain"],
+        options=attributes["options"],
     )
 
 
@@ -192,6 +201,7 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "filter_error": (float, _is_size),
     "storage_error": (float, _is_size),
     "domain": (str, DOMAINS.__contains__),
+    "options": (str, _is_json_object),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
     "sampling": (str, ("", *SAMPLINGS).__contains__),
@@ -205,6 +215,7 @@ _OPTIONAL: dict[str, Any] = {
     "filter_error": 0.0,
     "storage_error": 0.0,
     "domain": "frequency",
+    "options": "{}",
     "layout": "openexr",
     "orientation": "openexr",
 }

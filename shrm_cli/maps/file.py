@@ -15,7 +15,7 @@ from shrm_cli.files.parts import (
 )
 from shrm_cli.maps import registry
 from shrm_cli.maps.arrangement import Arrangement
-from shrm_cli.maps.attributes import has_map_attributes, read_attributes
+from shrm_cli.maps.attributes import has_map_attributes, options_text, read_attributes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.vocabulary import Orientation, Precision
@@ -64,6 +64,7 @@ def save(
         )
     if not (arrangement.is_plain or reflection_map.is_rearrangeable):
         raise MapError(f"{path}: {reflection_map.what} is written as OpenEXR's cube only")
+    asked = precision
     if precision == "auto":
         precision = reflection_map.natural_precision
     parts = [arrangement.arranged(part) for part in reflection_map.encode()]
@@ -74,6 +75,9 @@ def save(
     if storage.error:
         for part in parts:
             part.header["shrm:storage_error"] = float(np.hypot(storage.error, info.storage_error))
+    if info.options and asked != "auto":
+        for part in parts:
+            part.header["shrm:options"] = options_text({**info.options, "precision": asked})
     write_parts(path, parts, storage.pixel_type)
     return storage
 

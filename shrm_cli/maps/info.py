@@ -47,6 +47,9 @@ class MapInfo:
         The domain in which the map was prefiltered. In the angular domain `captured` is the
         fraction of the BRDF's energy in the integrated part of its lobe, and the orders were only
         used to choose sizes.
+    options : dict
+        The arguments that prefiltering was given, and how it read the probe under ``reading``; see
+        `shrm_cli.prefilter.options_of`.
     """
 
     order_f: int
@@ -64,6 +67,7 @@ class MapInfo:
     filter_error: float = 0.0
     storage_error: float = 0.0
     domain: Domain = "frequency"
+    options: dict[str, Any] = field(default_factory=dict)
 
     @property
     def order_carried(self) -> int:

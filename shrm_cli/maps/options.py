@@ -317,6 +317,17 @@ def all_options(descriptions: Mapping[str, Representation]) -> dict[str, Option]
     return {option.name: option for each in descriptions.values() for option in each.options}
 
 
+def own_options(
+    descriptions: Mapping[str, Representation],
+) -> list[tuple[list[str], list[Option]]]:
+    """Return the options of single representations, with the names of those that share them."""
+    found: dict[tuple[str, ...], list[Option]] = {}
+    for option in all_options(descriptions).values():
+        of = [name for name, each in descriptions.items() if option in each.options]
+        found.setdefault(tuple(of), []).append(option)
+    return [(list(names), options) for names, options in found.items()]
+
+
 def listing(names: Sequence[str], word: str) -> str:
     """Join names by commas, and the last by a word: ``a, b or c``."""
     *others, last = names

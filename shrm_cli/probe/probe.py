@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -136,6 +136,25 @@ class Probe:
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, one after the other, or of the array and its shape."""
         return digest(self.images)
+
+    def reading(self) -> dict[str, Any]:
+        """How the images are understood: what the options of `open_probe` came to, for records.
+
+        What is as it is in most probes is left out: upright axes, and pixels that are taken as
+        they are.
+        """
+        found: dict[str, Any] = {"layout": self.layout, "sampling": self.sampling}
+        facts = self.images[0].facts()
+        found |= {name: facts[name] for name in ("part", "layer") if name in facts}
+        if self.orientation is not None:
+            found["orientation"] = self.orientation
+        if not np.array_equal(self.matrix, np.eye(3)):
+            found["axes"] = np.round(self.matrix, 9).tolist()
+        if self.policy.fix_nonfinite:
+            found["fix_nonfinite"] = True
+        if self.policy.clamp is not None:
+            found["clamp"] = float(self.policy.clamp)
+        return found
 
     def blocks(self) -> Iterator[Block]:
         """Yield the image in blocks of rows: first row, pixels, weights.

@@ -7,11 +7,14 @@ import subprocess
 import sys
 import tomllib
 
+import click
 import pytest
 from click.testing import CliRunner
 
 from shrm_cli import __version__, errors
 from shrm_cli.cli.main import cli
+from shrm_cli.maps import registry
+from shrm_cli.vocabulary import REPRESENTATIONS
 from tests.cli.helpers import MAIN, ROOT, assert_refused, done, environment, process, run, start
 
 COMMANDS = ["prefilter", "render", "info", "brdf", "probe"]
@@ -43,6 +46,27 @@ def test_examples_fit_into_80_columns(command):
     """Other lines are wrapped, but those of `\\b` blocks are shown as they are."""
     examples = re.findall(r"^ +shrm .*$", done(command, "--help"), re.M)
     assert max(map(len, examples), default=0) <= 80
+
+
+def test_prefilter_lists_each_option_once_under_a_heading():
+    text = done("prefilter", "--help")
+    headings = re.findall(r"^(\S.*):$", text, re.M)
+    assert headings[:3] == ["What to make", "How exact", "Form of the map"]
+    assert headings[-3:] == ["How the probe is read", "Output", "Running"]
+    for name in REPRESENTATIONS:
+        own = registry.description(name).options
+        assert bool(own) == any(name in each for each in headings if "--to" in each)
+    for param in cli.get_command(None, "prefilter").params:
+        if isinstance(param, click.Option):
+            flag = re.escape(max(param.opts, key=len))
+            assert len(re.findall(rf"^  (-o, )?{flag}(?![-a-z])", text, re.M)) == 1
+    assert text.count("    shrm prefilter ") >= 4
+
+
+def test_the_module_is_the_command():
+    code = "import runpy; runpy.run_module('shrm_cli', run_name='__main__')"
+    assert process("--version", code=code).out == done("--version")
+    assert_refused(process("prefilte", code=code), 2, "No such command 'prefilte'")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.cli.outputs import brdf_label, probe_stem
-from tests.cli.helpers import done, write_exr
+from shrm_cli.prefilter import prefilter
+from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
 LONG = "+".join(["lambertian", *(f"0.1*phong:exponent={n}" for n in range(1, 21))])
 
@@ -50,3 +51,82 @@ def test_long_names_that_begin_alike_are_told_apart():
     assert brdf_label("phong:exponent=32") == "phong-exponent-32"
     assert probe_stem("x" * 200 + "1.exr") != probe_stem("x" * 200 + "2.exr")
     assert probe_stem("folder/sky_%.exr") == "sky"
+
+
+# ---- files that exist --------------------------------------------------------------------------
+
+PREFILTER = ["prefilter", "probe.exr", "--brdf", "phong"]
+REFERENCE = ["reference", "probe.exr", "--brdf", "phong", "--size", "16", "--source-height", "4"]
+CASES = {
+    "tolerance": (PREFILTER, ["--eps", "0.1"], "--eps by default there, 0.1 here"),
+    "order": (PREFILTER, ["--order-f", "3"], "--order-f by default there, 3 here"),
+    "precision": (PREFILTER, ["--precision", "float"], "--precision by default there"),
+    "reading": (PREFILTER, ["--yaw", "20"], "how the probe is read"),
+    "clamp": (PREFILTER, ["--clamp", "2"], "how the probe is read"),
+    "window": (
+        ["prefilter", "probe.exr", "--to", "irradiance"], ["--window", "hann"],
+        '--window by default there, "hann" here',
+    ),
+    "exponential": (
+        ["prefilter", "probe.exr", "--to", "she"], ["--roughness", "0.3..1"],
+        "--roughness by default there, [0.3, 1.0] here",
+    ),
+    "sum": (
+        ["prefilter", "probe.exr", "--brdf", "0.5*lambertian+0.5*phong"], ["--no-split"],
+        "--split by default there, false here",
+    ),
+    "reference": (REFERENCE, ["--view", "30,10"], "other inputs or options"),
+    "reference read otherwise": (REFERENCE, ["--mirror"], "other inputs or options"),
+    "table": (["dfg", "--size", "4"], ["--multiscatter"], "other inputs or options"),
+    "conversion": (["convert", "probe.exr", "--to", "strip"], ["--size", "2"], "other inputs"),
+    "faces": (["convert", "probe.exr", "--to", "faces"], ["--size", "2"], "other inputs"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_other_options_made_is_kept_under_default_names(folder, case):
+    command, options, words = CASES[case]
+    done(*command)
+    made = snapshot(folder)
+    done(*command)  # the same again
+    assert snapshot(folder) == made
+    assert_refused(run(*command, *options), 1, "exists, and", words, "--force", "--output")
+    assert snapshot(folder) == made
+    assert run(*command, *options, "--force").code == 0
+    assert snapshot(folder) != made
+    assert_refused(run(*command), 1, "exists, and")
+
+
+def test_what_is_named_is_replaced(folder):
+    done(*PREFILTER, "-o", "probe.phong.shrm.exr")
+    done(*PREFILTER, "--eps", "0.1", "-o", "probe.phong.shrm.exr")
+    done("dfg", "--size", "4")
+    done("dfg", "--size", "5", "-o", "dfg.exr")
+    done("render", "probe.phong.shrm.exr", "--size", "16")
+    done("render", "probe.phong.shrm.exr", "--size", "20")  # pictures are to look at
+
+
+def test_another_probe_and_another_file_of_that_name_are_kept_apart(folder):
+    done(*PREFILTER)
+    write_exr(folder / "probe.exr", np.full((8, 16, 3), 2, np.float32))
+    assert_refused(run(*PREFILTER), 1, "another probe made it, or another version of this one")
+    done("brdf", "lambertian", "--save", "matte.exr")
+    command = ["prefilter", "probe.exr", "--brdf", "matte.exr", "--order-f", "2", "--order-p", "0"]
+    assert run(*command).code == 0
+    done("brdf", "lambertian:albedo=0.5", "--save", "matte.exr")
+    refused = run(*command)
+    assert_refused(refused, 1, "it is for another BRDF")
+    (folder / "probe.ggx.shrm.exr").write_text("my notes")
+    refused = run("prefilter", "probe.exr", "--brdf", "ggx")
+    assert_refused(refused, 1, "it is no map of representation shrm that can be read")
+    assert (folder / "probe.ggx.shrm.exr").read_text() == "my notes"
+
+
+def test_maps_of_the_library_are_recognised(folder):
+    """The default tolerance is the same, named or not; so are bytes of commands and library."""
+    prefilter("probe.exr", "phong", eps=0.03).save("probe.phong.shrm.exr")
+    done(*PREFILTER)
+    done(*PREFILTER, "--eps", "0.03")
+    prefilter("probe.exr", "phong").save("again.exr")
+    assert (folder / "again.exr").read_bytes() == (folder / "probe.phong.shrm.exr").read_bytes()
+    assert_refused(run(*PREFILTER, "--size", "16"), 1, "--size by default there, 16 here")

@@ -31,7 +31,7 @@ STANDARD = {
 OURS = {
     "shrm:representation", "shrm:version", "shrm:frame", "shrm:center", "shrm:F", "shrm:P",
     "shrm:epsilon", "shrm:brdf_energy_captured", "shrm:predicted_error", "shrm:brdf",
-    "shrm:probe", "shrm:probe_sha256", "shrm:filter_error",
+    "shrm:probe", "shrm:probe_sha256", "shrm:filter_error", "shrm:options",
 }  # fmt: skip
 KEYS = [
     "file", "representation", "frame", "center", "size", "sampling", "maps", "domain", "order_f",
@@ -238,7 +238,7 @@ def test_bytes_do_not_depend_on_the_folder(folder):
 
 
 def test_eps_chooses_the_orders(folder):
-    rough = json.loads(done(*COMMAND[:4], "--eps", 0.2, "--json"))
+    rough = json.loads(done(*COMMAND[:4], "--eps", 0.2, "--json", "-o", "rough.exr"))
     fine = json.loads(done(*COMMAND[:4], "--eps", 0.01, "--json"))
     assert rough["order_f"] < 11 < fine["order_f"]
     assert rough["brdf_energy_captured"] >= 0.8
@@ -256,7 +256,7 @@ def test_orders_and_size_can_be_forced(folder):
     assert (header["shrm:F"], header["shrm:P"]) == (3, 1)
     assert channels.keys() == names(1)
     assert channels["sh000.R"].shape == (72, 12)
-    enough = run(*COMMAND, "--order-f", 20, "--order-p", 5)
+    enough = run(*COMMAND, "--order-f", 20, "--order-p", 5, "--force")
     assert (enough.code, enough.err) == (0, "")
 
 
@@ -339,13 +339,13 @@ def test_json_is_alone_on_stdout_with_stable_keys(folder):
 def test_quiet_prints_nothing(folder):
     write_exr("black.exr", np.zeros((8, 16, 3), np.float32))
     assert "Warning" in run("prefilter", "black.exr", *COMMAND[2:]).err
-    result = process("prefilter", "black.exr", *COMMAND[2:], "--quiet", "--order-f", "2")
+    result = process("prefilter", "black.exr", *COMMAND[2:], "--quiet", "--order-f", "2", "--force")
     assert (result.code, result.out, result.err) == (0, "", "")
 
 
 def test_an_old_output_is_replaced(folder):
     (folder / NAME).write_text("old")
-    done(*COMMAND)
+    done(*COMMAND, "--force")
     assert read_exr(NAME)[0]["shrm:F"] == 11
     assert sorted(snapshot(folder)) == ["probe.exr", NAME]
 

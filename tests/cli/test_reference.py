@@ -103,6 +103,8 @@ def test_settings_reach_the_integral(folder):
         "warnings": [],
     }
     recipe = json.loads(header["shrm:recipe"])["reference"]
+    reading = recipe.pop("reading")
+    assert (reading["layout"], reading["axes"][1]) == ("latlong", [0, 1, 0])
     assert recipe.items() <= value.items()
     assert recipe["view"] == [70, -20]
 

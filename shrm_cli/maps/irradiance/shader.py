@@ -30,7 +30,8 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     irradiance : Irradiance
         A map of order 2 at most.
     language : {"glsl", "hlsl", "c"}
-        The code in C is C99 and computes in double precision.
+        The code in C is C89, which later standards and C++ take too. It computes in double
+        precision.
 
     Returns
     -------
@@ -108,9 +109,9 @@ def _shader(terms: Sequence[tuple[str, Array]], language: str) -> list[str]:
 
 
 def _c(terms: Sequence[tuple[str, Array]]) -> list[str]:
-    """Write the function in C99."""
+    """Write the function in C89, which has no ``inline``."""
     lines = [
-        "static inline void shrm_irradiance(const double normal[3], double irradiance[3])",
+        "static void shrm_irradiance(const double normal[3], double irradiance[3])",
         "{",
     ]
     if len(terms) > 1:

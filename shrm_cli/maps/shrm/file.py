@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.attributes import common_header, shortest
+from shrm_cli.maps.attributes import common_header, options_text, shortest
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
@@ -80,6 +80,8 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
     }
     if info.added_error:
         whole["shrm:added_error"] = float(info.added_error)
+    if info.options:
+        whole["shrm:options"] = options_text(info.options)
     if info.filter_error:
         whole["shrm:filter_error"] = float(info.filter_error)
     parts = [part for term in summed.terms for part in encode(term)]

@@ -93,10 +93,10 @@ def results(program, normals):
     return np.array(run([program], lines).stdout.split(), dtype=float).reshape(-1, 3)
 
 
-def compile_c(folder, snippet):
+def compile_c(folder, snippet, standard):
     source, program = folder / "main.c", folder / "main"
     source.write_text(C_MAIN.format(snippet=snippet), encoding="ascii")
-    strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c99"]
+    strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", f"-std={standard}"]
     return program, run([compiler("cc", "gcc", "clang"), *strict, source, "-o", program])
 
 
@@ -113,10 +113,12 @@ def validate(folder, language, snippet, version="330 core", precision=""):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("scale", [1.0, 1e-9, 3e7])
-def test_c_computes_the_irradiance(tmp_path, order, scale):
+@pytest.mark.parametrize(
+    ("scale", "standard"), [(1.0, "c89"), (1.0, "c99"), (1e-9, "c89"), (3e7, "c17")]
+)
+def test_c_computes_the_irradiance(tmp_path, order, scale, standard):
     made, normals = make(order, scale=scale), unit(np.random.default_rng(1), 100)
-    program, done = compile_c(tmp_path, irradiance_snippet(made, "c"))
+    program, done = compile_c(tmp_path, irradiance_snippet(made, "c"), standard)
     assert (done.returncode, done.stderr) == (0, "")
     found = results(program, normals)
     np.testing.assert_allclose(found, made.irradiance(normals), rtol=1e-12)
@@ -168,7 +170,7 @@ def test_no_name_escapes_from_the_comment(tmp_path, name):
         assert len(snippet.splitlines()) == len(plain.splitlines())
         assert snippet.partition("*/")[2] == plain.partition("*/")[2]
         assert max(map(len, snippet.splitlines())) < 120
-    _, done = compile_c(tmp_path, irradiance_snippet(made, "c"))
+    _, done = compile_c(tmp_path, irradiance_snippet(made, "c"), "c89")
     assert (done.returncode, done.stderr) == (0, "")
     assert validate(tmp_path, "glsl", irradiance_snippet(made, "glsl")).returncode == 0
 
@@ -204,7 +206,7 @@ def test_numbers_of_any_size_have_a_point(tmp_path):
     made = Irradiance(coefficients, make(2).info)
     for language in ("glsl", "hlsl"):
         assert validate(tmp_path, language, irradiance_snippet(made, language)).returncode == 0
-    program, done = compile_c(tmp_path, irradiance_snippet(made, "c"))
+    program, done = compile_c(tmp_path, irradiance_snippet(made, "c"), "c89")
     assert (done.returncode, done.stderr) == (0, "")
     normals = unit(np.random.default_rng(1), 9)
     np.testing.assert_allclose(results(program, normals), made.irradiance(normals), rtol=1e-12)

@@ -1,0 +1,123 @@
+"""What commands do about files that exist under the names which they choose themselves.
+
+Such a file is replaced if the same inputs and options made it, or if the user says --force. What
+others made is kept, and the user is told before the work begins. Names that the user gives by -o
+are written without asking, and so are pictures to look at.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.errors import MapError, OutputError
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.probe import Probe
+    from shrm_cli.vocabulary import Precision
+
+force_option = click.option(
+    "--force", is_flag=True,
+    help="Replace a file of the default name that other inputs or options made.",
+)  # fmt: skip
+
+
+def keep_other_map(
+    target: str, to: str, probe: Probe, given: Mapping[str, Any], precision: Precision
+) -> None:
+    """Refuse to replace a map that was not made like the one that is asked for.
+
+    Parameters
+    ----------
+    target : str
+        The name of the file, which need not exist.
+    to : str
+        The representation.
+    probe : Probe
+    given : mapping of str to value
+        The arguments of `shrm_cli.prefilter.prefilter` by name.
+    precision : {"auto", "half", "float"}
+
+    Raises
+    ------
+    OutputError
+        If the file exists, and other inputs or options made it.
+    BrdfError
+        If the BRDF cannot be used.
+    """
+    from shrm_cli.files.inputs import protecting
+    from shrm_cli.maps.file import open_map
+    from shrm_cli.maps.provenance import record_of, same_brdf
+    from shrm_cli.prefilter import checked_arguments, options_of
+
+    if not os.path.lexists(target):
+        return
+    given = checked_arguments(to, given, probe)
+    found = None
+    with suppress(MapError), protecting():  # what is only looked at is no input
+        found = open_map(target)
+    if found is None or found.representation != to:
+        raise kept(target, f"it is no map of representation {to} that can be read")
+    if found.info.probe_sha256 != probe.digest():
+        raise kept(target, "another probe made it, or another version of this one")
+    if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
+        raise kept(target, "it is for another BRDF")
+    wanted = options_of(probe, given) | ({} if precision == "auto" else {"precision": precision})
+    differing = _differing(found.info.options, wanted)
+    if differing:
+        raise kept(target, f"it was made with other options ({differing})")
+
+
+def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
+    """Refuse to replace an EXR picture that was not made by the same recipe.
+
+    Parameters
+    ----------
+    target : str
+        The name of the file, which need not exist.
+    recipe : mapping of str to value
+        What `outputs.picture_attributes` will store.
+
+    Raises
+    ------
+    OutputError
+        If the file exists, and another recipe, or none, made it.
+    """
+    from shrm_cli.files.parts import peek
+
+    if not os.path.lexists(target):
+        return
+    stored = peek(target)
+    text = "" if stored is None else stored.first.text("shrm:recipe")
+    if text != json.dumps(recipe):
+        raise kept(target, "other inputs or options made it")
+
+
+def kept(target: str, why: str) -> OutputError:
+    """Return the error that refuses to replace a file."""
+    return OutputError(
+        f"{target}: exists, and {why}; give `force` to replace it, or name another `output`"
+    )
+
+
+def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in words how the options of a file differ from those of this run."""
+    here = json.loads(json.dumps(here))
+    if there.get("reading") != here["reading"]:
+        return "how the probe is read"
+    names = sorted({*there, *here} - {"reading"})
+    texts = [
+        f"`{name}` {_text(there.get(name))} there, {_text(here.get(name))} here"
+        for name in names
+        if there.get(name) != here.get(name)
+    ]
+    return ", ".join(texts)
+
+
+def _text(value: Any) -> str:
+    return "by default" if value is None else json.dumps(value)

@@ -1,0 +1,57 @@
+"""What shells complete: commands, options, BRDFs, their parameters and the values of these."""
+
+import pytest
+
+from shrm_cli.brdf.library import model_names
+from shrm_cli.brdf.metals import METALS
+from tests.cli.helpers import process
+
+
+def completed(monkeypatch, line):
+    """What zsh is told about the last word of a line: kinds and values."""
+    monkeypatch.setenv("_SHRM_COMPLETE", "zsh_complete")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", str(line.count(" ")))
+    result = process()
+    assert (result.code, result.err) == (0, "")
+    lines = result.out.splitlines()
+    return list(zip(lines[::3], lines[1::3], strict=True))
+
+
+@pytest.mark.parametrize(
+    ("line", "values"),
+    [
+        ("shrm pre", ["prefilter"]),
+        ("shrm prefilter x.exr --to sp", ["splitsum"]),
+        ("shrm prefilter x.exr --brdf oren", ["oren-nayar"]),
+        ("shrm prefilter x.exr --brdf ggx:ro", ["ggx:roughness="]),
+        ("shrm prefilter x.exr --brdf ggx:roughness=0.4,", ["ggx:roughness=0.4,f0="]),
+        ("shrm reference x.exr --brdf ggx:f0=go", ["ggx:f0=gold"]),
+        ("shrm compare x.exr --brdf 0.5*lambertian+0.5*war", ["0.5*lambertian+0.5*ward"]),
+        ("shrm brdf lafortune:fit=sk", ["lafortune:fit=skin"]),
+        ("shrm analyze --brdf ggx gg", ["ggx"]),
+        ("shrm brdf 1e-1*lambertian+2e+0*gg", ["1e-1*lambertian+2e+0*ggx"]),
+    ],
+)
+def test_values(monkeypatch, line, values):
+    assert completed(monkeypatch, line) == [("plain", value) for value in values]
+
+
+def test_every_model_and_every_metal_is_offered(monkeypatch):
+    found = {value for _, value in completed(monkeypatch, "shrm brdf ")}
+    assert set(model_names()) <= found
+    found = {value for _, value in completed(monkeypatch, "shrm brdf ggx:f0=")}
+    assert found == {f"ggx:f0={metal}" for metal in METALS}
+
+
+@pytest.mark.parametrize("word", ["paint.bi", "nothing:k", "ggx:roughness=0.", "x/"])
+def test_what_no_model_continues_may_be_a_file(monkeypatch, word):
+    assert completed(monkeypatch, f"shrm brdf {word}") == [("file", word)]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_it_is_switched_on_as_the_page_says(monkeypatch, shell):
+    monkeypatch.setenv("_SHRM_COMPLETE", f"{shell}_source")
+    result = process()
+    assert result.code == 0
+    assert "_SHRM_COMPLETE" in result.out

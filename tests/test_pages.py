@@ -1,0 +1,46 @@
+"""What the pages for users say: links that lead somewhere, and a citation that can be read."""
+
+import re
+
+import numpy as np
+import pytest
+
+from shrm_cli import __version__
+from shrm_cli.render.camera import Viewer, sphere_normals, sphere_radius
+from tests.cli.helpers import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files_and_headings(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if "://" in target:
+            continue
+        name, _, heading = target.partition("#")
+        linked = page.parent / name if name else page
+        assert linked.exists(), f"{page.name}: {target}"
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", linked.read_text(), re.M)
+            slugs = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
+            assert heading in slugs, f"{page.name}: {target}"
+
+
+def test_the_citation_is_of_this_version():
+    text = (ROOT / "CITATION.cff").read_text()
+    assert text.startswith("cff-version: 1.2.0\n")
+    assert re.search(r"^version: (.*)$", text, re.M)[1] == __version__
+    assert re.search(r"^license: (.*)$", text, re.M)[1] == "BSD-3-Clause"
+    for key in ("message", "title", "authors", "references"):
+        assert re.search(rf"^{key}:", text, re.M)
+
+
+def test_pictures_are_as_the_page_says():
+    text = (ROOT / "docs" / "conventions.md").read_text()
+    assert f"radius is {sphere_radius(1):g} N" in text.replace("\n", " ")
+    normal = sphere_normals(Viewer(0, 0), np.array(0.6), np.array(0.48))
+    np.testing.assert_allclose(normal, [0.6, 0.48, 0.64], atol=1e-12)
+    side = Viewer(90, 0)  # V = +X sees -Z on its right
+    np.testing.assert_allclose(
+        sphere_normals(side, np.array(1.0), np.array(0.0)), [0, 0, -1], atol=1e-12
+    )
