@@ -454,7 +454,7 @@ def test_memory_of_a_large_probe(tmp_path, tile, envmap):
 
 
 def test_an_image_takes_its_own_memory_once(monkeypatch, rng):
-    """Blocks of rows are written into it one after the other, instead of being joined at the end."""
+    """Blocks of rows are written into it one after the other, not joined at the end."""
     monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 2**14)
     pixels = rng.random((512, 1024, 3), dtype=np.float32)
     probe = Probe.from_array(pixels, "latlong")
