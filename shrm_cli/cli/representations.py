@@ -65,7 +65,7 @@ def print_representations(
     if output is not None:
         file_type(output)
         check_outputs([output], probes=[source])
-    color = reflectance(f0, source.chromaticities)
+    color = None if f0 is None else reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
