@@ -165,7 +165,7 @@ def compare(
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_outputs([target], files=maps, probes=[source], specs=[spec])
+        check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
     loaded, surface, warnings = shaded_maps(
         [open_map(path) for path in maps], maps, roughness and roughness[0], f0
@@ -184,6 +184,8 @@ def compare(
                 brdf = common_brdf(infos, advice)
             else:
                 brdf = parse_spec(spec, primaries=source.chromaticities)
+            # The maps may have named measured files, which are known only now.
+            check_outputs([] if target is None else [target])
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=stages.within)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
@@ -205,6 +207,12 @@ def compare(
         **_numbers(comparison, names, views, flips),
         "picture": target,
     }
+    warnings += [
+        f"{row['file']}: its values, or those that it is compared with, are too large for "
+        "32-bit floats; the differences mean nothing"
+        for row in result["summary"]
+        if row["rmse"] is None
+    ]
     # The first label is that of the baseline, which is the truth or the first map.
     labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
     report = [_table(result, labels[1:], flips is not None)]
@@ -354,15 +362,20 @@ def _cells(row: dict[str, Any]) -> list[str]:
     rmse, psnr, flip = row["rmse"], row["psnr"], row["hdr_flip"]
     none = "inf dB" if rmse == 0 else "-inf dB"
     return [
-        f"{rmse:.4g}",
+        _number(rmse),
         _percent(row["relative_rmse"], 2),
         _percent(row["median_relative_error"], 1),
         _percent(row["p95_relative_error"], 1),
         _percent(row["negative_share"], 2),
         "-" if flip is None else f"{flip:.3f}",
-        f"{row['maximum']:.4g}",
+        _number(row["maximum"]),
         none if psnr is None else f"{psnr:.1f} dB",
     ]
+
+
+def _number(value: float | None) -> str:
+    """Return a number with four digits; those that JSON cannot hold are infinite."""
+    return "inf" if value is None else f"{value:.4g}"
 
 
 def _percent(value: float | None, digits: int) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import settings
+from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, click_option
 from shrm_cli.cli.usage import Applies, flags
@@ -199,21 +199,16 @@ def conclude(
         Whether the lines go to stderr, because stdout holds something else.
     """
     if as_json:
-        print_json({**result, "warnings": [flags(line) for line in warnings]})
+        echo_json({**result, "warnings": [flags(line) for line in warnings]})
     elif not quiet:
-        click.echo("\n".join(lines), err=err)
+        echo("\n".join(lines), err=err)
     warn(warnings, quiet)
 
 
 def warn(lines: Sequence[str], quiet: bool) -> None:
     """Print warnings to stderr; they may name arguments of the library in backticks."""
     for line in [] if quiet else lines:
-        click.echo(f"Warning: {flags(line)}", err=True)
-
-
-def print_json(value: Any) -> None:
-    """Print a result to stdout as JSON, with its keys in their given order."""
-    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+        echo_message(f"Warning: {flags(line)}")
 
 
 @contextmanager
@@ -222,7 +217,7 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
 
     It is None if there is no terminal, or if `quiet` is set.
     """
-    if quiet or not sys.stderr.isatty():
+    if quiet or sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm

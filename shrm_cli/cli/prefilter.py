@@ -19,7 +19,8 @@ from shrm_cli.cli.options import (
     representation_options,
     shared_options,
 )
-from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing
@@ -103,7 +104,7 @@ def prefilter(
         check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as)
     target = output or _default_name(probe, brdf, to)
-    check_outputs([target], probes=[source], specs=[brdf], suffixes=CONTAINERS)
+    check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
     printed = {
@@ -119,7 +120,7 @@ def prefilter(
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     warnings += [f"{target}: {line}" for line in made.warnings]
     for text in [] if as_json else printed.values():
-        click.echo(text.rstrip("\n"))
+        echo(text.rstrip("\n"))
     lines = _report(chosen, made, result)
     conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
 
@@ -142,9 +143,7 @@ def _rules_of_printing(to: str) -> dict[str, Applies]:
 
 
 def _default_name(probe: str, brdf: str | None, to: str) -> str:
-    from shrm_cli.brdf.spec import file_label
-
-    labels = [probe_stem(probe), *([] if brdf is None else [file_label(brdf)]), to]
+    labels = [probe_stem(probe), *([] if brdf is None else [brdf_label(brdf)]), to]
     return f"{'.'.join(labels)}.exr"
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import AzimuthElevation, Radiance
 from shrm_cli.files.whole import check_target
 
@@ -200,4 +201,4 @@ def _write(
         output, pixels, precision=precision, attributes={"shrm:recipe": recipe}
     )
     if not quiet:
-        click.echo(f"{output}: {width} x {height}, {pixel_type}")
+        echo(f"{output}: {width} x {height}, {pixel_type}")

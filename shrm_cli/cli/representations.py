@@ -64,7 +64,7 @@ def print_representations(
     table_layout(steps * len(views), size)  # raises if the sheet is too large
     if output is not None:
         file_type(output)
-        check_outputs([output], probes=[source])
+        check_outputs([output])
     color = None if f0 is None else reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.

@@ -6,6 +6,7 @@ the files. The module writes a file with ``write(path, parts, pixel_type)``. It 
 """
 
 import importlib
+import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError, OutputError
+from shrm_cli.files.inputs import note
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -119,6 +121,25 @@ class StoredPart(ABC):
         """Return the value of a text attribute, or an empty string if there is none."""
         value = self.attribute(name)
         return value if isinstance(value, str) else ""
+
+
+def sound_primaries(value: Any) -> tuple[float, ...] | None:
+    """Return the chromaticities of an attribute: CIE x and y of red, green, blue and white.
+
+    Parameters
+    ----------
+    value : object
+        The value of the attribute, or None.
+
+    Returns
+    -------
+    tuple of 8 float or None
+        None if the value is anything else than eight finite numbers.
+    """
+    if not isinstance(value, tuple) or len(value) != 8:
+        return None
+    is_sound = all(isinstance(each, float) and math.isfinite(each) for each in value)
+    return value if is_sound else None
 
 
 class StoredFile(ABC):
@@ -253,6 +274,7 @@ def open_file(path: str | os.PathLike[str]) -> StoredFile:
         kind = "a directory" if Path(path).is_dir() else "not a regular file"
         raise MapError(f"{path}: {kind}; name a map")
     found = peek(path)
+    note(path)
     if found is None:
         raise MapError(f"{path}: not an OpenEXR file, or a damaged one; shrm prefilter makes maps")
     return found

@@ -70,7 +70,10 @@ def write_picture(
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)
     if np.isnan(pixels).any():
-        raise OutputError(f"{path}: a value is not a number; nothing was written")
+        raise OutputError(
+            f"{path}: a value is not a number, as where a map holds values too large for 32-bit "
+            "floats; nothing was written"
+        )
     matrix = to_rec709((attributes or {}).get("chromaticities"))
     encoded = np.empty(pixels.shape, dtype=np.uint8)
     for start in range(0, len(pixels), _ROWS_AT_ONCE):

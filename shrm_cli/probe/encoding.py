@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.parts import sound_primaries
 from shrm_cli.probe.icc import linear_curve
 from shrm_cli.probe.radiance_header import RadianceHeader
 
@@ -86,10 +87,7 @@ def encoding_of(
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if header is not None:
         return _radiance(path, header)
-    chromaticities = spec.getattribute("chromaticities")
-    primaries = None
-    if chromaticities is not None and len(chromaticities) == 8:
-        primaries = tuple(chromaticities)
+    primaries = sound_primaries(spec.getattribute("chromaticities"))
     if not integers:
         return Encoding(primaries=primaries, pixel_aspect=aspect)
     name, curve = _integer_curve(path, spec, file_format)

@@ -9,12 +9,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.exr_header import excess
+from shrm_cli.files.inputs import note
+from shrm_cli.files.noise import caught, last_noise, quiet
 from shrm_cli.probe.encoding import Encoding, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
 from shrm_cli.probe.radiance_header import RadianceHeader
@@ -91,8 +95,11 @@ class ImageFile:
         path = check_file(path)
         _check_whole(path)
         header = RadianceHeader.read(path)
-        source = oiio.ImageInput.open(str(path), _reading_hints())
+        with caught():
+            source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
+            if is_zipfile(path):  # the reasons that images cannot be read say nothing of it
+                raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
             raise ProbeError(
                 f"{path}: not an image that can be read ({_reason(_last_error(), path)}); "
                 "copy or export it again"
@@ -104,6 +111,8 @@ class ImageFile:
             raise ProbeError(f"{path}: a map that shrm made, not a light probe; name the probe")
         if spec.getattribute("shrm:table") is not None:
             raise ProbeError(f"{path}: a table that shrm made, not a light probe; name the probe")
+        if spec.getattribute("shrm:brdf_table") is not None:
+            raise ProbeError(f"{path}: a table of a BRDF, not a light probe; it belongs to `brdf`")
         chosen = choose_layer(path, source, part, layer)
         spec = source.spec()
         if spec.deep:
@@ -197,6 +206,7 @@ class ImageFile:
             while block := stream.read(2**20):
                 yield block
 
+    @quiet
     def _read_data(self, start: int, stop: int) -> Array:
         """Rows of the data window, shape (rows, its width, 3)."""
         spec = self._input.spec()
@@ -250,6 +260,9 @@ def check_file(name: str | os.PathLike[str]) -> Path:
         raise ProbeError(f"{path}: no permission to read it; change its mode")
     if status.st_size == 0:
         raise ProbeError(f"{path}: the file is empty; copy or export it again")
+    if much := excess(path):
+        raise ProbeError(f"{path}: {much}, which is too much; export it again")
+    note(path)
     return path
 
 
@@ -316,7 +329,7 @@ def _last_error() -> str:
 
 def _reason(message: str, path: Path) -> str:
     """The first line of a library's message, without its own file name and error codes."""
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    lines = [line.strip() for line in (message or last_noise()).splitlines() if line.strip()]
     if not lines:
         return "no reason was given"
     line = lines[0].replace(f"EXR Error ({path}): ", "").replace(f'("{path}")', "")

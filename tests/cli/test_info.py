@@ -166,6 +166,22 @@ def test_a_table_of_a_brdf(folder):
     assert values["kind"] == "BRDF table"
     assert values["center"] == "normal"
     assert "shrm brdf matte.exr" in done("info", "matte.exr")
+    done("brdf", "lambertian", "--save", "matte.npz")
+    packed = json.loads(done("info", "matte.npz", "--json"))
+    assert {**packed, "file": "matte.exr", "see": values["see"]} == values
+    assert packed["see"] == "shrm brdf matte.npz"
+
+
+def test_archives_that_are_no_table(folder):
+    np.savez("numbers.npz", values=np.ones(3), others=np.ones(3))
+    assert_refused(run("info", "numbers.npz"), 1, "numbers.npz: an archive, not an image")
+
+
+@pytest.mark.parametrize("name", ["matte.exr", "matte.npz"])
+def test_a_table_of_a_brdf_is_no_probe(folder, name):
+    done("brdf", "lambertian", "--save", name)
+    for command in (["prefilter", name, "--brdf", "phong"], ["convert", name, "--to", "strip"]):
+        assert_refused(run(*command), 1, f"{name}: a", "not a", "--brdf")
 
 
 ENGINE_KEYS = [
