@@ -76,7 +76,7 @@ def print_representations(
         table_layout(steps, size)  # raises if the sheet is too large
         file_type(output)
         check_outputs([output])
-    color = reflectance(f0, source.chromaticities)
+    color = None if f0 is None else reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))

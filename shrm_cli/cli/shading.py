@@ -37,13 +37,13 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
 
 
 def reflectance(
-    value: str | None, primaries: tuple[float, ...] | None = None
-) -> tuple[float, float, float] | None:
+    value: str, primaries: tuple[float, ...] | None = None
+) -> tuple[float, float, float]:
     """Return the linear RGB, each channel within 0 .. 1, that a value of --f0 means.
 
     Parameters
     ----------
-    value : str, optional
+    value : str
     primaries : tuple of 8 float, optional
         The chromaticities of the light, which the colors of metals are converted to.
 
@@ -54,7 +54,7 @@ def reflectance(
     """
     from shrm_cli.brdf.spec import parse_spec
 
-    return None if value is None else parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
+    return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
 
 roughness_option = click.option(
@@ -108,7 +108,7 @@ def shaded_maps(
     refuse_inapplicable({"roughness": applies, "f0": applies})
     if not needs_surface:
         return list(maps), None, []
-    color = reflectance(f0, maps[0].info.chromaticities)
+    color = None if f0 is None else reflectance(f0, maps[0].info.chromaticities)
     surface = ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
     shown = surface.number("roughness"), surface.color("f0")

@@ -123,6 +123,7 @@ class BlockReader:
                 refuse_nonfinite(image.name, self.report)
             parts.append(part)
         pixels = np.concatenate(parts) if len(parts) > 1 else parts[0]
+        del parts, part  # or the image would be in memory twice
         if self.orientation is not None:
             pixels = stack_faces(pixels, self.layout, self.orientation)
         if self.report.nonfinite:

@@ -14,7 +14,7 @@ from shrm_cli.errors import ProbeError
 _COLORS = (("R", "G", "B"), ("RED", "GREEN", "BLUE"))
 _ALPHA = ("A", "ALPHA")
 _DEPTH = ("Z", "ZBACK", "DEPTH")
-_LIGHT = ("beauty", "combined", "rgba", "rgb", "color", "colour", "main", "default")
+_LIGHT = ("beauty", "combined", "rgba", "rgb", "color", "colour", "c", "main", "default")
 """Names that renderers give to the picture itself."""
 _NO_LIGHT = (
     "albedo", "depth", "id", "mask", "matte", "motion", "n", "normal", "normals", "p", "position",

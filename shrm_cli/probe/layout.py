@@ -143,6 +143,8 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
     -------
     ndarray, shape (6N, N, channels)
     """
+    if (layout, orientation) in (("openexr", "openexr"), ("faces", "openexr")):
+        return image
     cube = CUBES[layout]
     size = image.shape[1] // cube.columns
     faces = np.empty((len(FACES), size, size, image.shape[2]), dtype=image.dtype)

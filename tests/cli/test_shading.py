@@ -31,7 +31,7 @@ def command():
 
 def test_all_maps_are_shown_as_one_surface(command):
     recorder, white = Recorder(), furnace((1, 1, 1))
-    shown, surface, warnings = shaded_maps([white, recorder], "ab", 0.6, (1.0, 0.5, 0.25))
+    shown, surface, warnings = shaded_maps([white, recorder], "ab", 0.6, "1/0.5/0.25")
     assert shown[0] is white
     assert recorder.told == [(0.6, (1.0, 0.5, 0.25))]
     assert (surface.number("roughness"), surface.color("f0")) == recorder.told[0]

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from shrm_cli.probe import blocks
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.probe import Probe, open_probe
 from tests import oracles
 from tests.probe import scenes
 
@@ -450,3 +451,18 @@ def test_memory_of_a_large_probe(tmp_path, tile, envmap):
     mean = np.array([1, 2, 3]) * 8.5 * np.sqrt(4 * np.pi)
     np.testing.assert_allclose(np.array(numbers.split(), float)[:3], mean, rtol=5e-3)
     assert 20e3 < float(kilobytes) < 400e3
+
+
+def test_an_image_takes_its_own_memory_once(monkeypatch, rng):
+    """Blocks of rows are written into it one after the other, not joined at the end."""
+    monkeypatch.setattr(blocks, "_BLOCK_PIXELS", 2**14)
+    pixels = rng.random((512, 1024, 3), dtype=np.float32)
+    probe = Probe.from_array(pixels, "latlong")
+    tracemalloc.start()
+    try:
+        found = probe.image()
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(found, pixels)
+    assert peak < 1.3 * pixels.nbytes

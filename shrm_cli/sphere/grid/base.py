@@ -20,6 +20,8 @@ Indices = NDArray[np.intp]
 Sampler = Callable[[ArrayLike], Array]
 """From directions of any length, shape (..., 3), to filtered values, shape (..., channels)."""
 
+_ALL_CHANNELS = 2**22
+"""Pixels of larger images are integrated one channel after the other."""
 _PARTS = 8
 """Parts of a cell along each axis, in the sum that is its solid angle."""
 
@@ -263,8 +265,8 @@ class WholeImageAnalysis:
     Parameters
     ----------
     integrate : callable
-        From all the pixels, shape (rows, columns, channels), each multiplied by its weight, to
-        coefficients, shape ((order+1)^2, channels).
+        From all the pixels of some channels, shape (rows, columns, channels), each multiplied by
+        its weight, to coefficients, shape ((order+1)^2, channels).
     """
 
     def __init__(self, integrate: Callable[[Array], Array]) -> None:
@@ -275,7 +277,14 @@ class WholeImageAnalysis:
         """Take in the whole image, as `Analysis` has it."""
         if start or self._coefficients is not None:
             raise ValueError("this grid is analyzed as a whole, not by blocks of rows")
-        self._coefficients = self._integrate(pixels * weights[..., None])
+        channels = pixels.shape[-1]
+        # The products take twice as much memory as the pixels, but all channels share waves.
+        step = channels if pixels[..., 0].size <= _ALL_CHANNELS else 1
+        weights = weights[..., None]
+        parts = [
+            self._integrate(pixels[..., k : k + step] * weights) for k in range(0, channels, step)
+        ]
+        self._coefficients = np.concatenate(parts, axis=-1)
 
     def coefficients(self) -> Array:
         """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
