@@ -33,6 +33,7 @@ STOPS = [
     {"render"},
     {"analysis"},
     {"cli"},
+    {"__main__"},
 ]
 USERS = {
     "OpenEXR": {"files"},
