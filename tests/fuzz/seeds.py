@@ -1,7 +1,8 @@
 """The sound files that the fuzz harness damages, made by the tool itself and by image libraries.
 
 Every kind of file has the commands that read it. In these, ``FILE`` stands for the damaged file,
-``OUT`` for an output without its suffix; other names are sound files of the same folder.
+``OUT`` for an output without its suffix; other names are sound files of the same folder. Where a
+command holds ``WORD``, the file is left sound, and a damaged argument is put there.
 """
 
 import contextlib
@@ -46,6 +47,28 @@ _BRDF = (
     "reference sound.exr --brdf FILE --size 16 --source-height 2 -o OUT.exr --json",
     "reference sound.exr --brdf 0.5*lambertian+0.5*FILE --size 16 --source-height 2 -o OUT.png",
 )
+_ARGUMENTS = (
+    "WORD",
+    "info WORD",
+    "info FILE --WORD",
+    "brdf WORD --quiet --eps 0.5",
+    "cache WORD",
+    "probe WORD",
+    "dfg --size WORD",
+    "prefilter FILE --brdf WORD --size 4 --order-f 2 --order-p 0 -o OUT.exr",
+    "prefilter FILE --brdf ggx:roughness=WORD -o OUT.exr",
+    "prefilter FILE --brdf WORD*lambertian -o OUT.exr",
+    "prefilter FILE --to WORD -o OUT.exr",
+    "prefilter WORD --to irradiance -o OUT.exr",
+    "prefilter FILE --to irradiance --yaw WORD --size 4 -o OUT.exr",
+    "prefilter FILE --to irradiance --window WORD --size 4 -o OUT.exr",
+    "convert FILE --to strip --size 4 -o WORD.exr",
+    "convert FILE --to strip --size 4 --clamp WORD -o OUT.exr",
+    "render sound.shrm.exr --size 16 --view WORD -o OUT.png",
+    "render sound.shrm.exr --size 16 --exposure WORD -o OUT.png",
+    "render sound.shrm.exr --size 16 --background WORD -o OUT.png",
+    "compare sound.shrm.exr WORD --size 16 --no-flip --no-picture",
+)
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -81,6 +104,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed(kind, name, _PROBE) for kind, name in probes),
         *(Seed(kind, name, _MAP) for kind, name in maps),
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
+        Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
 
