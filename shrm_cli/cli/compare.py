@@ -107,7 +107,7 @@ def compare(
     spec: str | None,
     representations: bool,
     roughness: tuple[float, float] | None,
-    f0: tuple[float, float, float] | None,
+    f0: str | None,
     steps: int | None,
     tolerance: float,
     source_height: int | None,
@@ -165,7 +165,7 @@ def compare(
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_outputs([target], files=maps, probes=[source], specs=[spec])
+        check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
     loaded, surface, warnings = shaded_maps(
         [open_map(path) for path in maps], maps, roughness and roughness[0], f0
@@ -180,7 +180,12 @@ def compare(
             from shrm_cli.reference import Reference
 
             advice = "give --brdf" + (", or another --roughness and --f0" if surface else "")
-            brdf = common_brdf(infos, advice) if spec is None else parse_spec(spec)
+            if spec is None:
+                brdf = common_brdf(infos, advice)
+            else:
+                brdf = parse_spec(spec, primaries=source.chromaticities)
+            # The maps may have named measured files, which are known only now.
+            check_outputs([] if target is None else [target])
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=stages.within)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
@@ -214,9 +219,9 @@ def compare(
     if target is not None:
         pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
-        primaries = {each.info.chromaticities for each in loaded}
-        primaries |= {source.chromaticities} if source is not None else set()
-        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, primaries))
+        shown = {each.info.chromaticities for each in loaded}
+        shown |= {source.chromaticities} if source is not None else set()
+        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, shown))
         report.append(f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
     conclude(result, report, warnings, as_json, quiet)
 

@@ -47,9 +47,9 @@ def dfg(
     where f0 is 1.
 
     With --moments it is the table that goes with an SH exponential. Its channels base.E, base.N
-    and base.T are the integrals of 1, N.L and T.L over the lobe without Fresnel's term, where T
-    is the tangent away from the viewer; tail.E, tail.N and tail.T are those with (1 - V.H)^5.
-    The lobe of f0 has mix(tail, base, f0).
+    and base.T are the integrals of 1, N.L and T.L / T.T over the lobe without Fresnel's term,
+    where T = (N.V) N - V points away from the viewer; tail.E, tail.N and tail.T are those with
+    (1 - V.H)^5. The lobe of f0 has mix(tail, base, f0).
     """
     from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
     from shrm_cli.brdf.environment.file import MEANINGS, Kind, write_dfg

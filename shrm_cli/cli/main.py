@@ -15,6 +15,7 @@ from shrm_cli.cli.terminal import echo_message
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
 from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.files import inputs
 
 # The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
@@ -86,7 +87,8 @@ def main(arguments: list[str] | None = None) -> None:
         # Numpy's warnings are hidden, because values are checked to be finite when written.
         warnings.simplefilter("ignore")
     try:
-        with settings.using():  # a command that fails halfway leaves no settings behind
+        # A command that fails halfway leaves no settings behind.
+        with settings.using(), inputs.protecting():
             code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:

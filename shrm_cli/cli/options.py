@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize")
+_READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize", "part", "layer")
 _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
@@ -40,7 +40,8 @@ exposure_option = click.option(
 )  # fmt: skip
 precision_option = click.option(
     "--precision", type=click.Choice(PRECISIONS), default="auto",
-    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
+    show_default=True,
+    help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
 )  # fmt: skip
 probe_sampling_option = click.option(
     "--sampling", type=click.Choice(SAMPLINGS),
@@ -109,7 +110,13 @@ def read_options(command: Command) -> Command:
             click.option(
                 "--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."
             ),
-            click.option("--linearize", is_flag=True, help="Decode integer pixels as sRGB."),
+            click.option(
+                "--linearize",
+                is_flag=True,
+                help="Decode its integers, as sRGB where it names no curve.",
+            ),
+            click.option("--part", metavar="NAME|N", help="Which of its parts is the light."),
+            click.option("--layer", metavar="NAME", help="Which of its layers or views is."),
             click.option(
                 "--fix-nonfinite",
                 is_flag=True,

@@ -50,7 +50,7 @@ def output_options(command: Command) -> Command:
             type=click.Choice(["auto", "half", "float"]),
             default="auto",
             show_default=True,
-            help="Pixel type; auto is float where half would overflow.",
+            help="Pixel type; auto is float where half overflows or costs dim light digits.",
         ),
         click.option("--quiet", is_flag=True, help="Print nothing on success."),
     ]

@@ -3,11 +3,12 @@
 import contextlib
 import os
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.inputs import is_input
 
 _MARK = ".shrm-"
 """This text follows the target's name in the names of temporary files."""
@@ -28,7 +29,6 @@ _together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", d
 
 def check_target(
     target: str | os.PathLike[str],
-    inputs: Iterable[str | os.PathLike[str]] = (),
     suffixes: tuple[str, ...] = (),
 ) -> None:
     """Check, before the work begins, that an output can be written and is none of the inputs.
@@ -36,7 +36,6 @@ def check_target(
     Parameters
     ----------
     target : path-like
-    inputs : iterable of path-like
     suffixes : tuple of str, optional
         The suffixes that the target's name may have, in lower case; by default any.
 
@@ -48,7 +47,7 @@ def check_target(
     if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
         raise OutputError(f"{target}: a directory; name a file to write")
     try:
-        _check_target(Path(target), inputs)
+        _check_target(Path(target))
     except (OSError, UnicodeError) as error:  # a name may be too long, for example
         reason = getattr(error, "strerror", None) or "its name is not UTF-8"
         raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
@@ -56,7 +55,7 @@ def check_target(
         raise OutputError(f"{target}: what is written is {suffixes[0]}; name it so")
 
 
-def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
+def _check_target(target: Path) -> None:
     str(target).encode()  # image libraries take UTF-8 names only
     if not target.name:
         raise OutputError(f"{target}: a directory; name a file to write")
@@ -70,17 +69,16 @@ def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> Non
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{target}: no permission to write in {folder}; name another output")
     _check_replaceable(target)
-    for path in inputs:
-        if target.exists() and Path(path).exists() and os.path.samefile(target, path):
-            raise OutputError(f"{target}: would overwrite the input; name another output")
 
 
 def _check_replaceable(target: Path) -> None:
-    """Refuse to replace a device, such as /dev/null, a pipe, or a file that nobody may write."""
+    """Refuse to replace an input, a device, a pipe, or a file that nobody may write."""
     if not target.exists():
         return
     if not target.is_file():
         raise OutputError(f"{target}: not a regular file; name another output")
+    if is_input(target):
+        raise OutputError(f"{target}: would overwrite the input; name another output")
     if not target.stat().st_mode & _ANY_WRITE:
         raise OutputError(f"{target}: read-only; change its mode or name another output")
 
@@ -96,8 +94,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the target is not a regular file, or if the block raises an OSError, such as for a full
-        disk.
+        If the target is not a regular file or is an input, or if the block raises an OSError, such
+        as for a full disk.
     """
     target = Path(target)
     # The prefix holds the machine's name, because machines that share a folder do not share

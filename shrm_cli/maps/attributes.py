@@ -74,6 +74,8 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         header["shrm:carried"] = info.order_carried
     if info.filter_error:
         header["shrm:filter_error"] = float(info.filter_error)
+    if info.storage_error:
+        header["shrm:storage_error"] = float(info.storage_error)
     if info.domain != "frequency":
         header["shrm:domain"] = info.domain
     if info.chromaticities is not None:
@@ -155,6 +157,7 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
         attributes["fit_residual"],
         carried=attributes["carried"] if attributes["carried"] >= 0 else None,
         filter_error=attributes["filter_error"],
+        storage_error=attributes["storage_error"],
         domain=attributes["domain"],
     )
 
@@ -187,6 +190,7 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "fit_residual": (float, _is_size),
     "carried": (int, lambda value: -1 <= value <= MAX_ORDER_F),
     "filter_error": (float, _is_size),
+    "storage_error": (float, _is_size),
     "domain": (str, DOMAINS.__contains__),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
@@ -199,6 +203,7 @@ _OPTIONAL: dict[str, Any] = {
     "fit_residual": 0.0,
     "carried": -1,
     "filter_error": 0.0,
+    "storage_error": 0.0,
     "domain": "frequency",
     "layout": "openexr",
     "orientation": "openexr",

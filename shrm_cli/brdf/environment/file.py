@@ -14,6 +14,9 @@ from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 Array = NDArray[np.floating]
 Kind = Literal["scale-bias", "multiscatter", "moments"]
 
+_MOMENTS = 2
+"""The value of ``shrm:moments`` of tables of moments. In those of 1, T was normalized."""
+
 
 @dataclass(frozen=True)
 class Meaning:
@@ -44,8 +47,8 @@ MEANINGS: dict[Kind, Meaning] = {
     ),
     "moments": Meaning(
         tuple(f"{kind}.{moment}" for kind in ("base", "tail") for moment in "ENT"),
-        "E, N, T = integrals of 1, N.L, T.L over the lobe; base = without Fresnel's term, "
-        "tail = with (1 - V.H)^5; T = normalize((N.V) N - V)",
+        "E, N, T = integrals of 1, N.L, T.L / T.T over the lobe; base = without Fresnel's term, "
+        "tail = with (1 - V.H)^5; T = (N.V) N - V, which is not normalized",
         "mix(tail.E, base.E, f0)",
         "(mix(tail.N, base.N, f0) * N + mix(tail.T, base.T, f0) * T) / mix(tail.E, base.E, f0)",
     ),
@@ -86,7 +89,7 @@ def write_dfg(
         "shrm:table": "dfg",
         "shrm:brdf": "ggx",
         "shrm:multiscatter": int(kind == "multiscatter"),
-        "shrm:moments": int(kind == "moments"),
+        "shrm:moments": _MOMENTS if kind == "moments" else 0,
         "shrm:axes": "x = N.V, y = perceptual roughness, 0 at the top; texel centres",
         "shrm:channels": meaning.channels,
         "shrm:reflectance": meaning.reflectance,

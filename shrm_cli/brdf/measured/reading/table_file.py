@@ -109,7 +109,18 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
 
 
 def is_table(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a file is a readable OpenEXR image that says it is a table of a BRDF."""
+    """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF.
+
+    Whether the table is sound, reading it tells.
+    """
+    if not os.path.isfile(path):
+        return False
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                return {f"{name}.npy" for name in ("values", *AXES)} <= set(archive.namelist())
+    except (OSError, zipfile.BadZipFile, NotImplementedError):
+        return False
     found = peek(path)
     return found is not None and bool(found.first.text(ATTRIBUTE))
 
