@@ -114,6 +114,20 @@ def test_names_of_channels(tmp_path):
     assert is_plain(result.err)
 
 
+@pytest.mark.parametrize("command", [("info",), ("prefilter", "--to", "irradiance")])
+@pytest.mark.parametrize("kind", [b"\xe6loat", b"\x9b31m", b"\xff\xfe"])
+def test_types_of_attributes_that_are_no_text(tmp_path, monkeypatch, command, kind):
+    """The library quotes them in an error that it keeps, although it reads the file."""
+    monkeypatch.chdir(tmp_path)
+    headers = parse(write_exr(tmp_path / "a.exr", noise()).read_bytes())
+    for each in headers.parts[0]:
+        if each.name == b"screenWindowWidth":
+            each.kind = kind
+    (tmp_path / "a.exr").write_bytes(headers.packed())
+    result = run(*command, "a.exr")
+    assert (result.code, result.err) == (0, "")
+
+
 def test_attributes_of_maps(tmp_path, a_map):
     path = with_attribute(a_map, tmp_path / "evil.exr", "shrm:probe", EVIL.encode())
     for options in ([], ["--json"]):
