@@ -14,6 +14,9 @@ EPS ?= 0.03
 FORMS ?=
 # The tests run in as many processes as there are processors; PYTEST_FLAGS="-x -k name" in one.
 PYTEST_FLAGS ?= -n auto
+# make fuzz MINUTES=10 FUZZ_FLAGS="--seed 2 --case 345"
+MINUTES ?= 10
+FUZZ_FLAGS ?=
 PREFILTER_FLAGS ?=
 RENDER_FLAGS ?=
 
@@ -22,11 +25,12 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test bench tables probes batch clean distclean
+.PHONY: help install demo test fuzz bench tables probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
+	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make bench     measure against other tools, as ratios'
 	@echo "make tables    the paper's tables and figures, into build/paper/"
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
@@ -70,6 +74,9 @@ test: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+fuzz: $(VENV)/.dev
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks

@@ -26,7 +26,7 @@ _MOST_RESULT = 2000
 _UNSAFE = ("Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp")
 """Categories of Unicode: control characters of both sets, what turns the direction of the text or
 cannot be seen, what no font has, halves of surrogates, and what breaks lines."""
-_SUSPECT = re.compile(r"[^\n\t -~]")
+_SUSPECT = re.compile(r"[^\n -~]")
 _BYTES = range(0xDC80, 0xDD00)
 """What Python puts in the place of bytes that are no text."""
 

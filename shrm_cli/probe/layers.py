@@ -5,11 +5,13 @@ light beyond doubt; where none is, all are listed, and the user names one.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.noise import quiet
 
 _COLORS = (("R", "G", "B"), ("RED", "GREEN", "BLUE"))
 _ALPHA = ("A", "ALPHA")
@@ -62,6 +64,7 @@ class Layer:
         return {word for name in (self.part, self.layer) for word in name.lower().split(".")}
 
 
+@quiet
 def choose_layer(path: Path, source: Any, part: str | None, layer: str | None) -> Layer:
     """The light of a file that was opened, which is left at its part.
 
@@ -105,7 +108,8 @@ def _layers(path: Path, source: Any, part: str | None) -> Iterator[Layer]:
         index += 1
         if not is_exr and part is None:
             break  # the pages of other files are thumbnails, or steps of an animation
-    source.geterror()  # of the part that is not there
+    with suppress(UnicodeDecodeError):  # it may quote the file's bytes
+        source.geterror()  # of the part that is not there
     if not specs:
         raise ProbeError(f"{path}: no part {part}; it has {_listed(known)}")
     if not any_layer:

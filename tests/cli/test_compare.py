@@ -637,3 +637,18 @@ def test_wrong_usage_of_the_surface(folder, case):
     before = snapshot(folder)
     assert_refused(run("compare", *arguments), 2, part)
     assert snapshot(folder) == before
+
+
+@pytest.mark.parametrize("options", [["--no-picture"], ["--no-picture", "--json"]])
+def test_values_near_the_end_of_the_range(folder, options):
+    """Differences of 3e38 are beyond 32-bit floats, of which JSON has no infinity."""
+    huge = np.full((24, 4, 9, 3), 3e38, np.float32)
+    save("huge.exr", Shrm(huge, "global", "reflection", MapInfo(0, 2, 0.1, 0.9, 0.1)))
+    for maps in (["huge.exr", "coarse.map.exr"], ["coarse.map.exr", "huge.exr"]):
+        found = run("compare", *maps, "--size", 16, "--no-flip", *options)
+        assert found.code == 0
+        assert f"Warning: {maps[1]}: its values, or those that it is compared with" in found.err
+        if "--json" in options:
+            assert strict(found.out)["summary"][0]["rmse"] is None
+        else:
+            assert " inf " in found.out

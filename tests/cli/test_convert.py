@@ -11,10 +11,12 @@ import pytest
 from shrm_cli.maps.file import open_map
 from tests import oracles
 from tests.cli.helpers import (
+    MAIN,
     assert_refused,
     done,
     noise,
     polynomial_light,
+    process,
     read_exr,
     run,
     snapshot,
@@ -454,3 +456,30 @@ def test_what_says_nothing_of_what_engines_use(engines, kind, arguments, code, w
     before = snapshot(engines)
     assert_refused(run("convert", f"probe.{kind}.exr", *arguments), code, words)
     assert snapshot(engines) == before
+
+
+def test_a_file_that_is_not_there_is_said_to_be_missing(folder):
+    for target in ("cabral", "strip"):
+        assert_refused(run("convert", "no.exr", "--to", target), 1, "no.exr: no such file")
+
+
+def test_six_faces_on_a_full_disk(folder):
+    """Either all faces are written or none of them; here the fourth fails."""
+    code = f"""
+import OpenEXR
+write, count = OpenEXR.File.write, []
+def write_some(self, name):
+    count.append(name)
+    if len(count) == 4:
+        raise RuntimeError('cannot write "x". No space left on device.')
+    write(self, name)
+OpenEXR.File.write = write_some
+{MAIN}"""
+    (folder / "sky_+X.exr").write_text("old")
+    before = snapshot(folder)
+    command = ("convert", "probe.exr", "--to", "faces", "--size", "4", "-o", "sky_%.exr")
+    result = process(*command, code=code)
+    assert_refused(result, 1, "sky_-Y.exr: cannot be written (No space left on device)")
+    assert snapshot(folder) == before
+    done(*command)
+    assert len(snapshot(folder)) == len(before) + 5

@@ -2,11 +2,13 @@
 
 import hashlib
 import json
+import struct
 
 import numpy as np
 import pytest
 
 from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
+from tests.fuzz.exr_header import Attribute, parse
 
 MAP_KEYS = [
     "file", "kind", "representation", "frame", "center", "size", "sampling", "maps", "domain",
@@ -283,3 +285,37 @@ def test_levels_of_a_split_sum_are_all_shown(folder):
     done("prefilter", "probe.exr", "--to", "splitsum", "--levels", spec, "--size", "8")
     text = done("info", "probe.splitsum.exr")
     assert text.count("domain frequency") + text.count("domain angular") == 12
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("dfg", "--size", "16", "-o"),
+        ("dfg", "--size", "16", "--moments", "-o"),
+        ("brdf", "ggx:roughness=0.5", "--save"),
+    ],
+)
+def test_tables_that_are_cut_off(folder, command):
+    done(*command, "t.exr")
+    assert "table" in done("info", "t.exr")
+    data = (folder / "t.exr").read_bytes()
+    (folder / "cut.exr").write_bytes(data[: len(data) * 3 // 4])
+    assert_refused(run("info", "cut.exr"), 1, "cut.exr: damaged", "make it again")
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        (b"string", b"abcdefgh"),
+        (b"chromaticities", struct.pack("<8f", *[float("nan")] * 8)),
+        (b"chromaticities", struct.pack("<8f", *[float("inf")] * 8)),
+    ],
+)
+def test_chromaticities_that_are_none(folder, kind, data):
+    """They were shown as eight letters, and passed on to files that could not be written."""
+    headers = parse((folder / "probe.exr").read_bytes())
+    headers.parts[0].append(Attribute(b"chromaticities", kind, data))
+    (folder / "odd.exr").write_bytes(headers.packed())
+    assert "chromaticities" not in json.loads(done("info", "odd.exr", "--json"))
+    done("prefilter", "odd.exr", "--brdf", "phong", "--size", "4", "-o", "m.exr")
+    assert json.loads(done("info", "m.exr", "--json"))["chromaticities"] is None

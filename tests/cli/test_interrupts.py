@@ -83,6 +83,39 @@ def test_sigterm_leaves_nothing(folder):
     assert snapshot(folder) == before
 
 
+def test_a_terminal_that_is_closed_leaves_nothing(folder):
+    before = snapshot(folder)
+    assert struck(folder, signal.SIGHUP) == (128 + signal.SIGHUP, "", "")
+    assert snapshot(folder) == before
+
+
+def test_hangups_are_ignored_under_nohup(folder):
+    code = f"import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n{HALF_WRITTEN}"
+    with start(*WRITE, code=code.replace("time.sleep(20)", "time.sleep(0.5)")) as child:
+        assert child.stdout.readline() == "half\n"
+        child.send_signal(signal.SIGHUP)
+        child.communicate(timeout=30)
+    assert child.returncode == 0
+    assert not [name for name in os.listdir(folder) if ".shrm-" in name]
+
+
+def test_sigint_while_the_command_line_is_loaded():
+    """The module that is loaded first sends the signal, in a process that listens to it."""
+    code = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "click":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+from shrm_cli.__main__ import main
+main()
+"""
+    result = process("--version", code=code)
+    assert (result.code, result.out, result.err) == (130, "", "\nError: interrupted\n")
+
+
 def test_sigkill_leaves_the_old_file_and_the_next_run_cleans_up(folder):
     before = snapshot(folder)
     code, _, _ = struck(folder, signal.SIGKILL)

@@ -251,3 +251,12 @@ spec.parse_spec = fail
 {MAIN}"""
     result = process("brdf", "phong", code=code)
     assert (result.code, result.out, result.err) == (128 + signal.SIGTERM, "cleaned up\n", "")
+
+
+def test_it_runs_as_a_module():
+    found = subprocess.run(
+        [sys.executable, "-m", "shrm_cli", "--version"],
+        env=environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert (found.returncode, found.stderr) == (0, "")
+    assert found.stdout == f"shrm, version {__version__}\n"

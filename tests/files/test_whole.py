@@ -10,7 +10,7 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.inputs import note, protecting
-from shrm_cli.files.whole import check_target, replacing
+from shrm_cli.files.whole import check_target, replacing, together
 
 HOST = platform.node()
 
@@ -163,3 +163,49 @@ def test_names_must_end_as_the_content_wants(tmp_path):
     check_target(tmp_path / "a.EXR", suffixes=(".exr",))
     with pytest.raises(OutputError, match=r"a\.png: what is written is \.exr"):
         check_target(tmp_path / "a.png", suffixes=(".exr",))
+
+
+def test_files_that_belong_together_appear_together(tmp_path):
+    targets = [tmp_path / f"{k}.exr" for k in range(3)]
+    with together():
+        for each in targets:
+            write(each)
+            assert not any(target.exists() for target in targets)
+    assert names(tmp_path) == ["0.exr", "1.exr", "2.exr"]
+    assert [each.read_text() for each in targets] == ["new"] * 3
+
+
+@pytest.mark.parametrize("error", [OutputError, KeyboardInterrupt, SystemExit])
+def test_none_appears_where_one_fails(tmp_path, error):
+    (tmp_path / "0.exr").write_text("old")
+
+    def write_two():
+        with together():
+            write(tmp_path / "0.exr")
+            fail(tmp_path / "1.exr", error)
+
+    with pytest.raises(error):
+        write_two()
+    assert names(tmp_path) == ["0.exr"]
+    assert (tmp_path / "0.exr").read_text() == "old"
+    write(tmp_path / "1.exr")  # as ever
+    assert names(tmp_path) == ["0.exr", "1.exr"]
+
+
+@pytest.mark.parametrize("name", ["a.exr/", "sub/a.exr/", "/"])
+def test_a_name_that_ends_as_a_folders_does(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OutputError, match=f"^{name}: a directory; name a file to write$"):
+        check_target(name)
+
+
+def test_a_file_that_nobody_may_write_stays(tmp_path):
+    """Renaming would replace it, whatever its mode."""
+    target = tmp_path / "a.exr"
+    target.write_text("old")
+    target.chmod(0o444)
+    for attempt in (check_target, write):
+        with pytest.raises(OutputError, match="read-only; change its mode or name another"):
+            attempt(target)
+    assert target.read_text() == "old"
+    assert names(tmp_path) == ["a.exr"]

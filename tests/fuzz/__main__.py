@@ -26,7 +26,7 @@ from typing import Any
 
 from tests.fuzz import judge
 from tests.fuzz.child import Outcome, as_report, run_batch, run_command
-from tests.fuzz.mutations import damage
+from tests.fuzz.mutations import damage, word
 from tests.fuzz.seeds import Seed, copy_sound, make_seeds
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS")
@@ -132,7 +132,7 @@ class Harness:
         files = judge.of_files(before, judge.listing(self.folder), case.output, outcome.code)
         found += [files] if files else []
         if outcome.code == 0 and case.output.endswith(".exr") and not files:
-            read = run_command(["info", case.output], self.folder, self.log)
+            read = run_command(["info", "--", case.output], self.folder, self.log)
             is_picture = "square image" in read.err or "known layout" in read.err
             found += [] if read.code == 0 or is_picture else ["an output that cannot be read"]
         return {"outcome": as_report(outcome), "findings": found}
@@ -142,9 +142,14 @@ class Harness:
         rng = random.Random(f"{self.options.seed}:{number}")
         kind = rng.choice(self.kinds)
         seed = rng.choice([each for each in self.seeds if each.kind == kind])
-        data = damage(self.data[seed.name], list(self.data.values()), rng)
         name = "bad" + Path(seed.name).suffix
-        words = rng.choice(seed.commands).replace("FILE", name).replace("OUT", "out").split()
+        command = rng.choice(seed.commands).replace("FILE", name).replace("OUT", "out")
+        if "WORD" in command:
+            data, argument = self.data[seed.name], word(rng)
+        else:
+            data, argument = damage(self.data[seed.name], list(self.data.values()), rng), ""
+        argument = argument.replace("/", "") if "-o WORD" in command else argument
+        words = [each.replace("WORD", argument) for each in command.split()]
         return Case(seed.kind, name, data, words)
 
     def _lay_out(self, case: "Case", folder: Path) -> dict[str, int]:
@@ -173,7 +178,8 @@ class Harness:
         self.examples[sort] = number
         kept = self.options.keep / f"{self.options.seed}-{number}"
         self._lay_out(case, kept)
-        (kept / "command").write_text("shrm " + shlex.join(case.words) + "\n")
+        line = "shrm " + shlex.join(case.words) + "\n"
+        (kept / "command").write_text(line, errors="surrogateescape")
         print(f"finding: case {number}: {sort}", flush=True)
 
     def report(self) -> None:

@@ -37,6 +37,11 @@ _TEXTS = (
     b"[[1e999, true, null], [1]]",
     b"9" * 5000,
 )
+_ODD = (
+    b"..", b"/", b"/dev/null", b"/dev/stdin", b"-", b"--", b"~", b"a/b/c", b"%", b"a_%.exr", b"*",
+    b"sound.exr", b"sound.exr/", b"./sound.exr", b"ggx+", b"+", b"*ggx", b"1e5*ggx+1e-5*phong",
+    b"ggx:roughness=0.5:roughness=1", b"0.5,", b",", b"1e400,0", b"inf..nan", b"0/0/0", b"pca:0",
+)  # fmt: skip
 _KINDS = (
     b"int", b"float", b"string", b"double", b"box2i", b"chlist", b"chromaticities", b"v2f", b"m44f",
     b"preview", b"stringvector", b"timecode", b"keycode", b"rational", b"tiledesc", b"envmap",
@@ -68,6 +73,14 @@ def damage(data: bytes, others: Sequence[bytes], rng: random.Random) -> bytes:
         way = rng.choice(aware) if aware and rng.random() < 0.6 else rng.choice(ways)
         data = way(data, rng)
     return data
+
+
+def word(rng: random.Random) -> str:
+    """Return an argument as no user gives it; bytes that are no text stand as Python has them."""
+    text = rng.choice((*_TEXTS, *(each.encode() for each in _NUMBERS), *_ODD)).replace(b"\0", b"")
+    if rng.random() < 0.3:
+        text = _bits(text, rng).replace(b"\0", b"")
+    return text.decode("utf-8", "surrogateescape")
 
 
 def _aware(data: bytes) -> list[Mutation]:

@@ -1,7 +1,8 @@
 """The sound files that the fuzz harness damages, made by the tool itself and by image libraries.
 
 Every kind of file has the commands that read it. In these, ``FILE`` stands for the damaged file,
-``OUT`` for an output without its suffix; other names are sound files of the same folder.
+``OUT`` for an output without its suffix; other names are sound files of the same folder. Where a
+command holds ``WORD``, the file is left sound, and a damaged argument is put there.
 """
 
 import contextlib
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 
 from tests.brdf.measured.rgl_files import material, tensor_file
 from tests.cli.helpers import noise
@@ -45,6 +47,28 @@ _BRDF = (
     "info FILE",
     "reference sound.exr --brdf FILE --size 16 --source-height 2 -o OUT.exr --json",
     "reference sound.exr --brdf 0.5*lambertian+0.5*FILE --size 16 --source-height 2 -o OUT.png",
+)
+_ARGUMENTS = (
+    "WORD",
+    "info WORD",
+    "info FILE --WORD",
+    "brdf WORD --quiet --eps 0.5",
+    "cache WORD",
+    "probe WORD",
+    "dfg --size WORD",
+    "prefilter FILE --brdf WORD --size 4 --order-f 2 --order-p 0 -o OUT.exr",
+    "prefilter FILE --brdf ggx:roughness=WORD -o OUT.exr",
+    "prefilter FILE --brdf WORD*lambertian -o OUT.exr",
+    "prefilter FILE --to WORD -o OUT.exr",
+    "prefilter WORD --to irradiance -o OUT.exr",
+    "prefilter FILE --to irradiance --yaw WORD --size 4 -o OUT.exr",
+    "prefilter FILE --to irradiance --window WORD --size 4 -o OUT.exr",
+    "convert FILE --to strip --size 4 -o WORD.exr",
+    "convert FILE --to strip --size 4 --clamp WORD -o OUT.exr",
+    "render sound.shrm.exr --size 16 --view WORD -o OUT.png",
+    "render sound.shrm.exr --size 16 --exposure WORD -o OUT.png",
+    "render sound.shrm.exr --size 16 --background WORD -o OUT.png",
+    "compare sound.shrm.exr WORD --size 16 --no-flip --no-picture",
 )
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
@@ -81,6 +105,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed(kind, name, _PROBE) for kind, name in probes),
         *(Seed(kind, name, _MAP) for kind, name in maps),
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
+        Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
 
@@ -110,6 +135,9 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
     _write_parts(folder / "parts.exr", pixels)
     scenes.write(folder / "a.hdr", pixels)
     scenes.write_rgbe(folder / "flat.hdr", pixels)
+    rich = "EXPOSURE=0.5\nCOLORCORR=1 2 1\nPRIMARIES=.64 .33 .3 .6 .15 .06 .3127 .329\n"
+    text = (folder / "flat.hdr").read_bytes().replace(b"FORMAT", rich.encode() + b"FORMAT", 1)
+    (folder / "rich.hdr").write_bytes(text)
     scenes.write_png(folder / "a.png", (pixels * 100).astype(np.uint8))
     scenes.write(folder / "b.png", pixels / 2, "uint16")
     scenes.write(folder / "a.tif", pixels, compression="zip")
@@ -121,19 +149,32 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
     scenes.write_pfm(folder / "a.pfm", pixels)
     scenes.write(folder / "a.jpg", pixels / 2, "uint8")
     scenes.write(folder / "a.tga", pixels / 2, "uint8")
+    others = ("dpx", "fits", "bmp", "sgi", "webp", "jp2", "jxl", "gif", "rla", "iff", "ico", "pnm")
+    written = [f"other.{suffix}" for suffix in others if _is_written(folder, suffix, pixels)]
     exr = ["scanline", "raw", "piz", "latlong", "grey", "layers"]
     return [
         *(("EXR, scanlines", f"{name}.exr") for name in exr),
         ("EXR, tiles", "tiled.exr"),
         ("EXR, parts", "parts.exr"),
-        *(("HDR", f"{name}.hdr") for name in ("a", "flat")),
+        *(("HDR", f"{name}.hdr") for name in ("a", "flat", "rich")),
         *(("PNG", f"{name}.png") for name in ("a", "b")),
         *(("TIFF", f"{name}.tif") for name in ("a", "tiled")),
         *(("DDS", f"{name}.dds") for name in ("a", "half")),
         ("PFM", "a.pfm"),
         ("JPEG", "a.jpg"),
         ("TGA", "a.tga"),
+        *(("other images", name) for name in written),
     ]
+
+
+def _is_written(folder: Path, suffix: str, pixels: np.ndarray) -> bool:
+    """Whether this OpenImageIO writes a format, and if so the file `other`."""
+    output = oiio.ImageOutput.create(f"a.{suffix}")
+    oiio.geterror()
+    if output is not None:
+        kind = "float" if suffix == "fits" else "uint8"
+        scenes.write(folder / f"other.{suffix}", pixels / 2, kind)
+    return output is not None
 
 
 def _write_parts(path: Path, pixels: np.ndarray) -> None:

@@ -193,7 +193,12 @@ def test_missing_attributes(damaged, name):
         ("brdf_energy_captured", float("inf")), ("brdf_energy_captured", "0.97"),
         ("predicted_error", float("nan")), ("predicted_error", 0),
         ("brdf", "phong"), ("brdf", "[1]"), ("brdf", "{"), ("brdf", "[" * 100_000), ("brdf", 7),
-        ("probe", 3), ("probe_sha256", 0.5),
+        ("brdf", '{"name": "\\ud800", "parameters": {}}'), ("brdf", '{"name": "\\udcff"}'),
+        ("brdf", '{"a": ' + "[" * 5 + "]" * 5 + "}"), ("brdf", '{"a":' * 900 + "1" + "}" * 900),
+        ("brdf", '{"parameters": {"roughness": NaN}}'), ("brdf", '{"a": -Infinity}'),
+        ("brdf", '{"parameters": {"roughness": 1e999}}'), ("brdf", '{"a": ' + "9" * 400 + "}"),
+        ("probe", 3), ("probe_sha256", 0.5), ("probe", "x" * 5000),
+        ("predicted_error", -0.5), ("added_error", 1e30), ("epsilon", -1.0),
     ],
     ids=lambda value: str(value)[:20],
 )  # fmt: skip
@@ -363,7 +368,7 @@ for path in sys.argv[1:]:
 
 @pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
 def test_permissions_follow_the_umask(tmp_path, mask, mode):
-    (tmp_path / "a.exr").touch(mode=0o400)
+    (tmp_path / "a.exr").touch(mode=0o640)
     before = os.umask(mask)
     try:
         write_image(tmp_path / "a.exr", np.ones((2, 4, 3)))

@@ -190,7 +190,7 @@ def _read_npz(path: Path) -> Stored:
             values = _array(path, archive, members["values.npy"], 4)
             text = "{}"
             if "settings.npy" in members:
-                text = str(_array(path, archive, members["settings.npy"], 0, kind="U"))
+                text = _text(_array(path, archive, members["settings.npy"], 0, kind="U"))
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, *_UNREADABLE) as error:
         raise BrdfError(f"{path}: damaged or truncated; copy it, or {_AGAIN}") from error
     lengths = tuple(len(axis) for axis in axes)
@@ -216,6 +216,18 @@ def _array(
     if len(data) != expected:
         raise BrdfError(f"{path}: {name} is truncated; copy it, or {_AGAIN}")
     return np.frombuffer(data, dtype).reshape(shape, order="F" if fortran else "C")
+
+
+def _text(array: NDArray[Any]) -> str:
+    """The text of an array, which holds 32 bits for each character.
+
+    Raises
+    ------
+    ValueError
+        If one of them is no character. Python makes a string of them, but fails later.
+    """
+    points = np.frombuffer(array.tobytes(), array.dtype.byteorder.replace("=", "<") + "u4")
+    return bytes(points.astype("<u4")).decode("utf-32-le").rstrip("\0")
 
 
 def _npy_header(path: Path, name: str, stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
