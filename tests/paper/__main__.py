@@ -113,7 +113,7 @@ def _pictures(
     say("chapter 4's irradiance")
     yield page_engines.irradiance(irradiance_rows(files))
     say("SH exponentials and split sums")
-    results = exponentials.compare(equal_probes(files), extent)
+    results = exponentials.compare(equal_probes(files)[: extent.glossy_probes], extent)
     picture = spheres.spheres((first, last), folder, extent.glossy_pictures[2])
     pictured = [f"`{Path(probe.name).name}`" for probe in (first, last)]
     yield page_engines.exponentials(results, picture, pictured)

@@ -21,10 +21,15 @@ class Extent:
         Width and height of the spheres in the figures, pixels.
     source_rows : int
         The height that probes are averaged down to for the truth of tables and figures.
+    known : tuple of int
+        The orders F and P to which the reflected light of figures 5.8 and 5.9 counts as known, and
+        the texels along a face's edge of its maps.
     materials : tuple of str
         The BRDFs that stand for those of figure 5.7.
     roughnesses : tuple of float
         The perceptual roughnesses at which SH exponentials and split sums are compared.
+    glossy_probes : int
+        The most probes under which they are compared.
     glossy_pictures : tuple of int
         Width and height of these spheres: of the one from the front, of those from other sides,
         and of those that are shown.
@@ -46,6 +51,7 @@ class Extent:
     repeats: int = 15
     picture: int = 128
     source_rows: int = 128
+    known: tuple[int, int, int] = (48, 16, 64)
     materials: tuple[str, ...] = (
         "lafortune:fit=bluepaint", "lafortune:fit=brushedmetal", "lafortune:fit=clay",
         "lafortune:fit=felt", "lafortune:fit=primer", "lafortune:fit=skin",
@@ -53,6 +59,7 @@ class Extent:
         "cook-torrance", "ward", "ggx:roughness=0.6", "microfacet:sigma=0.5", "kajiya-kay",
     )  # fmt: skip
     roughnesses: tuple[float, ...] = tuple(np.linspace(0.5, 1.0, 12).tolist())
+    glossy_probes: int = 8
     glossy_pictures: tuple[int, int, int] = (64, 32, 128)
     seen: tuple[str, ...] = (
         "lambertian", "phong:exponent=32", "phong:exponent=64", "phong:exponent=512",
@@ -62,7 +69,7 @@ class Extent:
     )  # fmt: skip
     seen_rows: int = 128
     seen_picture: int = 40
-    seen_pairs: int = 1500
+    seen_pairs: int = 2000
     cube: int = 128
     survey: tuple[str, ...] = ()
     survey_rows: int = 256
@@ -77,8 +84,10 @@ SHORT = Extent(
     repeats=1,
     picture=16,
     source_rows=16,
+    known=(12, 11, 16),
     materials=("lafortune:fit=clay",),
     roughnesses=(0.6, 1.0),
+    glossy_probes=1,
     glossy_pictures=(8, 6, 16),
     seen=("phong:exponent=32", "microfacet:sigma=0.5"),
     seen_rows=32,

@@ -36,8 +36,6 @@ Array = NDArray[np.floating]
 ORDER_F = 30
 MOST_P = 5
 """The orders of figures 5.6 and 5.7."""
-_HIGH_F, _HIGH_P = 48, 16
-"""The orders F and P to which the reflected light counts as known."""
 _VIEWERS = (Viewer(20, 15), Viewer(140, -10))
 
 
@@ -52,7 +50,7 @@ class Method:
         The number of RGB cubes that it stores.
     expected : float
         Relative RMS error of the reflected light over all orientations and views, from the
-        coefficients (Parseval), against light known to orders 48 and 16.
+        coefficients (Parseval), against light known to the orders `Extent.known`.
     pictured : float
         Relative RMS error of the pictures, against brute-force integration.
     """
@@ -113,11 +111,11 @@ def figure_5_7(specs: Sequence[str]) -> list[tuple[str, Array]]:
 def figure_5_8(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Method]]:
     """Draw Kautz and McCool's 3D texture beside an SHRM of as many maps: microfacet, sigma .5."""
     brdf = parse_spec("microfacet:sigma=0.5")
-    light, coefficients, whole = _known(probe, brdf)
+    light, coefficients, whole = _known(probe, brdf, extent)
     shrm = whole.truncated(5)
     texture = KautzMcCool.from_shrm(whole, shrm.cube_count)
     return _compare(folder / "figure-5.8.png", probe, brdf, extent, [
-        ("SHRM, P = 5", shrm, predicted_error(light, coefficients, _HIGH_F, 5)),
+        ("SHRM, P = 5", shrm, predicted_error(light, coefficients, extent.known[0], 5)),
         ("Kautz-McCool", texture, texture.info.added_error),
     ])  # fmt: skip
 
@@ -126,14 +124,14 @@ def figure_5_9(
     probe: Probe, folder: Path, brdf: Brdf, order_p: int, name: str, extent: Extent
 ) -> tuple[str, list[Method]]:
     """Draw Cabral's icosahedral interpolation beside an SHRM with no more maps."""
-    light, coefficients, whole = _known(probe, brdf)
+    light, coefficients, whole = _known(probe, brdf, extent)
     shrm = whole.truncated(order_p)
     if coefficients.azimuth_free:
         shrm = _without_azimuth(shrm)
     twelve = Cabral.from_shrm(whole)
     return _compare(folder / name, probe, brdf, extent, [
         (f"SHRM, P = {order_p}", shrm,
-         predicted_error(light, coefficients, _HIGH_F, order_p)),
+         predicted_error(light, coefficients, extent.known[0], order_p)),
         ("Cabral", twelve, twelve.info.added_error),
     ])  # fmt: skip
 
@@ -145,13 +143,14 @@ LOBES_5_9: tuple[tuple[Brdf, int, str], ...] = (
 """The BRDFs of figure 5.9, each with P of an SHRM of twelve maps or less, and a picture's name."""
 
 
-def _known(probe: Probe, brdf: Brdf) -> tuple[Lighting, BrdfCoefficients, Shrm]:
+def _known(probe: Probe, brdf: Brdf, extent: Extent) -> tuple[Lighting, BrdfCoefficients, Shrm]:
     """Compute light, BRDF and SHRM to orders beyond which nothing counts."""
-    coefficients = compute_coefficients(brdf, _HIGH_F, _HIGH_P, accuracy=1e-3)
-    lighting = project(probe, _HIGH_F)
-    info = MapInfo(_HIGH_F, _HIGH_P, 0.0, 0.0, 0.0)
+    order_f, order_p, size = extent.known
+    coefficients = compute_coefficients(brdf, order_f, order_p, accuracy=1e-3)
+    lighting = project(probe, order_f)
+    info = MapInfo(order_f, order_p, 0.0, 0.0, 0.0)
     whole = Shrm.from_coefficients(
-        lighting.coefficients, coefficients.values, brdf.center, info, 64, dtype=np.float32
+        lighting.coefficients, coefficients.values, brdf.center, info, size, dtype=np.float32
     )
     return lighting, coefficients, whole
 

@@ -34,7 +34,7 @@ Ramamoorthi and Hanrahan expect average errors below {CLAIMED[0]:.0%} and maxima
 worst channel; "window auto" are the factors of degrees 0 to 2 that keep E from being negative.
 
 {table(*irradiance_table(rows))}
-{len(broken)} of {len(rows)} probes break the claim: {_listed([_reason(row) for row in broken])}.
+{len(broken)} of {len(rows)} probes break the claim{_reasons(broken)}.
 {"All" if bounds else "**Not all**"} stay within the proven bounds.
 
 The claim is one for light from many sides, and a sun or lamps that outshine the rest break it: what
@@ -157,6 +157,10 @@ def _filled(page: str) -> str:
         for block in page.strip().split("\n\n")
     ]
     return "\n" + "\n\n".join(blocks) + "\n"
+
+
+def _reasons(rows: Sequence[IrradianceRow]) -> str:
+    return ": " + _listed([_reason(row) for row in rows]) if rows else ""
 
 
 def _reason(row: IrradianceRow) -> str:

@@ -32,11 +32,12 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.flip import can_flip, hdr_flip
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.directions import bisector, horizontal_tangents
+from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 from tests.paper.extent import FULL, Extent
 from tests.paper.glossy_truth import Light, Sphere, light_of, sphere
 from tests.paper.looked_up import looked_up
+from tests.paper.pairs import Pairs, bright_pairs
 
 Array = NDArray[np.floating]
 Way = Callable[[Map], tuple[str, dict[str, Any]]]
@@ -60,10 +61,6 @@ _NEIGHBORS = 16
 """Pixels that are lit together; lights below the horizons of all of them are left out."""
 _TEXELS = 1000
 """The texels of a cube that are compared with the truth."""
-_CANDIDATES = 10
-"""For each pair at which errors are measured, the number of pairs that it is drawn from."""
-_EVERYWHERE = 0.25
-"""The part of the pairs that is drawn evenly, in units of those that are drawn by the light."""
 
 
 def before(default: Map) -> tuple[str, dict[str, Any]]:
@@ -148,29 +145,6 @@ class Seen:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Pairs of a normal and a view, and the truth there.
-
-    Attributes
-    ----------
-    normals, views : ndarray, shape (n, 3)
-    weights : ndarray, shape (n, 1)
-        Of integrals over all mirror directions and views.
-    truth : ndarray, shape (n, 3)
-    """
-
-    normals: Array
-    views: Array
-    weights: Array
-    truth: Array
-
-    def error(self, found: Array) -> float:
-        """Return the relative RMS error over all mirror directions and views."""
-        missed = np.sum(self.weights * (found - self.truth) ** 2)
-        return float(np.sqrt(missed / np.sum(self.weights * self.truth**2)))
-
-
 def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[Seen]]:
     """Compare the maps of each BRDF with the truth; yields the rows of one BRDF at a time.
 
@@ -190,11 +164,14 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
         for k, probe in enumerate(probes):
             own = slice(3 * k, 3 * k + 3)
             made = make_maps(brdf, probe)
+            maps = [each for each, _ in made.values()]
+            pairs = bright_pairs(maps[0], maps[-1], extent.seen_pairs)
             alone = Light(light.directions, light.power[:, own])
-            pairs = bright_pairs(brdf, [each for each, _ in made.values()], alone, extent)
+            truth = lit(brdf, pairs.normals, pairs.views, alone)
             pictures = [truth[:, own] for truth in truths]
             for way, (each, seconds) in made.items():
-                rows.append(_row(spec, brdf, probe, way, each, seconds, spheres, pictures, pairs))
+                errors = _errors(each, pairs, truth)
+                rows.append(_row(spec, brdf, probe, way, each, seconds, spheres, pictures, errors))
         yield rows
 
 
@@ -212,36 +189,6 @@ def make_maps(brdf: Brdf, probe: Probe) -> dict[str, tuple[Map, float]]:
     return made
 
 
-def bright_pairs(brdf: Brdf, maps: Sequence[Map], light: Light, extent: Extent) -> Pairs:
-    """Draw pairs of a mirror direction and a view, and integrate the truth there.
-
-    A lamp's few directions hold most of the light and of the error. Pairs are therefore drawn in
-    proportion to the first map's squared light and to its squared difference to the last one, with
-    a part of them everywhere, and their weights undo that.
-    """
-    count = extent.seen_pairs
-    rng = np.random.default_rng(count)
-    reflections, views = (_unit(rng, _CANDIDATES * count) for _ in range(2))
-    first, last = (each.glimpse(reflections, views) for each in (maps[0], maps[-1]))
-    energies = [np.sum(each**2, axis=1) for each in (first, first - last)]
-    share = _EVERYWHERE + sum(each / max(each.mean(), 1e-300) for each in energies)
-    share /= share.sum()
-    order = np.argsort(share)
-    chosen = order[np.searchsorted(np.cumsum(share[order]), (np.arange(count) + 0.5) / count)]
-    normals = bisector(reflections[chosen], views[chosen])
-    # Neighbors leave out the same lights, so that normals go along the rings of a sphere.
-    along = np.lexsort((np.arctan2(normals[:, 1], normals[:, 0]), np.round(4 * normals[:, 2])))
-    chosen, normals = chosen[along], normals[along]
-    truth = lit(brdf, normals, views[chosen], light)
-    return Pairs(normals, views[chosen], 1 / share[chosen, None], truth)
-
-
-def _unit(rng: np.random.Generator, count: int) -> Array:
-    """Return uniformly distributed directions, shape (count, 3)."""
-    vectors = rng.normal(size=(count, 3))
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
-
-
 def _row(
     spec: str,
     brdf: Brdf,
@@ -251,21 +198,27 @@ def _row(
     seconds: float,
     spheres: Sequence[Sphere],
     pictures: Sequence[Array],
-    pairs: Pairs,
+    errors: tuple[float, float, float, float],
 ) -> Seen:
     """Measure one map."""
     found = [each.radiance(ball.normals, ball.views) for ball in spheres]
     seen = seen_errors(np.concatenate(found), np.concatenate(pictures))
-    info, at = each.info, (pairs.normals, pairs.views)
-    predicted = float(np.hypot(info.predicted_error, info.added_error))
+    info = each.info
     return Seen(
         spec, probe.name, way, brdf.zonal, info.order_f, info.order_p, info.order_carried,
         each.size, 2 * sum(plane.size for plane in each.planes()),
         seen.median_relative_error, seen.p95_relative_error, seen.negative_share,
-        pairs.error(each.radiance(*at)), predicted,
-        pairs.error(looked_up(each, *at)), total_error(predicted, info.filter_error),
-        _flip(found, pictures, spheres), seconds,
+        *errors, _flip(found, pictures, spheres), seconds,
     )  # fmt: skip
+
+
+def _errors(each: Map, pairs: Pairs, truth: Array) -> tuple[float, float, float, float]:
+    """Return the relative RMS error of a map and the predicted one, and both as on a GPU."""
+    found = each.radiance(pairs.normals, pairs.views)
+    shown = looked_up(each, pairs.normals, pairs.views)
+    predicted = float(np.hypot(each.info.predicted_error, each.info.added_error))
+    whole = total_error(predicted, each.info.filter_error)
+    return pairs.error(found, truth), predicted, pairs.error(shown, truth), whole
 
 
 def _flip(found: Sequence[Array], truths: Sequence[Array], spheres: Sequence[Sphere]) -> float:
