@@ -1,18 +1,21 @@
 """Clebsch-Gordan coefficients: by a sum where one of the degrees is small, else from J^2."""
 
 from functools import lru_cache
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.floating]
 
-MOST_SMALL = 8
+MOST_SMALL = 12
 """The largest degree p for which the sums below keep ten digits."""
 
 
 def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: int) -> Array:
     """Return ``<l m p s | l+shift m+s>`` for arrays of l and m.
+
+    The factorials of large numbers occur as ratios, which are products of few numbers.
 
     Parameters
     ----------
@@ -32,43 +35,47 @@ def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: i
     ----------
     Varshalovich, Moskalev and Khersonskii 1988, 8.2.1 (3).
     """
-    low, m = np.broadcast_arrays(np.asarray(degree), np.asarray(m))
-    total, order = low + shift, m + s
+    low, m = np.asarray(degree, dtype=float), np.asarray(m, dtype=float)
+    total, up, down = low + shift, low + m, low - m
     lowest = small - shift  # l + p - J, which is small as p is
-    is_valid = (
-        (abs(m) <= low) & (total >= abs(order)) & (abs(s) <= small) & (total >= abs(low - small))
-    )
-    if not 0 <= lowest <= 2 * small:
-        return np.zeros(low.shape)
-    logs = _log_factorials(int(low.max(initial=0)) * 2 + 2 * small + 2)
-
-    def log_factorial(number: NDArray[np.integer]) -> Array:
-        """Return log(n!), which is infinite for negative n."""
-        return np.where(number >= 0, logs[np.maximum(number, 0)], np.inf)
-
-    def small_factorial(number: int) -> float:
-        return float(logs[number])
-
-    front = (
-        np.log(2.0 * total.clip(0) + 1)
-        + small_factorial(lowest) + log_factorial((2 * low + shift - small).clip(0))
-        + small_factorial(small + shift) - log_factorial(2 * low + shift + small + 1)
-        + log_factorial((total + order).clip(0)) + log_factorial((total - order).clip(0))
-        + log_factorial((low + m).clip(0)) + log_factorial((low - m).clip(0))
-        + small_factorial(abs(small + s)) + small_factorial(abs(small - s))
-    ) / 2  # fmt: skip
-    result = np.zeros(low.shape)
-    for k in range(max(0, s - shift), min(lowest, small + s) + 1):
-        known = small_factorial(k) + small_factorial(lowest - k) + small_factorial(small + s - k)
-        known += small_factorial(shift - s + k)
-        below = log_factorial(low - m - k) + log_factorial(total - small + m + k)
-        result += (-1.0) ** k * np.exp(front - known - below)
+    if not 0 <= lowest <= 2 * small or abs(s) > small:
+        return np.zeros(up.shape)
+    # 1 / (l-m-k)! and 1 / (J-p+m+k)! are falling factorials over (l-m)! and (l+m)!.
+    first, last = max(0, s - shift), min(lowest, small + s)
+    of_up, of_down = _falling(up, lowest - first), _falling(down, last)
+    result = np.zeros(up.shape)
+    for k in range(first, last + 1):
+        known = factorial(k) * factorial(lowest - k)
+        known *= factorial(small + s - k) * factorial(shift - s + k)
+        result += ((-1) ** k / known) * of_down[k] * of_up[lowest - k]
+    front = (2 * total + 1) * factorial(lowest) * factorial(small + shift)
+    front *= float(factorial(small + s) * factorial(small - s))
+    for number in range(2 * small + 1):  # (l+J-p)! / (l+J+p+1)!
+        front = front / np.maximum(2 * low + shift - small + 1 + number, 1)
+    result *= np.sqrt(np.maximum(front, 0.0))
+    # (J+M)! / (l+m)! and (J-M)! / (l-m)!
+    result *= np.sqrt(_ratio(up, shift + s))
+    result *= np.sqrt(_ratio(down, shift - s))
+    is_triangle = (total >= 0) & (total >= abs(low - small))
+    is_valid = is_triangle & (up >= 0) & (down >= 0) & (abs(m + s) <= total)
     return np.where(is_valid, result, 0.0)
 
 
-def _log_factorials(most: int) -> Array:
-    """Return log(n!) for n = 0 .. most."""
-    return np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, most + 1)))])
+def _falling(number: Array, most: int) -> list[Array]:
+    """Return ``n! / (n-k)!`` for k = 0 .. most, which is 0 where k > n."""
+    result = [np.ones_like(number)]
+    for k in range(most):
+        result.append(result[-1] * (number - k))
+    return result
+
+
+def _ratio(number: Array, difference: int) -> Array:
+    """Return ``(n + difference)! / n!``, or something positive where either does not exist."""
+    result = np.ones_like(number)
+    for step in range(1, abs(difference) + 1):
+        factor = number + step if difference > 0 else number + 1 - step
+        result *= np.maximum(factor, 1.0)
+    return result if difference >= 0 else 1 / result
 
 
 @lru_cache(64)
@@ -77,8 +84,7 @@ def zonal_coupling(order: int, p: int) -> Array:
 
     The coefficients are eigenvectors of J^2, the square of the sum of both angular momenta, whose
     matrix is tridiagonal in q and whose eigenvalues J (J + 1) lie far apart. Found so, they are as
-    exact for large p as for small ones, up to the sign of all of one l and J together, which is
-    left open here. The sum of both terms is 0 where J - l - p is odd.
+    exact for large p as for small ones. The sum of both terms is 0 where J - l - p is odd.
 
     Parameters
     ----------
@@ -93,7 +99,8 @@ def zonal_coupling(order: int, p: int) -> Array:
 
     References
     ----------
-    Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2: the vectors are orthonormal.
+    Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2 (32) for
+    their sign.
     """
     degree, q = np.arange(order + 1)[:, None], np.arange(p + 1)
     # The basis is |l 0, p 0> and the normalized even sums (|l q, p -q> + |l -q, p q>) / sqrt(2).
@@ -107,4 +114,6 @@ def zonal_coupling(order: int, p: int) -> Array:
     square[:, up + 1, up] = square[:, up, up + 1] = beside
     vectors = np.linalg.eigh(square)[1]
     vectors[:, 1:] *= np.sqrt(2)
+    j = q
+    vectors *= ((-1.0) ** (p - j) * np.copysign(1.0, vectors[:, 0]))[:, None]
     return np.where((q <= degree)[:, :, None], vectors, 0.0)

@@ -11,10 +11,10 @@ from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.principal.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap

@@ -3,10 +3,13 @@
 In the local frame ``B_pq(R) = sum_lm L_lm rho_hat_lpq d^l_mq(theta) exp(i m phi)`` (eq. 5.9), and
 in the global frame ``B~_ps(R) = sum_q B_pq(R) exp(-i s phi) d^p_sq(theta)`` (eq. 5.14). The product
 ``D^l_mq conj(D^p_sq)`` summed over q keeps only the zero column of each D^J, so that the B~_ps are
-*scalar* functions of R, band-limited at exactly F + P. Both sums are done on the rings of a
-Gauss-Legendre rule, Fourier mode by Fourier mode, and the rule turns them into coefficients; no
-sample in phi is ever taken. Rings come in pairs, theta and pi - theta, which share a table of the
-small-d functions; and because the light is real, B_p,-q follows from B_pq.
+*scalar* functions of R, band-limited at exactly F + P.
+
+For a small P, coefficients are found degree by degree, see `shrm_cli.maps.coupling`. For a large
+one, both sums are done on the rings of a Gauss-Legendre rule, Fourier mode by Fourier mode, and the
+rule turns them into coefficients; no sample in phi is ever taken. Rings come in pairs, theta and
+pi - theta, which share a table of the small-d functions; and because the light is real, B_p,-q
+follows from B_pq.
 
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
@@ -14,6 +17,7 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -22,6 +26,9 @@ from shrm_cli.sphere.wigner import small_d_degrees
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
+_BY_DEGREE = 8
+"""The largest order P for which coefficients are found degree by degree. That takes F^2 P^3 steps,
+and F^3 P^2 steps over rings, but those are matrix products."""
 _TABLE_BYTES = 2**27
 """The bytes that the tables and waves of a block of several rings may take."""
 _LEAST_BLOCKS = 8
@@ -38,7 +45,7 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
     brdf : ndarray, shape (F+1, P+1, P+1, channels)
         The coefficients rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
     progress : callable, optional
-        Called with the number of rings done and the number of all rings.
+        Called with the number of degrees or rings done, and the number of all.
 
     Returns
     -------
@@ -52,6 +59,20 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
         degree = degrees(order_f)
         scale = np.sqrt(4 * np.pi / (2 * degree + 1))[:, None]
         return (lighting[: len(degree)] * brdf[degree, 0, 0] * scale)[:, None]
+    if order_p > _BY_DEGREE:
+        return over_rings(lighting, brdf, progress)
+    result = np.zeros(((order_f + order_p + 1) ** 2, (order_p + 1) ** 2, channels))
+    for p in range(order_p + 1):
+        found = bundle_coefficients(lighting, brdf[:, p, : p + 1, None])
+        result[: len(found), p**2 : (p + 1) ** 2] = found[:, :, 0]
+        if progress is not None:
+            progress((p + 1) ** 3, (order_p + 1) ** 3)
+    return result
+
+
+def over_rings(lighting: Array, brdf: Array, progress: Progress | None = None) -> Array:
+    """Compute what `reflected_coefficients` describes by integrals over rings."""
+    order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
     band = order_f + order_p
     light = complex_from_real(lighting, order_f)
     pairs = band // 2 + 1
@@ -126,12 +147,14 @@ def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
     band = order_f + order_p
     waves = np.empty((2, band + 1, len(theta), (order_p + 1) ** 2, channels))
     for p, d in small_d_degrees(order_p, theta):
-        spins = local[order_p - p : order_p + p + 1, :, :, p]
+        spins = np.moveaxis(local[order_p - p : order_p + p + 1, :, :, p], 2, 0)
+        flat = np.ascontiguousarray(spins).reshape(len(theta), 2 * p + 1, -1).view(float)
+        turned = (np.moveaxis(d[p:], 2, 0) @ flat).view(complex)
+        turned = turned.reshape(len(theta), p + 1, -1, channels).transpose(1, 2, 0, 3)
         for s in range(p + 1):
-            turned = np.einsum("qi,qmic->mic", d[p + s], spins)
             modes = np.zeros((2 * band + 1, len(theta), channels), dtype=complex)
             first = band - order_f - s  # exp(-i s phi) shifts mode m to M = m - s
-            modes[first : first + 2 * order_f + 1] = turned
+            modes[first : first + 2 * order_f + 1] = turned[s]
             positive, negative = modes[band:], modes[band::-1]
             middle, sign = p * (p + 1), (-1.0) ** s
             if s == 0:  # the function is real, so that its modes M and -M are conjugates

@@ -3,16 +3,16 @@
 It is eq. 5.9 and 5.14 of Ramamoorthi's thesis once more, for one degree p of the view. The product
 of both small-d matrices is a sum over the degrees J = l - p .. l + p of one matrix each,
 
-    d^l_mq d^p_sq = sum_J <l m p -s | J m-s> <l q p -q | J 0> (-1)^(s-q) d^J_(m-s),0,
+    d^l_mq d^p_sq = sum_J <l m p -s | J m-s> <l q p -q | J 0> (-1)^(s-q) d^J_(m-s),0.
 
-so that each coefficient is a sum of ``2p + 1`` terms. For a small p that takes far less time than
-the rings of `shrm_cli.maps.shrm.coupling`.
+Both signs of q together keep every other J, so that each coefficient is a sum of ``p + 1`` terms.
+For a small p that takes far less time than the rings of `shrm_cli.maps.shrm.coupling`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.clebsch_gordan import clebsch_gordan
+from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
 
 Array = NDArray[np.floating]
@@ -38,8 +38,9 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     band = order + p
     light = complex_from_real(lighting[: (order + 1) ** 2], order)
     result = np.zeros(((band + 1) ** 2, 2 * p + 1, *parts.shape[2:]))
+    weights = np.einsum("lqj,lqbc->jlbc", zonal_coupling(order, p), parts)
     for s in range(p + 1):
-        modes = _modes(light, parts, s)
+        modes = _modes(light, weights, s)
         if s == 0:
             _add_real(result[:, p], modes, 1.0)
         else:
@@ -49,43 +50,32 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     return result
 
 
-def _modes(light: ComplexArray, parts: Array, s: int) -> ComplexArray:
+def _modes(light: ComplexArray, weights: Array, s: int) -> ComplexArray:
     """Return the complex coefficients of ``B~_ps`` over R, indexed [J, M + F + p, bundle, channel].
 
     Parameters
     ----------
     light : ndarray, shape (F+1, 2F+1, channels)
-    parts : ndarray, shape (F+1, p+1, bundles, channels)
+    weights : ndarray, shape (p+1, F+1, bundles, channels)
+        ``sum_q (-1)^q rho_hat_lpq <l q p -q | J 0>``, indexed [j, l, ...] with ``J = l - p + 2 j``.
     s : int
         The order of the view in world axes.
     """
-    order, p = parts.shape[0] - 1, parts.shape[1] - 1
+    order, p = weights.shape[1] - 1, weights.shape[0] - 1
     band = order + p
-    result = np.zeros((band + 1, 2 * band + 1, *parts.shape[2:]), dtype=complex)
+    result = np.zeros((band + 1, 2 * band + 1, *weights.shape[2:]), dtype=complex)
     degree, m = np.arange(order + 1), np.arange(-order, order + 1)
-    for shift in range(-p, p + 1):
+    for shift, each in zip(range(-p, p + 1, 2), weights, strict=True):
         low = max(0, -shift)  # the least l with a degree J >= 0
         if low > order:
             continue
-        weights = _zonal(parts, s, shift)[low:]
         total = degree[low:] + shift
-        weights *= np.sqrt(4 * np.pi / (2 * total + 1)).reshape(-1, 1, 1)
-        coupling = clebsch_gordan(degree[low:, None], m, p, -s, shift)
+        scale = (-1.0) ** s * np.sqrt(4 * np.pi / (2 * total + 1))
+        coupling = clebsch_gordan(degree[low:, None], m, p, -s, shift) * scale[:, None]
         coupled = coupling[..., None] * light[low:]
         first = band - order - s  # M = m - s
         columns = slice(max(first, 0), first + 2 * order + 1)
-        result[total[0] : total[-1] + 1, columns] += coupled[:, :, None] * weights[:, None]
-    return result
-
-
-def _zonal(parts: Array, s: int, shift: int) -> Array:
-    """Return ``sum_q (-1)^(s-q) rho_hat_lpq <l q p -q | l+shift 0>``, shape (F+1, bundles, ...)."""
-    order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    degree = np.arange(order + 1)
-    result = np.zeros((order + 1, *parts.shape[2:]))
-    for q in range(-p, p + 1):
-        coupling = (-1.0) ** (s - q) * clebsch_gordan(degree, q, p, -q, shift)
-        result += coupling.reshape(-1, 1, 1) * parts[:, abs(q)]
+        result[total[0] : total[-1] + 1, columns] += coupled[:, :, None] * each[low:, None]
     return result
 
 

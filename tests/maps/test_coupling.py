@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.principal.coupling import bundle_coefficients
-from shrm_cli.maps.shrm.coupling import reflected_coefficients
+from shrm_cli.maps.coupling import bundle_coefficients
+from shrm_cli.maps.shrm.coupling import over_rings
 from tests import oracles
 
 
@@ -24,7 +24,7 @@ def test_each_bundle_is_a_degree_of_an_shrm(degree):
     for bundle in range(2):
         values = np.zeros((21, degree + 1, degree + 1, 3))
         values[:, degree] = parts[:, :, bundle]
-        expected = reflected_coefficients(light, values)[:, degree**2 :]
+        expected = over_rings(light, values)[:, degree**2 :]
         np.testing.assert_allclose(found[:, :, bundle], expected, atol=1e-11)
 
 
