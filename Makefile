@@ -83,7 +83,7 @@ tables: $(VENV)/.dev
 
 # Without probes/real, which `make probes` fills, both take shipped probes.
 survey: $(VENV)/.dev
-	$(BIN)/python -m tests.paper.survey build/paper $(TABLES_FLAGS) $(MEASURED)
+	$(BIN)/python -m tests.paper build/paper --survey $(TABLES_FLAGS) $(MEASURED)
 
 probes:
 	@bash probes/fetch.sh

@@ -1,4 +1,4 @@
-"""The program of `make tables`: it makes the papers' tables and figures anew."""
+"""The program of `make tables` and `make survey`: the papers' tables, and what maps cost."""
 
 from __future__ import annotations
 
@@ -16,20 +16,25 @@ if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe
     from tests.paper.extent import Extent
 
-_SEEN = "seen.md"
+ROOT = Path(__file__).resolve().parents[2]
+_SEEN, _SURVEY = "seen.md", "brdfs.md"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write the pages, Markdown files, and their pictures into a folder."""
-    given = parsed(__doc__, arguments)
+    given = _parsed(arguments)
     limit_libraries(1)  # both sides of every comparison get one thread
 
     from tests.paper.extent import FULL, SHORT
     from tests.paper.inputs import probe_files, say
 
     extent = SHORT if given.short else FULL
+    if given.survey:
+        write_survey(given.folder, given.probes, given.measured, extent)
+        say(f"The page is {(given.folder / _SURVEY).resolve()}")
+        return
     files = probe_files(given.probes)
-    # The truth of these probes is looked at in pictures, one with windows and one with lamps.
+    # The figures have a room with windows and one with lamps.
     pictured = probe_files(given.probes, ("interior", "studio"))
     with settings.using(threads=1, cache=False):  # the times include sampling the BRDF
         write_tables(given.folder, files, pictured, extent)
@@ -37,17 +42,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     say(f"The pages are {(given.folder / 'index.md').resolve()} and {_SEEN}")
 
 
-def parsed(title: str | None, arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Read the arguments that `make tables` and `make survey` share."""
-    parser = argparse.ArgumentParser(description=title)
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.paper", description=__doc__)
     parser.add_argument("folder", type=Path, help="where the pages go")
-    parser.add_argument(
-        "measured", nargs="*", type=Path, help="measured BRDFs; of the survey alone"
-    )
-    parser.add_argument(
-        "--probes", type=Path, default=Path("probes/real"), help="the folder of the real probes"
-    )
+    parser.add_argument("--survey", action="store_true", help="survey all BRDFs instead")
     parser.add_argument("--short", action="store_true", help="few cases and small pictures")
+    parser.add_argument(
+        "--probes", type=Path, default=ROOT / "probes" / "real", help="where the real probes are"
+    )
+    parser.add_argument("measured", nargs="*", help="measured BRDFs, files of the survey")
     return parser.parse_args(arguments)
 
 
@@ -74,7 +77,8 @@ def write_tables(
     # Pictures of two probes are shown beside each other.
     first, last = (equal_probes(pictured)[k] for k in (0, -1))
     written = Page(folder / "index.md")
-    written.add(page.introduction(platform.processor() or platform.machine(), np.__version__))
+    processor = platform.processor() or platform.machine()
+    written.add(page.introduction(processor, np.__version__, extent))
     (light,) = small_probes([first], extent.source_rows)
     for size in extent.face_sizes:
         say(f"table 5.4, faces of {size} x {size}")
@@ -151,6 +155,33 @@ def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:
             written.write([head, page_seen.verdict(rows), summary, cubes, *sections])
             if k < len(extent.seen):
                 say(f"what is seen of {extent.seen[k]}")
+
+
+def write_survey(folder: Path, probes: Path, measured: Sequence[str], extent: Extent) -> None:
+    """Write the page of the survey into a folder, one BRDF at a time.
+
+    Parameters
+    ----------
+    folder : Path
+    probes : Path
+        The folder of the real probes.
+    measured : sequence of str
+        The files of measured BRDFs.
+    extent : Extent
+    """
+    from tests.paper import page_survey, survey
+    from tests.paper.inputs import Page, equal_probes, probe_files, say
+
+    lights = equal_probes(probe_files(probes, survey.PROBES), extent.survey_rows)
+    specs = [*(extent.survey or survey.all_specs()), *measured]
+    written = Page(folder / _SURVEY)
+    rows: list[survey.Outcome] = []
+    say(f"{len(specs)} BRDFs; {specs[0]}")
+    for k, found in enumerate(survey.outcomes(lights, specs, extent.survey_picture), start=1):
+        rows += found
+        written.write(page_survey.survey(rows, lights[0].height))
+        if k < len(specs):
+            say(f"{k} done; {specs[k]}")
 
 
 if __name__ == "__main__":

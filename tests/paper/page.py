@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.paper.extent import FULL, Extent
 from tests.paper.figures import MOST_P, ORDER_F, Method
 from tests.paper.timings import ANGULAR_TOLERANCE, VIEW_COUNT, Timing
 
@@ -13,18 +14,29 @@ CAPTURED_5_7 = 0.9
 """The part of a BRDF's energy that figure 5.7 counts as enough."""
 
 
-def introduction(processor: str, numpy: str) -> str:
+def introduction(processor: str, numpy: str, extent: Extent) -> str:
     """Write the title, and what the page is."""
+    rows = extent.source_rows
     return f"""# The paper's tables and figures, made anew
 
 Ramamoorthi, *A Signal-Processing Framework for Forward and Inverse Rendering* (2002), chapter 5.
 `make tables` wrote this page (numpy {numpy}, {processor}, one thread in every timing).
 
 The paper timed a 1.4 GHz Pentium IV. What can be compared are the ratios. Both sides take the
-same 256 x 128 lat-long from memory, and sampling the BRDF is part of their time.
+same {2 * rows} x {rows} lat-long from memory, and sampling the BRDF is part of their time.
 The angular side is `Reference`: an integral over the source's pixels for each texel, in float32,
 neighbouring texels and pixels together, tiles of pixels outside every lobe of a group left out,
 and the lobe cut where it holds all but {ANGULAR_TOLERANCE:g} of its light (eq. 5.30).
+{short_form(extent)}"""
+
+
+def short_form(extent: Extent) -> str:
+    """Return a paragraph that tells readers of the short form not to trust its numbers."""
+    if extent == FULL:
+        return ""
+    return """
+**This is the short form of the page, which shows that all of it can be made. Its probes and
+pictures are too small for its numbers to mean anything.**
 """
 
 

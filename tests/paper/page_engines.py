@@ -24,7 +24,11 @@ def irradiance(rows: Sequence[IrradianceRow]) -> str:
     """Write the part on the claim of chapter 4 of Ramamoorthi's thesis."""
     broken = [row for row in rows if not row.keeps_claim]
     bounds = all(row.average < PROVEN[0] and row.maximum < PROVEN[1] for row in rows)
-    alike = np.corrcoef([row.degree_4 for row in rows], [row.average for row in rows])[0, 1]
+    alike = ""
+    if len(rows) > 2:
+        pair = [row.degree_4 for row in rows], [row.average for row in rows]
+        alike = f"""; over these probes it and the average error go together, with a correlation of
+{np.corrcoef(*pair)[0, 1]:.2f}"""
     return _filled(f"""
 ## Chapter 4: irradiance from nine coefficients
 
@@ -39,8 +43,7 @@ worst channel; "window auto" are the factors of degrees 0 to 2 that keep E from 
 
 The claim is one for light from many sides, and a sun or lamps that outshine the rest break it: what
 nine coefficients leave out is degree 4 of the light and above (degree 3 of the cosine is 0). Of a
-single light, degree 4 is 3 times the mean; over these probes it and the average error go together,
-with a correlation of {alike:.2f}.
+single light, degree 4 is 3 times the mean{alike}.
 """)
 
 
@@ -55,7 +58,7 @@ def exponentials(results: Results, picture: str, pictured: Sequence[str]) -> str
     return _filled(f"""
 ## SH exponentials and the split sum
 
-Silvennoinen et al. 2025, section 5.1: spheres under {len(names)} probes, with F0 of 1 and .04, and
+Silvennoinen et al. 2025, section 5.1: spheres under {_listed(names)}, with F0 of 1 and .04, and
 {len(roughnesses)} alphas r^2, r evenly from {min(roughnesses):g} to {max(roughnesses):g};
 {cases} cases. The truth is a sum over all pixels of the
 probe, 256 x 128, of GGX with Smith's and Schlick's terms. Numbers are ratios of mean squared errors

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.paper.bars import BARS, Case
 from tests.paper.extent import Extent
-from tests.paper.page import table
+from tests.paper.page import short_form, table
 from tests.paper.seen import (
     AFTER,
     BEFORE,
@@ -39,7 +39,7 @@ as far as the same cubes support it, with the same P: what it misses is the view
 predicted one. "On a GPU" are the same two with bilinear look-ups in half precision. Seconds are
 those of this machine, for coefficients that an earlier row may have left in the cache."""
     paragraphs = "\n\n".join(fill(each, 100) for each in (spheres, ways, errors))
-    return f"# What is seen\n\n{paragraphs}\n"
+    return f"# What is seen\n\n{paragraphs}\n{short_form(extent)}"
 
 
 def verdict(rows: Sequence[Seen]) -> str:

@@ -1,15 +1,9 @@
-"""A survey of all BRDFs: what maps cost and how near to the truth they are, at the defaults.
-
-It is the program of `make survey`.
-"""
-
-from __future__ import annotations
+"""A survey of all BRDFs: what maps cost and how near to the truth they are, at the defaults."""
 
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +12,11 @@ from shrm_cli import settings
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.seen import seen_errors
 from tests.paper.glossy_truth import Sphere, sphere
-
-if TYPE_CHECKING:
-    from shrm_cli.probe.probe import Probe
 
 Array = NDArray[np.floating]
 
@@ -110,10 +102,10 @@ class Outcome:
         return [name for name, is_so in found.items() if is_so]
 
 
-def all_specs(measured: Sequence[Path] = ()) -> list[str]:
-    """Return the specifications of all models at their settings, of sums, and of files."""
+def all_specs() -> list[str]:
+    """Return the specifications of all models at their settings, and of sums."""
     models = [f"{name}:{each}" for name, many in SETTINGS.items() for each in many]
-    return [*models, *SUMS, *map(str, measured)]
+    return [*models, *SUMS]
 
 
 def outcomes(
@@ -152,31 +144,3 @@ def _of_probe(spec: str, probe: Probe, spheres: Sequence[Sphere]) -> list[Outcom
             seen.p95_relative_error, seen.negative_share,
         ))  # fmt: skip
     return rows
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the page `brdfs.md` into a folder, one BRDF at a time."""
-    from tests.paper import page_survey
-    from tests.paper.__main__ import parsed
-    from tests.paper.extent import FULL, SHORT
-    from tests.paper.inputs import Page, equal_probes, probe_files, say
-
-    given = parsed(__doc__, arguments)
-    extent = SHORT if given.short else FULL
-    probes = equal_probes(probe_files(given.probes, PROBES), extent.survey_rows)
-    if given.short:
-        probes = probes[:1]
-    specs = extent.survey or all_specs(given.measured)
-    written = Page(given.folder / "brdfs.md")
-    rows: list[Outcome] = []
-    say(f"{len(specs)} BRDFs under {len(probes)} probes: {specs[0]}")
-    for k, found in enumerate(outcomes(probes, specs, extent.survey_picture), start=1):
-        rows += found
-        written.write(page_survey.survey(rows, probes[0].height))
-        if k < len(specs):
-            say(f"{k} of {len(specs)} done: {specs[k]}")
-    say(f"The page is {written.path.resolve()}")
-
-
-if __name__ == "__main__":
-    main()

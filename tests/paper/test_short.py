@@ -16,8 +16,10 @@ from tests.paper.inputs import NAMES, Page, equal_probes, probe_files
 def folder(tmp_path_factory):
     """Where both programs wrote their pages, without real probes."""
     folder = tmp_path_factory.mktemp("paper")
-    for main in (tables.main, survey.main):
-        main([str(folder / "pages"), "--short", "--probes", str(folder / "none")])
+    for survey_too in ([], ["--survey"]):
+        tables.main(
+            [str(folder / "pages"), "--short", "--probes", str(folder / "none"), *survey_too]
+        )
     return folder / "pages"
 
 
@@ -48,13 +50,13 @@ def test_what_is_seen_is_told_of_both_shipped_probes(folder):
         assert {line.split(" | ")[0] for line in section.splitlines()[2:]} == {"| studio", "| sky"}
 
 
-def test_the_survey_has_a_row_for_each_brdf(folder):
+def test_the_survey_has_a_row_for_each_brdf_and_probe(folder):
     page = (folder / "brdfs.md").read_text()
-    (body,) = re.findall("^## studio\n\n(.*)", page, re.MULTILINE | re.DOTALL)
-    lines = body.splitlines()
-    assert [line.split(" | ")[0] for line in lines[2:]] == [f"| `{s}`" for s in SHORT.survey]
-    assert {line.count("|") for line in lines} == {13}
-    assert "- refused: 0 of 4 maps" in page
+    assert "- refused: 0 of 8 maps" in page
+    for probe in ("studio", "sky"):
+        lines = page.split(f"\n## {probe}\n\n")[1].split("\n\n")[0].splitlines()
+        assert [line.split(" | ")[0] for line in lines[2:]] == [f"| `{s}`" for s in SHORT.survey]
+        assert {line.count("|") for line in lines} == {13}
 
 
 def test_the_survey_marks_what_takes_too_much_and_what_is_refused():
