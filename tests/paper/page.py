@@ -128,9 +128,10 @@ def figure_5_7(rows: Sequence[tuple[str, NDArray[np.floating]]]) -> str:
 ## Figure 5.7: energy of BRDFs within F = {ORDER_F} and P = 0 .. {MOST_P}
 
 The paper has the 61 materials of the CUReT database, whose measurements are not at hand. They are
-replaced by the materials of the table: Lafortune's fits to six measured ones, and models. In the
-paper P = 5 captures more than {CAPTURED_5_7:.0%} of 56 of the 61 materials, and the other five are
-anisotropic; here it does of {good} of {len(rows)}.
+replaced by the materials of the table: Lafortune's fits to six measured ones, and models, each
+about its own central direction (the paper takes the mirror direction for all). In the paper P = 5
+captures more than {CAPTURED_5_7:.0%} of 56 of the 61 materials, and the other five are anisotropic;
+here it does of {good} of {len(rows)}.
 
 {table(head, body)}"""
 
