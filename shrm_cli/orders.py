@@ -21,8 +21,10 @@ Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
 """The order F to which coefficients are computed first; it doubles until it suffices."""
-_SHARP = 0.3
-"""The part of a BRDF's energy beyond the known orders that makes its lobe a sharp one."""
+_FALLING = 0.8
+"""The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
+_MOST_OCTAVES = 3
+"""The most octaves of degrees over which that ratio is trusted."""
 _FIRST_ORDER_P = 8
 """The order P to which coefficients are computed first; it doubles until it suffices."""
 
@@ -97,15 +99,54 @@ def choose_orders(
             raise OrderError(f"order {name} = {order} is outside 0 .. {most}")
     least = order_f or 0, order_p or 0
     coefficients = _sufficient_coefficients(brdf, tolerance, *least, most_p, progress)
-    captured = coefficients.captured()
-    enough = captured >= 1 - tolerance
-    if most_p is None and not enough[-1, -1] and order_f is None and order_p is None:
+    if most_p is None and order_f is None and order_p is None:
+        return sufficient_orders(brdf, coefficients, tolerance), coefficients
+    return least_orders(coefficients, tolerance, order_f, order_p), coefficients
+
+
+def known_coefficients(
+    brdf: Brdf, tolerance: float, progress: Progress | None = None
+) -> BrdfCoefficients:
+    """Compute coefficients that meet a tolerance, and so every larger one, or those to the limits.
+
+    Parameters
+    ----------
+    brdf, tolerance, progress
+        As `choose_orders` takes them.
+
+    Raises
+    ------
+    BrdfError
+        If the coefficients of the BRDF cannot be computed.
+    """
+    return _sufficient_coefficients(brdf, tolerance, 0, 0, None, progress)
+
+
+def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float) -> Orders:
+    """Find the least orders that meet a tolerance among those of known coefficients.
+
+    Parameters
+    ----------
+    brdf : Brdf
+        The BRDF of the coefficients.
+    coefficients : BrdfCoefficients
+        What `known_coefficients` returns for this tolerance or a smaller one.
+    tolerance : float
+        The fraction of the energy that may be missed.
+
+    Raises
+    ------
+    OrderError
+        If the tolerance cannot be met.
+    """
+    missed = 1 - coefficients.captured()[-1, -1]
+    if missed > tolerance:
         raise OrderError(
             f"{brdf!r}: tolerance {tolerance:g} cannot be met within F = {MAX_ORDER_F} and "
-            f"P = {MAX_ORDER_P}; they reach {1 - captured[-1, -1]:.3g}; ask for more than that, or "
+            f"P = {MAX_ORDER_P}; they reach {missed:.3g}; ask for more than that, or "
             "name the orders and see what they miss"
         )
-    return least_orders(coefficients, tolerance, order_f, order_p), coefficients
+    return least_orders(coefficients, tolerance)
 
 
 def least_orders(
@@ -255,11 +296,11 @@ def _sufficient_coefficients(
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients
-        missing_f = 1 - coefficients.degree_energy.sum() / total
         missing = 1 - coefficients.captured()[-1, -1]
-        if missing_f > tolerance / 5 and f < MAX_ORDER_F:
-            # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
-            f = min((4 if missing_f > _SHARP else 2) * f, MAX_ORDER_F)
+        # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
+        octaves = _octaves_to_come(coefficients, tolerance / 5)
+        if octaves > 0 and f < MAX_ORDER_F:
+            f = min(2**octaves * f, MAX_ORDER_F)
             continue
         if most_p is not None:
             known = np.cumsum(coefficients.degree_energy.sum(axis=-1))
@@ -268,3 +309,36 @@ def _sufficient_coefficients(
             p = min(2 * p, largest)
         else:
             return coefficients
+
+
+def _octaves_to_come(coefficients: BrdfCoefficients, tolerance: float) -> int:
+    """Estimate how often the order F must be doubled until little energy lies beyond it.
+
+    Energies that fall by a power of the degree fall from octave to octave by the same ratio, which
+    the last two octaves tell. What no F finds, because it has q > P, does not count.
+
+    Parameters
+    ----------
+    coefficients : BrdfCoefficients
+        The coefficients to the order F.
+    tolerance : float
+        The fraction of the energy that may lie beyond.
+
+    Returns
+    -------
+    int
+        0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
+    """
+    by_degree = coefficients.degree_energy.sum(axis=-1)
+    allowed = tolerance * coefficients.total_energy.sum()
+    missing = coefficients.total_energy.sum() - by_degree.sum()
+    octave = coefficients.order_f // 2
+    last, before = by_degree[octave + 1 :].sum(), by_degree[octave // 2 + 1 : octave + 1].sum()
+    if missing <= allowed:
+        return 0
+    if last >= _FALLING * before:
+        return 2
+    beyond = min(missing, last * last / (before - last))
+    if beyond <= allowed:
+        return 0
+    return min(int(np.ceil(np.log(beyond / allowed) / np.log(before / last))), _MOST_OCTAVES)

@@ -143,7 +143,7 @@ def prefilter_with_facts(
     check_arguments(to, given)
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
     given = {
-        name: _material(value) if name == "brdf" else options[name].checked(value)
+        name: _material(value, probe) if name == "brdf" else options[name].checked(value)
         for name, value in given.items()
     }
     make = registry.module(to, "prefilter").prefilter
@@ -183,10 +183,10 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
         raise ArgumentError("brdf", f"is missing; `to` {to} needs one")
 
 
-def _material(brdf: object) -> Brdf:
-    """Return a BRDF from itself or from its specification."""
+def _material(brdf: object, probe: Probe) -> Brdf:
+    """Return a BRDF from itself or from its specification, with the probe's primaries."""
     if isinstance(brdf, str):
-        return parse_spec(brdf)
+        return parse_spec(brdf, primaries=probe.chromaticities)
     if not isinstance(brdf, Brdf):
         raise ArgumentError("brdf", f"{brdf!r} is neither a BRDF nor the specification of one")
     return brdf

@@ -276,8 +276,9 @@ def reference(
     ------
     ProbeError, BrdfError
     """
-    material = parse_spec(brdf) if isinstance(brdf, str) else brdf
-    truth = Reference(as_probe(probe), material, source_height, progress=progress)
+    light = as_probe(probe)
+    material = parse_spec(brdf, primaries=light.chromaticities) if isinstance(brdf, str) else brdf
+    truth = Reference(light, material, source_height, progress=progress)
     return truth.radiance(normals, views)
 
 

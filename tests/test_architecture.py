@@ -21,7 +21,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"errors", "settings", "vocabulary", "progress"},
+    {"errors", "settings", "vocabulary", "progress", "color"},
     {"layouts"},
     {"sphere"},
     {"files"},
@@ -49,8 +49,8 @@ EXTRAS = {
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
-    "__init__.py", "errors.py", "files/whole.py", "layouts.py", "maps/options.py",
-    "maps/registry.py", "progress.py", "settings.py", "vocabulary.py",
+    "__init__.py", "errors.py", "files/inputs.py", "files/whole.py", "layouts.py",
+    "maps/options.py", "maps/registry.py", "progress.py", "settings.py", "vocabulary.py",
     *(f"maps/{folder}/options.py" for folder in FOLDERS),
 }  # fmt: skip
 """Modules that `shrm --help` may load, besides those of cli/."""

@@ -8,6 +8,7 @@ import pytest
 from scipy.special import sph_harm_y
 
 from shrm_cli.maps.file import open_map
+from tests import ggx
 from tests.cli.helpers import ROOT, done
 
 PROBE = ROOT / "probes" / "studio.exr"
@@ -122,31 +123,68 @@ def test_split_sum(tmp_path, tables, scene, mapping):
         assert difference(light * (np.array(COLOURS) * scale + bias), expected) < 0.005
 
 
+def of_lobe(table, normals, views, roughness, f0):
+    """Albedo and mean direction of the lobe, as the page says, and the albedo of its tail.
+
+    The table is fetched bilinearly and clamped to its edges, as GPUs do it.
+    """
+    cosines = np.sum(normals * views, axis=1)
+    moments = of_table(table, MOMENTS, roughness, cosines)
+    base, tail = moments[:, :3].T, moments[:, 3:].T
+    m = f0 * base + (1 - f0) * tail
+    d = m[1][:, None] * normals + m[2][:, None] * (cosines[:, None] * normals - views)
+    return m[0], d / m[0][:, None], tail[0]
+
+
+def of_exponential(header, values, table, normals, views, roughness, f0):
+    """One channel of the light, as the page says, from a file's attributes and its row."""
+    albedo, mean, tail = of_lobe(table, normals, views, roughness, f0)
+    cosines = np.sum(normals * views, axis=1)
+    count_p = (header["shrm:p_order"] + 1) ** 2
+    d, s = 2 * cosines[:, None] * normals - views, roughness**2
+    factor, of_q = f0 + (1 - f0) * tail, s
+    if header["shrm:law"] == "lobe":
+        s = np.maximum(0, -np.log(np.linalg.norm(mean, axis=1)))
+        d, factor, of_q = unit(mean), albedo, s / 4
+    exponent = np.zeros(len(normals))
+    for i, value in enumerate(values):
+        index = i if i < count_p else i - count_p + 1
+        l = int(np.sqrt(index))  # noqa: E741
+        at, spread = (d, s) if i < count_p else (unit(normals + d), of_q)
+        term = np.exp(-l * (l + 1) * spread / 2) * value
+        exponent += term * harmonic(l, index - l * (l + 1), at)
+        if l > 0 and header["shrm:law"] == "lobe":
+            exponent -= term**2 / (8 * np.pi)
+    return factor * np.exp(exponent)
+
+
 @pytest.mark.parametrize("law", ["lobe", "paper"])
 def test_exponential(tmp_path, tables, scene, law):
-    path, (normals, views, cosines, mirrored) = tmp_path / "x.exr", scene
+    path, (normals, views, *_) = tmp_path / "x.exr", scene
     done("prefilter", PROBE, "--to", "she", "--law", law, "-o", path)
     ((header, channels),) = parts_of(path)
-    count_p = (header["shrm:p_order"] + 1) ** 2
-    tangents = unit(cosines[:, None] * normals - views)
     for roughness in (0.5, 0.8):
-        moments = of_table(tables / "moments.exr", MOMENTS, roughness, cosines)
-        base, tail = moments[:, :3].T, moments[:, 3:].T
         expected = open_map(path).shaded(roughness, COLOURS).radiance(normals, views)
         for k, f0 in enumerate(COLOURS):
-            m, d, s = f0 * base + (1 - f0) * tail, mirrored, roughness**2
-            factor, of_q = f0 + (1 - f0) * tail[0], s
-            if law == "lobe":
-                d = (m[1][:, None] * normals + m[2][:, None] * tangents) / m[0][:, None]
-                s = np.maximum(0, -np.log(np.linalg.norm(d, axis=1)))
-                d, factor, of_q = unit(d), m[0], s / 4
-            exponent = np.zeros(len(normals))
-            for i, value in enumerate(rgb(channels)[0, :, k]):
-                index = i if i < count_p else i - count_p + 1
-                l = int(np.sqrt(index))  # noqa: E741
-                at, spread = (d, s) if i < count_p else (unit(normals + d), of_q)
-                term = np.exp(-l * (l + 1) * spread / 2) * value
-                exponent += term * harmonic(l, index - l * (l + 1), at)
-                if l > 0 and law == "lobe":
-                    exponent -= term**2 / (8 * np.pi)
-            assert difference(factor * np.exp(exponent), expected[:, k]) < 0.005
+            values = rgb(channels)[0, :, k]
+            found = of_exponential(
+                header, values, tables / "moments.exr", normals, views, roughness, f0
+            )
+            assert difference(found, expected[:, k]) < 0.005
+
+
+def test_lobes_of_surfaces_that_face_the_viewer(tables):
+    """Around N = V, where the table ends: no pinwheel, and no direction of no length."""
+    angles, azimuths = np.radians([0, 0.01, 1, 3, 5, 8]), np.linspace(0, 6, 7)
+    for roughness in (0.45, 0.8):
+        for angle in angles:
+            normals = unit(np.random.default_rng(4).normal(size=(len(azimuths), 3)))
+            right = unit(np.cross(normals, [0, 0, 1]))
+            down = np.cross(normals, right)
+            across = np.cos(azimuths)[:, None] * right + np.sin(azimuths)[:, None] * down
+            views = np.cos(angle) * normals + np.sin(angle) * across
+            _, mean, _ = of_lobe(tables / "moments.exr", normals, views, roughness, 1.0)
+            _, along, tangential = ggx.moments(roughness, np.cos(angle), 400, 400)[0]
+            expected = unit(along * normals - tangential * across)
+            turned = np.linalg.norm(unit(mean) - expected, axis=1)
+            assert np.degrees(turned.max()) < 0.05

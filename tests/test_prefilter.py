@@ -185,7 +185,15 @@ FOREIGN = [
     ("irradiance", {"center": "normal"}, "center", "shrm"),
     ("irradiance", {"domain": "frequency"}, "domain", "cabral"),
     ("irradiance", {"source_height": 8}, "source_height", "cabral"),
-    ("splitsum", {"frame": "global"}, "frame", "shrm"),
+    *[
+        (to, {"frame": frame}, "frame", "`to` shrm")
+        for to in ("splitsum", "she")
+        for frame in ("global", "local")
+    ],
+    *[
+        (to, {"brdf": "phong", "frame": "local"}, "frame", "`to` shrm")
+        for to in ("cabral", "kautz-mccool", "lightfield", "principal")
+    ],
     ("she", {"size": 8}, "size", "irradiance or splitsum"),
     ("she", {"sampling": "border"}, "sampling", "irradiance or splitsum"),
     ("cabral", {"brdf": "phong", "split": False}, "split", "`to` shrm"),
@@ -216,6 +224,8 @@ def test_arguments_that_would_change_nothing(folder, to, arguments, name, words)
     assert argument == name
     assert "applies with `to` " in message
     assert words in message
+    if name == "frame":  # all give the same advice
+        assert message.endswith("applies with `to` shrm")
 
 
 @pytest.mark.parametrize(
@@ -225,7 +235,7 @@ def test_arguments_that_would_change_nothing(folder, to, arguments, name, words)
         ("shrm", {"brdf": "phong", "source_height": 8}, "source_height"),
         ("shrm", {"brdf": "phong", "split": True, "center": "normal"}, "split"),
         ("shrm", {"brdf": "phong", "split": True, "order_f": 3}, "split"),
-        ("cabral", {"brdf": "phong", "frame": "local"}, "frame"),
+        ("shrm", {"brdf": "phong", "split": True}, "split"),
         ("cabral", {"brdf": "phong", "source_height": 8}, "source_height"),
         ("cabral", {"brdf": "phong", "domain": "angular", "order_f": 3}, "order_f"),
         ("cabral", {"brdf": "phong", "domain": "angular", "order_p": 3}, "order_p"),

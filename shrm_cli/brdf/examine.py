@@ -6,9 +6,6 @@ from functools import cache
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf
-from shrm_cli.brdf.cache import cached_coefficients
-from shrm_cli.brdf.coefficients import compute_coefficients
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
 from shrm_cli.sphere.quadrature import gauss_legendre
 
@@ -123,42 +120,6 @@ def directional_albedo(brdf: Brdf, theta: float) -> Array:
             break
         previous = current
     return current
-
-
-def captured_by_view_order(
-    brdf: Brdf, order_f: int, most_p: int = 5, progress: Progress | None = None
-) -> Array:
-    """Compute the fraction of a BRDF's energy within the order F, for each order P.
-
-    Parameters
-    ----------
-    brdf : Brdf
-    order_f, most_p : int
-        The order F, and the largest P.
-    progress : callable, optional
-        Called with an estimate of how far the work is.
-
-    Returns
-    -------
-    ndarray, shape (most_p + 1,)
-        For P = 0 .. `most_p`.
-
-    Raises
-    ------
-    BrdfError
-        If the BRDF is anisotropic, or too sharp to be sampled.
-
-    References
-    ----------
-    Ramamoorthi 2002, "A Signal-Processing Framework for Forward and Inverse Rendering", eq. 5.18.
-    """
-    # The noise of measured data would take long to resolve, and changes no digit that is shown.
-    accuracy = 1e-3 if brdf.is_measured else 1e-4
-    coefficients = cached_coefficients(
-        brdf, order_f, most_p, accuracy, compute_coefficients, progress
-    )
-    captured = coefficients.captured()[order_f]
-    return np.pad(captured, (0, most_p + 1 - len(captured)), mode="edge")
 
 
 def _albedo(brdf: Brdf, theta: float, count: int) -> Array:

@@ -17,6 +17,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.discovery import brdf_classes
 from shrm_cli.brdf.foreign import checked_model, explained
 from shrm_cli.errors import BrdfError
+from shrm_cli.files.inputs import note
 
 _TERM = re.compile(r"(?P<path>.+?\.py)(:(?P<name>[^:]*))?(:(?P<values>.*))?")
 
@@ -89,6 +90,7 @@ class _Loader(SourceFileLoader):
 
 
 def _run(path: Path) -> ModuleType:
+    note(path)
     # The name is such that nothing can import it, and it is registered, as dataclasses expect.
     name = f"shrm user file {path.resolve()}"
     spec = spec_from_loader(name, _Loader(name, str(path)))

@@ -14,16 +14,19 @@ of a choice.
 import os
 from pathlib import Path
 
+import numpy as np
+
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.discovery import is_built_in
 from shrm_cli.brdf.foreign import make_checked
 from shrm_cli.brdf.library import built_in_names, find_model, model_names
 from shrm_cli.brdf.python_file import FileTerm, file_term, load_model
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
+from shrm_cli.color import Primaries, from_rec709
 from shrm_cli.errors import BrdfError
 
 
-def parse_spec(spec: str, *, run_code: bool = True) -> Brdf:
+def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None = None) -> Brdf:
     """The BRDF that a specification such as ``microfacet:sigma=0.1`` names.
 
     Parameters
@@ -32,6 +35,9 @@ def parse_spec(spec: str, *, run_code: bool = True) -> Brdf:
     run_code : bool
         Whether it may name a Python file, which is run. It must not where the specification
         comes out of a file rather than from the user.
+    primaries : sequence of 8 float, optional
+        The probe's chromaticities, which the colors of metals are converted to. They are those of
+        Rec.709 by default.
 
     Raises
     ------
@@ -40,7 +46,9 @@ def parse_spec(spec: str, *, run_code: bool = True) -> Brdf:
         file cannot be used.
     """
     if not _is_one_file(spec) and is_sum(spec):
-        return parse_sum(spec, lambda term: parse_spec(term, run_code=run_code))
+        return parse_sum(
+            spec, lambda term: parse_spec(term, run_code=run_code, primaries=primaries)
+        )
     if names_file(spec):
         from shrm_cli.brdf.measured import open_measured  # it is slow to load
 
@@ -50,6 +58,7 @@ def parse_spec(spec: str, *, run_code: bool = True) -> Brdf:
         name, colon, rest = spec.strip().partition(":")
         model = find_model(name)
         values = _values(spec, rest) if colon else {}
+        values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
         return model(**values) if is_built_in(model) else make_checked(model, values, name)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
@@ -137,6 +146,16 @@ def _values(spec: str, text: str) -> dict[str, Value]:
             raise BrdfError(f"{spec!r}: {key} is given twice")
         values[key] = _value(value)
     return values
+
+
+def _converted(model: type[Brdf], key: str, value: Value, primaries: Primaries | None) -> Value:
+    """A value, or, where it is the name of a color, that color in the probe's primaries."""
+    matrix = from_rec709(primaries)
+    for parameter in model.parameters if matrix is not None and isinstance(value, str) else ():
+        if parameter.name == key and value in parameter.names:
+            color = matrix @ np.asarray(parameter.names[str(value)])
+            return [float(each) for each in np.clip(color, parameter.minimum, parameter.maximum)]
+    return value
 
 
 def _value(text: str) -> Value:

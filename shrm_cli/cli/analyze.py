@@ -17,7 +17,7 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT, SAMPLINGS
@@ -128,7 +128,7 @@ def analyze(
         return
     from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
     from shrm_cli.analysis.plots import can_plot, plot_accuracy, plot_energy
-    from shrm_cli.brdf.spec import file_label, parse_spec
+    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import write_picture
     from shrm_cli.maps.provenance import record_of
     from shrm_cli.probe.lighting import project
@@ -140,12 +140,12 @@ def analyze(
     rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))
     refuse_inapplicable(rules)
     exclude("output", "no_plots")
-    brdf = parse_spec(spec)
     source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
+    brdf = parse_spec(spec, primaries=source.chromaticities if source is not None else None)
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
-    prefix = _prefix(output, probe, file_label(spec))
+    prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
-    check_outputs(targets.values(), probes=[source], specs=[spec])
+    check_outputs(targets.values(), specs=[spec])
 
     with progress_bar("expanding", quiet) as progress:
         grid = energy_grid(brdf, tolerances, order_f, order_p, progress)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import conclude, print_json, progress_bar, report_options, warn
+from shrm_cli.cli.options import conclude, progress_bar, report_options, warn
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo, echo_json
 from shrm_cli.cli.types import Fraction
 
 if TYPE_CHECKING:
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 _TOLERANCES = (0.1, 0.03, 0.01)
 _SUFFIXES = (".exr", ".npz", ".binary")
+_MOST_P = 5
+"""The largest P whose energy is told."""
 _GROUPS = {
     "normal": "Diffuse, about the normal",
     "reflection": "Glossy, about the mirror direction",
@@ -62,8 +66,8 @@ def brdf(
     remarks: list[str] = []
     with progress_bar("expanding", quiet) as progress:
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
-        rows = [_orders(chosen, eps, remarks, progress) for eps in asked]
-        report = _explain(chosen, rows, progress)
+        rows, captured = _orders(chosen, asked, remarks, progress) if asked else ([], [])
+        report = _explain(chosen, rows, captured)
     conclude(report, _text(chosen, report), remarks, as_json, quiet)
 
 
@@ -74,7 +78,7 @@ def _list(as_json: bool, quiet: bool) -> None:
     models, problems = all_models()
     groups = {center: [each for each in models if each.center == center] for center in _GROUPS}
     if as_json:
-        print_json([_describe(model) for group in groups.values() for model in group])
+        echo_json([_describe(model) for group in groups.values() for model in group])
     lines = []
     for center, title in _GROUPS.items():
         lines.append(f"{title}:")
@@ -85,7 +89,7 @@ def _list(as_json: bool, quiet: bool) -> None:
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
     if not (as_json or quiet):
-        click.echo("\n".join(lines))
+        echo("\n".join(lines))
     warn(problems, quiet)
 
 
@@ -114,10 +118,10 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
     written = open_measured(target)
     size, error = Path(target).stat().st_size, difference(chosen, written)
     if as_json:
-        print_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
+        echo_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
     elif not quiet:
-        click.echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
-        click.echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
+        echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
+        echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
 
 
 def _describe(model: Any) -> dict[str, Any]:
@@ -149,28 +153,52 @@ def _anisotropy(model: Any) -> list[str]:
 
 
 def _orders(
-    chosen: Brdf, tolerance: float, remarks: list[str], progress: Progress | None
-) -> dict[str, Any]:
-    """Return the orders that a tolerance asks for; what is to be said of them joins `remarks`."""
+    chosen: Brdf, tolerances: Sequence[float], remarks: list[str], progress: Progress | None
+) -> tuple[list[dict[str, Any]], list[float]]:
+    """Find the orders that tolerances ask for, with one search, for the smallest of them.
+
+    What is to be said of them joins `remarks`.
+
+    Returns
+    -------
+    rows : list of dict
+        The orders for each tolerance, or why there are none.
+    captured : list of float
+        The energy that P = 0 .. 5 capture within the order F of the last tolerance that can be met;
+        empty if none can.
+    """
     from shrm_cli.errors import BrdfError, OrderError
-    from shrm_cli.orders import choose_orders
+    from shrm_cli.orders import known_coefficients, sufficient_orders
 
     try:
-        orders, coefficients = choose_orders(chosen, tolerance, progress=progress)
-    except (OrderError, BrdfError) as error:
-        return {"epsilon": tolerance, "error": str(error)}
+        coefficients = known_coefficients(chosen, min(tolerances), progress)
+    except BrdfError as error:
+        return [{"epsilon": eps, "error": str(error)} for eps in tolerances], []
     if coefficients.remark is not None:
-        remarks.append(f"`eps` {tolerance:g}: {chosen!r} is {coefficients.remark}")
-    return {
-        "epsilon": tolerance,
-        "order_f": orders.order_f,
-        "order_p": orders.order_p,
-        "brdf_energy_captured": orders.captured,
-    }
+        remarks.append(f"{chosen!r} is {coefficients.remark}")
+    rows: list[dict[str, Any]] = []
+    captured: list[float] = []
+    for eps in tolerances:
+        try:
+            orders = sufficient_orders(chosen, coefficients, eps)
+        except OrderError as error:
+            rows.append({"epsilon": eps, "error": str(error)})
+            continue
+        rows.append(
+            {
+                "epsilon": eps,
+                "order_f": orders.order_f,
+                "order_p": orders.order_p,
+                "brdf_energy_captured": orders.captured,
+            }
+        )
+        captured = coefficients.captured()[orders.order_f, : _MOST_P + 1].tolist()
+        captured += captured[-1:] * (_MOST_P + 1 - len(captured))
+    return rows, captured
 
 
-def _explain(chosen: Brdf, rows: list[dict[str, Any]], progress: Progress | None) -> dict[str, Any]:
-    from shrm_cli.brdf.examine import ANGLES, captured_by_view_order, examine
+def _explain(chosen: Brdf, rows: list[dict[str, Any]], captured: list[float]) -> dict[str, Any]:
+    from shrm_cli.brdf.examine import ANGLES, examine
 
     found = examine(chosen)
     report = {
@@ -193,7 +221,6 @@ def _explain(chosen: Brdf, rows: list[dict[str, Any]], progress: Progress | None
     met = [row for row in rows if "error" not in row]
     if met:
         f = met[-1]["order_f"]
-        captured = captured_by_view_order(chosen, f, progress=progress).tolist()
         report["captured_by_view_order"] = {"order_f": f, "captured": captured}
     return report
 

@@ -2,7 +2,8 @@
 
 import click
 
-from shrm_cli.cli.options import print_json, report_options
+from shrm_cli.cli.options import report_options
+from shrm_cli.cli.terminal import echo, echo_json
 
 
 @click.group()
@@ -22,10 +23,10 @@ def info(as_json: bool, quiet: bool) -> None:
     count, size = usage()
     where = str(folder())
     if as_json:
-        print_json({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES})
+        echo_json({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES})
     elif not quiet:
         limit = f"at most {MOST_BYTES / 2**20:.0f} MB"
-        click.echo(f"{where}: {_amount(count, size)}, {limit}")
+        echo(f"{where}: {_amount(count, size)}, {limit}")
 
 
 @cache.command()
@@ -37,9 +38,9 @@ def clear(as_json: bool, quiet: bool) -> None:
     where = str(folder())
     count, size = clear()
     if as_json:
-        print_json({"folder": where, "removed": count, "bytes": size})
+        echo_json({"folder": where, "removed": count, "bytes": size})
     elif not quiet:
-        click.echo(f"{where}: {_amount(count, size)} removed")
+        echo(f"{where}: {_amount(count, size)} removed")
 
 
 def _amount(count: int, size: int) -> str:

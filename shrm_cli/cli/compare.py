@@ -107,7 +107,7 @@ def compare(
     spec: str | None,
     representations: bool,
     roughness: tuple[float, float] | None,
-    f0: tuple[float, float, float] | None,
+    f0: str | None,
     steps: int | None,
     tolerance: float,
     source_height: int | None,
@@ -165,7 +165,7 @@ def compare(
     target = None if no_picture else output or "compare.png"
     if target is not None:
         file_type(target)
-        check_outputs([target], files=maps, probes=[source], specs=[spec])
+        check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
     loaded, surface, warnings = shaded_maps(
         [open_map(path) for path in maps], maps, roughness and roughness[0], f0
@@ -180,7 +180,12 @@ def compare(
             from shrm_cli.reference import Reference
 
             advice = "give --brdf" + (", or another --roughness and --f0" if surface else "")
-            brdf = common_brdf(infos, advice) if spec is None else parse_spec(spec)
+            if spec is None:
+                brdf = common_brdf(infos, advice)
+            else:
+                brdf = parse_spec(spec, primaries=source.chromaticities)
+            # The maps may have named measured files, which are known only now.
+            check_outputs([] if target is None else [target])
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=stages.within)
         comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
@@ -202,15 +207,21 @@ def compare(
         **_numbers(comparison, names, views, flips),
         "picture": target,
     }
+    warnings += [
+        f"{row['file']}: its values, or those that it is compared with, are too large for "
+        "32-bit floats; the differences mean nothing"
+        for row in result["summary"]
+        if row["rmse"] is None
+    ]
     # The first label is that of the baseline, which is the truth or the first map.
     labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
     report = [_table(result, labels[1:], flips is not None)]
     if target is not None:
         pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
-        primaries = {each.info.chromaticities for each in loaded}
-        primaries |= {source.chromaticities} if source is not None else set()
-        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, primaries))
+        shown = {each.info.chromaticities for each in loaded}
+        shown |= {source.chromaticities} if source is not None else set()
+        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, shown))
         report.append(f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
     conclude(result, report, warnings, as_json, quiet)
 
@@ -351,15 +362,20 @@ def _cells(row: dict[str, Any]) -> list[str]:
     rmse, psnr, flip = row["rmse"], row["psnr"], row["hdr_flip"]
     none = "inf dB" if rmse == 0 else "-inf dB"
     return [
-        f"{rmse:.4g}",
+        _number(rmse),
         _percent(row["relative_rmse"], 2),
         _percent(row["median_relative_error"], 1),
         _percent(row["p95_relative_error"], 1),
         _percent(row["negative_share"], 2),
         "-" if flip is None else f"{flip:.3f}",
-        f"{row['maximum']:.4g}",
+        _number(row["maximum"]),
         none if psnr is None else f"{psnr:.1f} dB",
     ]
+
+
+def _number(value: float | None) -> str:
+    """Return a number with four digits; those that JSON cannot hold are infinite."""
+    return "inf" if value is None else f"{value:.4g}"
 
 
 def _percent(value: float | None, digits: int) -> str:

@@ -17,7 +17,7 @@ from shrm_cli.cli.options import (
     report_options,
     representation_options,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import check_outputs, probe_stem
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 from shrm_cli.maps.options import Option, all_options, listing, owners
@@ -96,6 +96,7 @@ def convert(
       shrm convert probe.exr --to hcross --size 256
     """
     from shrm_cli.maps.file import is_map
+    from shrm_cli.probe.probe import open_probe
 
     result_path = output or _default_name(source, target)
     reading = make_read_options(sampling, values)
@@ -109,6 +110,7 @@ def convert(
         )
     else:
         if target in REPRESENTATIONS:
+            open_probe(source, reading)  # raises what is wrong with a file that is no image
             raise click.BadParameter(
                 f"{source} is no map; a probe becomes {target} by shrm prefilter",
                 param_hint="'--to'",
@@ -164,7 +166,7 @@ def _convert_map(
     chosen = orientation or default_orientation(layout)
     if precision == "auto" and not made.is_exact_in_half:
         precision = "float"  # a conversion must not lose precision
-    pixels = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
+    stored = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
     result = {
         "file": path,
         "kind": "map",
@@ -179,7 +181,8 @@ def _convert_map(
         "predicted_error": made.info.predicted_error,
         "added_error": made.info.added_error,
         "fit_residual": made.info.fit_residual,
-        "precision": pixels,
+        "storage_error": max(stored.error, made.info.storage_error),
+        "precision": stored.pixel_type,
     }
     return result, []
 
@@ -208,7 +211,7 @@ def _convert_probe(
             f"{path}: six files need % in place of +X, -X and so on", param_hint="'--output'"
         )
     files = face_paths(path) if target == "faces" else [path]
-    check_outputs(files, probes=[probe], suffixes=CONTAINERS)
+    check_outputs(files, suffixes=CONTAINERS)
     chosen = orientation or default_orientation(target)
     image = to_layout(probe, target, chosen, size, sampled, progress)  # type: ignore[arg-type]
     marked = (target, chosen) in (("openexr", "openexr"), ("latlong", "openexr"))
@@ -241,7 +244,7 @@ def _default_name(source: str, target: str) -> str:
     family = list(REPRESENTATIONS) if target in REPRESENTATIONS else list(IMAGE_LAYOUTS)
     if dot and last in family:
         stem = base
-    stem = stem.replace("%", "").rstrip("_-.") or "probe"
+    stem = probe_stem(f"{stem}.exr")
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"
 
 
@@ -259,7 +262,12 @@ def _report(result: dict[str, Any]) -> str:
         f"{result['file']}: {result['frame']} {kind} map, {result['maps']} cubes of 6 x {size} x "
         f"{size} texels as {result['layout']}, {result['precision']}"
     ]
-    for key, text in (("added_error", "added by its form"), ("fit_residual", "left by the fit")):
-        if result[key] >= 5e-6:
+    errors = {
+        "added_error": "added by its form",
+        "fit_residual": "left by the fit",
+        "storage_error": "from half precision",
+    }
+    for key, text in errors.items():
+        if result[key] >= (5e-4 if key == "storage_error" else 5e-6):
             lines.append(f"  RMS error      {result[key]:.3%} {text}")
     return "\n".join(lines)

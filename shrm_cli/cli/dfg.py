@@ -4,8 +4,9 @@ import os
 
 import click
 
-from shrm_cli.cli.options import precision_option, print_json, progress_bar, report_options
+from shrm_cli.cli.options import precision_option, progress_bar, report_options
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo, echo_json
 from shrm_cli.cli.usage import exclude
 from shrm_cli.vocabulary import CONTAINERS, Precision
 
@@ -46,9 +47,9 @@ def dfg(
     where f0 is 1.
 
     With --moments it is the table that goes with an SH exponential. Its channels base.E, base.N
-    and base.T are the integrals of 1, N.L and T.L over the lobe without Fresnel's term, where T
-    is the tangent away from the viewer; tail.E, tail.N and tail.T are those with (1 - V.H)^5.
-    The lobe of f0 has mix(tail, base, f0).
+    and base.T are the integrals of 1, N.L and T.L / T.T over the lobe without Fresnel's term,
+    where T = (N.V) N - V points away from the viewer; tail.E, tail.N and tail.T are those with
+    (1 - V.H)^5. The lobe of f0 has mix(tail, base, f0).
     """
     from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
     from shrm_cli.brdf.environment.file import MEANINGS, Kind, write_dfg
@@ -83,7 +84,7 @@ def dfg(
     if moments:
         result["mean_direction"] = meaning.mean
     if as_json:
-        print_json(result)
+        echo_json(result)
     elif not quiet:
         lines = [
             f"{output}: {size} x {size}, N.V across, roughness down; {', '.join(meaning.names)}; "
@@ -94,4 +95,4 @@ def dfg(
             f"  white furnace  {white.min():.2%} to {white.max():.2%} at f0 = 1 by single "
             "scattering",
         ]
-        click.echo("\n".join(lines))
+        echo("\n".join(lines))

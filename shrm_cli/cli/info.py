@@ -81,17 +81,23 @@ def _describe_map(file: str) -> dict[str, Any]:
 def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]:
     import numpy as np
 
+    from shrm_cli.probe.lamps import PolarRows
     from shrm_cli.probe.probe import open_probe
 
     probe = open_probe(file, options)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     total, area = np.zeros(3), 0.0
-    for _, pixels, weights in probe.blocks():
+    polar_rows = PolarRows(probe.grid)
+    for start, pixels, weights in probe.blocks():
+        polar_rows.add(start, pixels)
         low = np.minimum(low, pixels.min(axis=(0, 1)))
         high = np.maximum(high, pixels.max(axis=(0, 1)))
         full = np.broadcast_to(weights, pixels.shape[:2])
         total += np.einsum("ijc,ij->c", pixels, full, dtype=float)
         area += float(full.sum())
+    for lamps in polar_rows.lamps():
+        weights = probe.grid.weights(lamps.start, lamps.start + len(lamps.excess))
+        total += np.einsum("ijc,ij->c", lamps.light, np.broadcast_to(weights, lamps.shape))
     first = probe.images[0]
     values = {
         "kind": "probe",
@@ -101,6 +107,7 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
         "sampling": probe.sampling,
         "orientation": probe.orientation,
         "format": first.file_format,
+        **first.facts(),
         "minimum": low.tolist(),
         "maximum": high.tolist(),
         "mean": (total / area).tolist(),

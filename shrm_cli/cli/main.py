@@ -1,6 +1,7 @@
 """`shrm` itself finds the subcommand, and turns errors into one line and an exit code."""
 
 import importlib
+import os
 import signal
 import sys
 import warnings
@@ -10,9 +11,11 @@ from typing import Any
 import click
 
 from shrm_cli import __version__, settings
+from shrm_cli.cli.terminal import echo_message
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
 from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.files import inputs
 
 # The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
@@ -28,6 +31,10 @@ _COMMANDS = {
     "dfg": "Make the environment-BRDF table of the split sum.",
     "cache": "Clear the cache of BRDF coefficients.",
 }
+
+
+_STOPPING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""The signals that end a process; Windows has no SIGHUP."""
 
 
 class _LazyGroup(click.Group):
@@ -71,13 +78,17 @@ def cli(debug: bool) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    signal.signal(signal.SIGTERM, _stop)
+    _open_standard_streams()
+    for number in _STOPPING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+            signal.signal(number, _stop)
     limit_small_products()
     if "--debug" not in arguments:
         # Numpy's warnings are hidden, because values are checked to be finite when written.
         warnings.simplefilter("ignore")
     try:
-        with settings.using():  # a command that fails halfway leaves no settings behind
+        # A command that fails halfway leaves no settings behind.
+        with settings.using(), inputs.protecting():
             code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:
@@ -96,7 +107,8 @@ def main(arguments: list[str] | None = None) -> None:
         _fail("interrupted", 130)
     except BrokenPipeError:
         # The process that reads the output has gone, so there is nobody left to tell.
-        sys.stderr.close()
+        if sys.stderr is not None:
+            sys.stderr.close()
         sys.exit(1)
     except Exception as error:
         if "--debug" in arguments:
@@ -129,10 +141,23 @@ def _with_hint(error: click.UsageError) -> str:
 
 
 def _fail(message: str, code: int) -> None:
-    click.echo(f"Error: {' '.join(message.split())}", err=True)
+    echo_message(f"Error: {message}")
     sys.exit(code)
 
 
+def _open_standard_streams() -> None:
+    """Give streams that were closed before the process began to the null device.
+
+    Otherwise the next file that is opened would get the number of stderr, for example, and what
+    libraries print there would be written into it.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+
+
 def _stop(number: int, frame: FrameType | None) -> Any:
-    """Unwind on SIGTERM as an exit does, so that temporary files are removed."""
+    """Unwind on a signal as an exit does, so that temporary files are removed."""
     sys.exit(128 + number)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from shrm_cli import settings
+from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, click_option
 from shrm_cli.cli.usage import Applies, flags
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize")
+_READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize", "part", "layer")
 _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
@@ -40,7 +40,8 @@ exposure_option = click.option(
 )  # fmt: skip
 precision_option = click.option(
     "--precision", type=click.Choice(PRECISIONS), default="auto",
-    show_default=True, help="Pixel type of an EXR; auto is float where half would overflow.",
+    show_default=True,
+    help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
 )  # fmt: skip
 probe_sampling_option = click.option(
     "--sampling", type=click.Choice(SAMPLINGS),
@@ -109,7 +110,13 @@ def read_options(command: Command) -> Command:
             click.option(
                 "--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."
             ),
-            click.option("--linearize", is_flag=True, help="Decode integer pixels as sRGB."),
+            click.option(
+                "--linearize",
+                is_flag=True,
+                help="Decode its integers, as sRGB where it names no curve.",
+            ),
+            click.option("--part", metavar="NAME|N", help="Which of its parts is the light."),
+            click.option("--layer", metavar="NAME", help="Which of its layers or views is."),
             click.option(
                 "--fix-nonfinite",
                 is_flag=True,
@@ -192,21 +199,16 @@ def conclude(
         Whether the lines go to stderr, because stdout holds something else.
     """
     if as_json:
-        print_json({**result, "warnings": [flags(line) for line in warnings]})
+        echo_json({**result, "warnings": [flags(line) for line in warnings]})
     elif not quiet:
-        click.echo("\n".join(lines), err=err)
+        echo("\n".join(lines), err=err)
     warn(warnings, quiet)
 
 
 def warn(lines: Sequence[str], quiet: bool) -> None:
     """Print warnings to stderr; they may name arguments of the library in backticks."""
     for line in [] if quiet else lines:
-        click.echo(f"Warning: {flags(line)}", err=True)
-
-
-def print_json(value: Any) -> None:
-    """Print a result to stdout as JSON, with its keys in their given order."""
-    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+        echo_message(f"Warning: {flags(line)}")
 
 
 @contextmanager
@@ -215,7 +217,7 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
 
     It is None if there is no terminal, or if `quiet` is set.
     """
-    if quiet or not sys.stderr.isatty():
+    if quiet or sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm

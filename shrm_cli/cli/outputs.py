@@ -3,19 +3,46 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from shrm_cli.files.inputs import note
 from shrm_cli.files.whole import check_target
 
-if TYPE_CHECKING:
-    from shrm_cli.probe.probe import Probe
+_LONGEST_STEM, _LONGEST_LABEL = 100, 80
+"""The most bytes of a probe's and of a BRDF's part of a default name.
+
+File systems take names of 255 bytes, and names of pictures and conversions are longer ones yet.
+"""
 
 
 def probe_stem(probe: str) -> str:
     """Return what the names of a probe's outputs begin with, without the ``%`` of six files."""
-    return Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
+    stem = Path(probe).stem.replace("%", "").rstrip("_-.") or "probe"
+    return shortened(stem, _LONGEST_STEM)
+
+
+def brdf_label(spec: str) -> str:
+    """Return a BRDF's specification as a part of a file's name; sums may be long, and are cut."""
+    from shrm_cli.brdf.spec import file_label
+
+    return shortened(file_label(spec), _LONGEST_LABEL)
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text of at most so many bytes: a longer one ends in eight digits of its SHA-256.
+
+    So texts that begin alike are told apart.
+    """
+    from hashlib import sha256
+
+    data = os.fsencode(text)
+    if len(data) <= most:
+        return text
+    digits = sha256(data).hexdigest()[:8]
+    return f"{data[: most - 9].decode(errors='ignore')}-{digits}"
 
 
 def map_stem(path: str) -> str:
@@ -28,7 +55,6 @@ def check_outputs(
     targets: Iterable[str],
     *,
     files: Iterable[str] = (),
-    probes: Iterable[Probe | None] = (),
     specs: Iterable[str | None] = (),
     suffixes: Iterable[str] = (),
 ) -> None:
@@ -39,11 +65,9 @@ def check_outputs(
     targets : iterable of str
         The outputs.
     files : iterable of str
-        Paths of inputs.
-    probes : iterable of Probe or None
-        Opened probes, which may have several files.
+        Paths of inputs that have not been opened yet; all others are known, see `files.inputs`.
     specs : iterable of str or None
-        Specifications of BRDFs, which may name files.
+        Specifications of BRDFs, which may name files that have not been opened yet.
     suffixes : iterable of str
         The suffixes that the targets' names may have, in lower case; by default any.
 
@@ -54,11 +78,9 @@ def check_outputs(
     """
     from shrm_cli.brdf.spec import named_files
 
-    inputs: list[str | Path] = list(files)
-    inputs += [path for probe in probes if probe is not None for path in probe.paths]
-    inputs += [path for spec in specs if spec is not None for path in named_files(spec)]
+    note(*files, *(path for spec in specs if spec is not None for path in named_files(spec)))
     for target in targets:
-        check_target(target, inputs, tuple(suffixes))
+        check_target(target, tuple(suffixes))
 
 
 def picture_attributes(

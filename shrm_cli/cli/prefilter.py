@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,8 @@ from shrm_cli.cli.options import (
     representation_options,
     shared_options,
 )
-from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing
@@ -30,6 +32,7 @@ from shrm_cli.vocabulary import (
 )
 
 if TYPE_CHECKING:
+    from shrm_cli.files.parts import Storage
     from shrm_cli.maps.options import Representation
     from shrm_cli.maps.prefiltered import Prefiltered
 
@@ -86,6 +89,7 @@ def prefilter(
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
     """
+    from shrm_cli.maps.file import save
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
@@ -100,7 +104,7 @@ def prefilter(
         check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as)
     target = output or _default_name(probe, brdf, to)
-    check_outputs([target], probes=[source], specs=[brdf], suffixes=CONTAINERS)
+    check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
     printed = {
@@ -108,17 +112,24 @@ def prefilter(
         for name, value in prints.items()
         if value is not None
     }
-    pixel_type = made.map.save(target, precision)
-    result = {"file": os.fspath(target), **made.summary()}
-    result |= {"bytes": os.path.getsize(target), "precision": pixel_type}
+    stored = save(target, made.map, precision)
+    result = {"file": os.fspath(target), **made.summary(), "storage_error": stored.error}
+    result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
-    if pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
-        warnings.append(f"{target}: written as 32-bit float, for values beyond half's range")
+    if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
+        warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     warnings += [f"{target}: {line}" for line in made.warnings]
     for text in [] if as_json else printed.values():
-        click.echo(text.rstrip("\n"))
+        echo(text.rstrip("\n"))
     lines = _report(chosen, made, result)
     conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
+
+
+def _why_float(stored: Storage) -> str:
+    """Return what half could not keep."""
+    if math.isfinite(stored.half_error):
+        return f"light so dim that half would add an RMS error of {stored.half_error:.2%}"
+    return "values beyond half's range"
 
 
 def _rules_of_printing(to: str) -> dict[str, Applies]:
@@ -132,9 +143,7 @@ def _rules_of_printing(to: str) -> dict[str, Applies]:
 
 
 def _default_name(probe: str, brdf: str | None, to: str) -> str:
-    from shrm_cli.brdf.spec import file_label
-
-    labels = [probe_stem(probe), *([] if brdf is None else [file_label(brdf)]), to]
+    labels = [probe_stem(probe), *([] if brdf is None else [brdf_label(brdf)]), to]
     return f"{'.'.join(labels)}.exr"
 
 
@@ -142,5 +151,7 @@ def _report(chosen: Representation, made: Prefiltered, result: dict[str, Any]) -
     """Return lines about the map, which its representation words, and how it was made."""
     what, *lines = registry.module(chosen.name, "report").report(result)
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
+    if result["storage_error"] >= 5e-4:
+        lines.append(f"and            {result['storage_error']:.2%} from half precision")
     lines += [f"{heading:<15}{text}" for heading, text in made.notes]
     return [f"{result['file']}: {what}, {', '.join(stored)}", *(f"  {line}" for line in lines)]

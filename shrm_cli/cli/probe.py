@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import AzimuthElevation, Radiance
 from shrm_cli.files.whole import check_target
 
@@ -49,7 +50,7 @@ def output_options(command: Command) -> Command:
             type=click.Choice(["auto", "half", "float"]),
             default="auto",
             show_default=True,
-            help="Pixel type; auto is float where half would overflow.",
+            help="Pixel type; auto is float where half overflows or costs dim light digits.",
         ),
         click.option("--quiet", is_flag=True, help="Print nothing on success."),
     ]
@@ -200,4 +201,4 @@ def _write(
         output, pixels, precision=precision, attributes={"shrm:recipe": recipe}
     )
     if not quiet:
-        click.echo(f"{output}: {width} x {height}, {pixel_type}")
+        echo(f"{output}: {width} x {height}, {pixel_type}")

@@ -18,7 +18,7 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes, probe_stem
+from shrm_cli.cli.outputs import brdf_label, check_outputs, picture_attributes, probe_stem
 from shrm_cli.cli.types import AzimuthElevation
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 
@@ -72,7 +72,7 @@ def reference(
     \b
       shrm reference probe.exr --brdf microfacet --source-height 128 -o truth.png
     """
-    from shrm_cli.brdf.spec import file_label, parse_spec
+    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.provenance import record_of
     from shrm_cli.probe.probe import open_probe
@@ -81,11 +81,11 @@ def reference(
     from shrm_cli.render.image import expose
     from shrm_cli.render.sphere import render_sphere
 
-    brdf = parse_spec(spec)
     source = open_probe(probe, make_read_options(sampling, reading))
-    target = output or f"{probe_stem(probe)}.{file_label(spec)}.reference.exr"
+    brdf = parse_spec(spec, primaries=source.chromaticities)
+    target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
-    check_outputs([target], probes=[source], specs=[spec])
+    check_outputs([target], specs=[spec])
     with progress_bar("integrating", quiet) as progress:
         truth = Reference(source, brdf, source_height, progress=progress)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)

@@ -69,7 +69,7 @@ def render(
     view: tuple[float, float],
     size: int,
     roughness: float | None,
-    f0: tuple[float, float, float] | None,
+    f0: str | None,
     exposure: float,
     background: str | None,
     frames: int | None,
@@ -105,7 +105,7 @@ def render(
     refuse_inapplicable(reading_rules(background is not None, "with --background"))
     options = make_read_options(sampling, reading)
     probe = None if background is None else open_probe(background, options)
-    check_outputs(targets, files=maps, probes=[probe])
+    check_outputs(targets, files=maps)
     loaded, surface, warnings = shaded_maps([open_map(path) for path in maps], maps, roughness, f0)
     scene = Scene(loaded, [map_stem(path) for path in maps], size, exposure, probe, columns)
     height, width = scene.shape

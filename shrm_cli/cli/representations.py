@@ -11,6 +11,7 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli.options import conclude, progress_bar
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
+from shrm_cli.cli.shading import reflectance
 from shrm_cli.cli.usage import flags
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def print_representations(
     options: ReadOptions,
     roughness: tuple[float, float] | None,
     steps: int | None,
-    f0: tuple[float, float, float] | None,
+    f0: str | None,
     tolerance: float,
     views: Sequence[tuple[float, float]],
     size: int | None,
@@ -63,8 +64,9 @@ def print_representations(
     table_layout(steps * len(views), size)  # raises if the sheet is too large
     if output is not None:
         file_type(output)
-        check_outputs([output], probes=[source])
-    surfaces = [ggx_surface(float(each), f0) for each in np.linspace(low, high, steps)]
+        check_outputs([output])
+    color = reflectance(f0, source.chromaticities)
+    surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
     with progress_bar("comparing", quiet) as progress:

@@ -23,24 +23,38 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
 
     name = "F0"
 
-    def convert(
-        self,
-        value: str | tuple[float, float, float],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[float, float, float]:
-        """Return linear RGB, each channel within 0 .. 1."""
-        if isinstance(value, tuple):
-            return value
-        from shrm_cli.brdf.spec import parse_spec
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the text, which `reflectance` understands."""
         from shrm_cli.errors import BrdfError
 
         if not value.strip() or set(value) & set(",:+*="):
             self.fail(f"{value!r} is not a colour such as 0.04, 1/0.78/0.34 or gold", param, ctx)
         try:
-            return parse_spec(f"ggx:f0={value}").color("f0")
+            reflectance(value)
         except BrdfError as error:
             self.fail(str(error).removeprefix("ggx: "), param, ctx)
+        return value
+
+
+def reflectance(
+    value: str | None, primaries: tuple[float, ...] | None = None
+) -> tuple[float, float, float] | None:
+    """Return the linear RGB, each channel within 0 .. 1, that a value of --f0 means.
+
+    Parameters
+    ----------
+    value : str, optional
+    primaries : tuple of 8 float, optional
+        The chromaticities of the light, which the colors of metals are converted to.
+
+    Raises
+    ------
+    BrdfError
+        If it is no color.
+    """
+    from shrm_cli.brdf.spec import parse_spec
+
+    return None if value is None else parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
 
 roughness_option = click.option(
@@ -58,7 +72,7 @@ def shaded_maps(
     maps: Sequence[Map],
     names: Sequence[str],
     roughness: float | None,
-    f0: tuple[float, float, float] | None,
+    f0: str | None,
 ) -> tuple[list[KnownMap], Ggx | None, list[str]]:
     """Give a GGX surface to the maps of light alone, such as split sums and SH exponentials.
 
@@ -69,8 +83,9 @@ def shaded_maps(
         Names of the maps' files, for warnings.
     roughness : float, optional
         Perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default.
-    f0 : tuple of 3 float, optional
-        Its reflectance at normal incidence, linear RGB; that of `Ggx` by default.
+    f0 : str, optional
+        Its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default.
+        The colors of metals are converted to the primaries of the first map.
 
     Returns
     -------
@@ -93,7 +108,8 @@ def shaded_maps(
     refuse_inapplicable({"roughness": applies, "f0": applies})
     if not needs_surface:
         return list(maps), None, []
-    surface = ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, f0)
+    color = reflectance(f0, maps[0].info.chromaticities)
+    surface = ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
     shown = surface.number("roughness"), surface.color("f0")
     return [each.shaded(*shown) for each in maps], surface, warnings

@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 
 from shrm_cli import settings
 from shrm_cli.errors import MapError
+from shrm_cli.files.exr_header import MOST_CHANNELS, excess
+from shrm_cli.files.noise import quiet
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
-from shrm_cli.vocabulary import MAX_ORDER_P
 
 Array = NDArray[np.floating]
 
 # OpenImageIO's default limit would refuse SHRMs of high orders. Whoever reads a file must check
 # that it does not hold too many values to load, as `maps.file.open_map` does.
-oiio.attribute("limits:channels", 3 * (MAX_ORDER_P + 1) ** 2)
+oiio.attribute("limits:channels", MOST_CHANNELS)
 
 _ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
 
@@ -74,13 +75,22 @@ def _header(part: Part) -> dict[str, Any]:
 
 
 def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":
-    """Open an OpenEXR file; return None if it is missing, damaged or of another format."""
+    """Open an OpenEXR file; return None if it is missing, damaged or of another format.
+
+    Raises
+    ------
+    MapError
+        If it has so many channels, attributes or parts that nothing sound has as many.
+    """
+    if much := excess(path):
+        raise MapError(f"{os.fspath(path)}: {much}, which is too much; export it again")
     source = _open_image(path)
     if source is None or source.format_name() != "openexr":
         return None
     return ExrFile(os.fspath(path), source)
 
 
+@quiet
 def _open_image(path: str | os.PathLike[str]) -> Any:
     """Open an image of any format; return None where that fails.
 
@@ -139,6 +149,7 @@ class ExrPart(StoredPart):
         is_flat = not spec.deep and numbers <= {"half", "float"}
         return is_flat and sorted(self.channel_names) == sorted(names)
 
+    @quiet
     def read(self, names: Sequence[str]) -> Array:
         self._source.seek_subimage(self._index, 0)
         pixels = self._source.read_image(self._index, 0, 0, len(self.channel_names), oiio.FLOAT)

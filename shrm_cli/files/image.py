@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.files.parts import Part, choose_pixel_type, write_parts
+from shrm_cli.files.whole import together
 from shrm_cli.vocabulary import PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -51,7 +52,7 @@ def write_images(
     precision: Precision = "auto",
     attributes: Mapping[str, Any] | None = None,
 ) -> PixelType:
-    """Write images that belong together, all with the same pixel type.
+    """Write images that belong together, all with the same pixel type, or none of them.
 
     Parameters
     ----------
@@ -72,10 +73,11 @@ def write_images(
     OutputError
         If a value is not finite, half would overflow, or a file cannot be written.
     """
-    together = np.stack(images)
-    chosen = choose_pixel_type(paths[0], [together], precision)
-    for path, image in zip(paths, together, strict=True):
-        write_image(path, image, chosen, attributes)
+    stacked = np.stack(images)
+    chosen = choose_pixel_type(paths[0], [stacked], precision)
+    with together():
+        for path, image in zip(paths, stacked, strict=True):
+            write_image(path, image, chosen, attributes)
     return chosen
 
 

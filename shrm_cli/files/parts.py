@@ -6,6 +6,7 @@ the files. The module writes a file with ``write(path, parts, pixel_type)``. It 
 """
 
 import importlib
+import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError, OutputError
+from shrm_cli.files.inputs import note
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -26,6 +28,10 @@ Array = NDArray[np.floating]
 _HALF_MAX = float(np.finfo(np.float16).max)
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 _HALF_OVERFLOW = _HALF_MAX + 16  # values from here on round to infinity
+HALF_ROUNDING = 2.0**-11
+"""The most that half costs values which it has all its digits for, relative to them."""
+_VALUES_AT_ONCE = 2**18
+"""Values that are rounded at a time."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,27 @@ class Part:
 
     channels: dict[str, Array]
     header: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Storage:
+    """How values are stored.
+
+    Attributes
+    ----------
+    pixel_type : {"half", "float"}
+    half_error : float
+        The relative RMS error that half makes, or would make; infinite where it would overflow.
+    """
+
+    pixel_type: PixelType
+    half_error: float
+
+    @property
+    def error(self) -> float:
+        """The relative RMS error that storing makes, beyond ordinary rounding; else 0."""
+        is_worth_telling = self.pixel_type == "half" and self.half_error > HALF_ROUNDING
+        return self.half_error if is_worth_telling else 0.0
 
 
 class StoredPart(ABC):
@@ -96,6 +123,25 @@ class StoredPart(ABC):
         return value if isinstance(value, str) else ""
 
 
+def sound_primaries(value: Any) -> tuple[float, ...] | None:
+    """Return the chromaticities of an attribute: CIE x and y of red, green, blue and white.
+
+    Parameters
+    ----------
+    value : object
+        The value of the attribute, or None.
+
+    Returns
+    -------
+    tuple of 8 float or None
+        None if the value is anything else than eight finite numbers.
+    """
+    if not isinstance(value, tuple) or len(value) != 8:
+        return None
+    is_sound = all(isinstance(each, float) and math.isfinite(each) for each in value)
+    return value if is_sound else None
+
+
 class StoredFile(ABC):
     """An opened file.
 
@@ -129,7 +175,7 @@ def write_parts(
     path : path-like
     parts : sequence of Part
     precision : {"auto", "half", "float"}
-        ``auto`` is half unless a value exceeds its range.
+        ``auto`` is half unless a value exceeds its range, or light is so dim that it loses digits.
 
     Returns
     -------
@@ -152,7 +198,17 @@ def write_parts(
 def choose_pixel_type(
     path: str | os.PathLike[str], planes: Iterable[Array], precision: Precision
 ) -> PixelType:
-    """Choose the pixel type, ``"half"`` or ``"float"``, that a precision means for given values.
+    """Choose the pixel type, ``"half"`` or ``"float"``, as `choose_storage` does."""
+    return choose_storage(path, planes, precision).pixel_type
+
+
+def choose_storage(
+    path: str | os.PathLike[str],
+    planes: Iterable[Array],
+    precision: Precision,
+    allowed: float = 0.0,
+) -> Storage:
+    """Choose how to store values, and tell what half costs them.
 
     Parameters
     ----------
@@ -161,26 +217,47 @@ def choose_pixel_type(
     planes : iterable of ndarray
         The values.
     precision : {"auto", "half", "float"}
+        ``auto`` is half, but float where half would overflow, or make a larger error than is
+        allowed: below 6e-5 it has fewer digits, and below 3e-8 none.
+    allowed : float
+        The relative RMS error that half may make. Ordinary rounding, `HALF_ROUNDING`, always may.
 
     Raises
     ------
     OutputError
         If a value is not finite in 32-bit float, or half is asked for and would overflow.
     """
-    largest = 0.0
+    largest = whole = lost = 0.0
     for plane in planes:
         # A NaN fails this comparison, so it becomes the largest value, which is then refused.
         high = float(max(plane.max(), -plane.min())) if plane.size else 0.0
         largest = largest if high <= largest else high
         if not largest <= _FLOAT_MAX:
             raise OutputError(f"{path}: a value is not finite in 32-bit float; dim the light")
+        if largest < _HALF_OVERFLOW and precision != "float":
+            squares = _squares(plane)
+            whole, lost = whole + squares[0], lost + squares[1]
     overflows = largest >= _HALF_OVERFLOW
     if precision == "half" and overflows:
         raise OutputError(
             f"{path}: the value {largest:.6g} overflows half ({_HALF_MAX:.0f}); use `precision` "
             "auto or float"
         )
-    return "float" if precision == "float" or overflows else "half"
+    error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    too_dim = precision == "auto" and error > max(allowed, HALF_ROUNDING)
+    takes_float = precision == "float" or overflows or too_dim
+    return Storage("float" if takes_float else "half", np.inf if overflows else error)
+
+
+def _squares(plane: Array) -> tuple[float, float]:
+    """Sums of the squares of values, and of what half leaves out of them."""
+    flat = plane.reshape(-1)
+    whole = lost = 0.0
+    for start in range(0, flat.size, _VALUES_AT_ONCE):
+        values = flat[start : start + _VALUES_AT_ONCE].astype(float)
+        rest = values - values.astype(np.float16)
+        whole, lost = whole + float(values @ values), lost + float(rest @ rest)
+    return whole, lost
 
 
 def open_file(path: str | os.PathLike[str]) -> StoredFile:
@@ -197,6 +274,7 @@ def open_file(path: str | os.PathLike[str]) -> StoredFile:
         kind = "a directory" if Path(path).is_dir() else "not a regular file"
         raise MapError(f"{path}: {kind}; name a map")
     found = peek(path)
+    note(path)
     if found is None:
         raise MapError(f"{path}: not an OpenEXR file, or a damaged one; shrm prefilter makes maps")
     return found

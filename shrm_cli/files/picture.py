@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.color import to_rec709
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb, write_png
@@ -53,7 +54,7 @@ def write_picture(
     precision : {"auto", "half", "float"}
         Pixel type of an EXR; a PNG ignores it.
     attributes : mapping, optional
-        Attributes of an EXR; a PNG ignores them.
+        Attributes of an EXR. A PNG, which is Rec.709, is converted from their ``chromaticities``.
 
     Returns
     -------
@@ -69,10 +70,15 @@ def write_picture(
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)
     if np.isnan(pixels).any():
-        raise OutputError(f"{path}: a value is not a number; nothing was written")
+        raise OutputError(
+            f"{path}: a value is not a number, as where a map holds values too large for 32-bit "
+            "floats; nothing was written"
+        )
+    matrix = to_rec709((attributes or {}).get("chromaticities"))
     encoded = np.empty(pixels.shape, dtype=np.uint8)
     for start in range(0, len(pixels), _ROWS_AT_ONCE):
         band = slice(start, start + _ROWS_AT_ONCE)
-        encoded[band] = encode_srgb(pixels[band])
+        shown = pixels[band] if matrix is None else pixels[band] @ matrix.T.astype(np.float32)
+        encoded[band] = encode_srgb(shown)
     write_png(path, encoded)
     return "8-bit sRGB"

@@ -3,10 +3,12 @@
 import contextlib
 import os
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.inputs import is_input
 
 _MARK = ".shrm-"
 """This text follows the target's name in the names of temporary files."""
@@ -14,13 +16,19 @@ _MARK = ".shrm-"
 _HOST = 40
 """The most characters of the machine's name in a temporary file's name."""
 
+_ANY_WRITE = 0o222
+"""The bits of a file's mode of which one at least says that it may be written."""
+
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
 
 
+_together: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("together", default=None)
+"""The temporary files and the targets that wait for the end of a block of `together`."""
+
+
 def check_target(
     target: str | os.PathLike[str],
-    inputs: Iterable[str | os.PathLike[str]] = (),
     suffixes: tuple[str, ...] = (),
 ) -> None:
     """Check, before the work begins, that an output can be written and is none of the inputs.
@@ -28,7 +36,6 @@ def check_target(
     Parameters
     ----------
     target : path-like
-    inputs : iterable of path-like
     suffixes : tuple of str, optional
         The suffixes that the target's name may have, in lower case; by default any.
 
@@ -37,8 +44,10 @@ def check_target(
     OutputError
         If the target cannot be written, is one of the inputs, or has another suffix.
     """
+    if os.fspath(target).endswith((os.sep, os.altsep or os.sep)):  # which a Path forgets
+        raise OutputError(f"{target}: a directory; name a file to write")
     try:
-        _check_target(Path(target), inputs)
+        _check_target(Path(target))
     except (OSError, UnicodeError) as error:  # a name may be too long, for example
         reason = getattr(error, "strerror", None) or "its name is not UTF-8"
         raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
@@ -46,8 +55,10 @@ def check_target(
         raise OutputError(f"{target}: what is written is {suffixes[0]}; name it so")
 
 
-def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
+def _check_target(target: Path) -> None:
     str(target).encode()  # image libraries take UTF-8 names only
+    if not target.name:
+        raise OutputError(f"{target}: a directory; name a file to write")
     folder = target.parent
     if target.is_dir():
         raise OutputError(f"{target}: a directory; name a file to write")
@@ -58,15 +69,18 @@ def _check_target(target: Path, inputs: Iterable[str | os.PathLike[str]]) -> Non
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{target}: no permission to write in {folder}; name another output")
     _check_replaceable(target)
-    for path in inputs:
-        if target.exists() and Path(path).exists() and os.path.samefile(target, path):
-            raise OutputError(f"{target}: would overwrite the input; name another output")
 
 
 def _check_replaceable(target: Path) -> None:
-    """Refuse to replace a device, such as /dev/null, or a pipe by a file."""
-    if target.exists() and not target.is_file():
+    """Refuse to replace an input, a device, a pipe, or a file that nobody may write."""
+    if not target.exists():
+        return
+    if not target.is_file():
         raise OutputError(f"{target}: not a regular file; name another output")
+    if is_input(target):
+        raise OutputError(f"{target}: would overwrite the input; name another output")
+    if not target.stat().st_mode & _ANY_WRITE:
+        raise OutputError(f"{target}: read-only; change its mode or name another output")
 
 
 @contextlib.contextmanager
@@ -80,8 +94,8 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the target is not a regular file, or if the block raises an OSError, such as for a full
-        disk.
+        If the target is not a regular file or is an input, or if the block raises an OSError, such
+        as for a full disk.
     """
     target = Path(target)
     # The prefix holds the machine's name, because machines that share a folder do not share
@@ -94,15 +108,47 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
-        os.replace(temporary, target)
+        waiting = _together.get()
+        if waiting is None:
+            os.replace(temporary, target)
+        else:
+            waiting.append((temporary, target))
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(
             f"{target}: cannot be written ({reason}); make room or name another output"
         ) from error
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        if (temporary, target) not in (_together.get() or ()):
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def together() -> Iterator[None]:
+    """Context manager within which files become their targets at its end, or none of them does.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot become its target; those before it have become theirs then.
+    """
+    waiting: list[tuple[Path, Path]] = []
+    token = _together.set(waiting)
+    try:
+        yield
+        for temporary, target in waiting:
+            try:
+                os.replace(temporary, target)
+            except OSError as error:
+                raise OutputError(
+                    f"{target}: cannot be written ({error.strerror}); name another output"
+                ) from error
+    finally:
+        _together.reset(token)
+        for temporary, _ in waiting:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.parts import StoredPart
+from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.parts import StoredPart, sound_primaries
 from shrm_cli.layouts import LAYOUTS
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -31,6 +32,12 @@ irradiance, split sums and SH exponentials as version 3. All other maps are writ
 which earlier versions of `shrm` read too.
 """
 
+_MOST_DEPTH = 4
+"""The most lists and objects within each other in the record of a BRDF."""
+_MOST_TEXT = 1024
+"""The most characters of a text."""
+_LARGEST = 1e6
+"""The largest error that is sound; relative errors beyond 1 mean a useless map already."""
 _MOST_NAME = 40
 """The most characters of an unknown representation's name that an error message quotes."""
 
@@ -67,6 +74,8 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         header["shrm:carried"] = info.order_carried
     if info.filter_error:
         header["shrm:filter_error"] = float(info.filter_error)
+    if info.storage_error:
+        header["shrm:storage_error"] = float(info.storage_error)
     if info.domain != "frequency":
         header["shrm:domain"] = info.domain
     if info.chromaticities is not None:
@@ -122,7 +131,7 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
         if not is_sound:
             raise MapError(f"{path}: its attribute shrm:{name} is missing or wrong; make it again")
         result[name] = shortest(value) if kind is float else value
-    return {**result, "brdf": json.loads(result["brdf"])}
+    return {**result, "brdf": parse_json(result["brdf"], _MOST_DEPTH)}
 
 
 def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
@@ -134,8 +143,6 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
         The attributes of the part, as `read_attributes` returns them.
     part : StoredPart
     """
-    primaries = part.attribute("chromaticities")
-    is_known = isinstance(primaries, tuple) and len(primaries) == 8
     return MapInfo(
         attributes["F"],
         attributes["P"],
@@ -145,20 +152,25 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
         attributes["brdf"],
         attributes["probe"],
         attributes["probe_sha256"],
-        tuple(primaries) if is_known else None,
+        sound_primaries(part.attribute("chromaticities")),
         attributes["added_error"],
         attributes["fit_residual"],
         carried=attributes["carried"] if attributes["carried"] >= 0 else None,
         filter_error=attributes["filter_error"],
+        storage_error=attributes["storage_error"],
         domain=attributes["domain"],
     )
 
 
 def _is_json_object(text: str) -> bool:
     try:
-        return isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
+        return isinstance(parse_json(text, _MOST_DEPTH), dict)
+    except ValueError:
         return False
+
+
+def _is_size(value: float) -> bool:
+    return 0 <= value <= _LARGEST
 
 
 # The type of each attribute of a map, and a condition that its value must meet.
@@ -168,16 +180,17 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "center": (str, CENTERS.__contains__),
     "F": (int, lambda value: 0 <= value <= MAX_ORDER_F),
     "P": (int, lambda value: 0 <= value <= MAX_ORDER_P),
-    "epsilon": (float, math.isfinite),
+    "epsilon": (float, _is_size),
     "brdf_energy_captured": (float, math.isfinite),
-    "predicted_error": (float, math.isfinite),
+    "predicted_error": (float, _is_size),
     "brdf": (str, _is_json_object),
-    "probe": (str, lambda value: True),
-    "probe_sha256": (str, lambda value: True),
-    "added_error": (float, math.isfinite),
-    "fit_residual": (float, math.isfinite),
+    "probe": (str, lambda value: len(value) <= _MOST_TEXT),
+    "probe_sha256": (str, lambda value: len(value) <= _MOST_TEXT),
+    "added_error": (float, _is_size),
+    "fit_residual": (float, _is_size),
     "carried": (int, lambda value: -1 <= value <= MAX_ORDER_F),
-    "filter_error": (float, math.isfinite),
+    "filter_error": (float, _is_size),
+    "storage_error": (float, _is_size),
     "domain": (str, DOMAINS.__contains__),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
@@ -190,6 +203,7 @@ _OPTIONAL: dict[str, Any] = {
     "fit_residual": 0.0,
     "carried": -1,
     "filter_error": 0.0,
+    "storage_error": 0.0,
     "domain": "frequency",
     "layout": "openexr",
     "orientation": "openexr",

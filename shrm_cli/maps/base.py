@@ -207,6 +207,7 @@ class Map(ABC):
             "predicted_error": info.predicted_error,
             "added_error": info.added_error,
             "filter_error": info.filter_error,
+            "storage_error": info.storage_error,
         }
 
     def details(self) -> dict[str, Any]:
@@ -343,7 +344,7 @@ class Map(ABC):
         """
         from shrm_cli.maps.file import save
 
-        return save(path, self, precision, layout, orientation)
+        return save(path, self, precision, layout, orientation).pixel_type
 
 
 def refuse_arguments(what: str, **values: Any) -> None:

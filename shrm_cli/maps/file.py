@@ -2,14 +2,26 @@
 
 import os
 
+import numpy as np
+
 from shrm_cli.errors import MapError
-from shrm_cli.files.parts import StoredFile, open_file, peek, write_parts
+from shrm_cli.files.parts import (
+    Storage,
+    StoredFile,
+    choose_storage,
+    open_file,
+    peek,
+    write_parts,
+)
 from shrm_cli.maps import registry
 from shrm_cli.maps.arrangement import Arrangement
 from shrm_cli.maps.attributes import has_map_attributes, read_attributes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.vocabulary import Orientation, Precision
+
+_ALLOWED = 0.1
+"""The part of a map's own error that storing it in half precision may add."""
 
 
 def save(
@@ -18,7 +30,7 @@ def save(
     precision: Precision = "auto",
     layout: str = "openexr",
     orientation: Orientation = "openexr",
-) -> str:
+) -> Storage:
     """Write a map to a file, completely or not at all.
 
     Parameters
@@ -27,15 +39,16 @@ def save(
     reflection_map : Map
     precision : {"auto", "half", "float"}
         ``auto`` is float for an SH exponential. For other maps it is half unless a value exceeds
-        the range of half.
+        the range of half, or half would make an error of more than a tenth of the map's own.
     layout, orientation
         The layout of the images and the orientation of cube faces; OpenEXR's stacked cube by
         default.
 
     Returns
     -------
-    str
-        The pixel type written, ``"half"`` or ``"float"``.
+    Storage
+        The pixel type written, and the error that it makes. An error beyond ordinary rounding is
+        written into the file as well.
 
     Raises
     ------
@@ -54,7 +67,15 @@ def save(
     if precision == "auto":
         precision = reflection_map.natural_precision
     parts = [arrangement.arranged(part) for part in reflection_map.encode()]
-    return write_parts(path, parts, precision)
+    info = reflection_map.info
+    allowed = _ALLOWED * float(np.hypot(info.predicted_error, info.added_error))
+    planes = (plane for part in parts for plane in part.channels.values())
+    storage = choose_storage(path, planes, precision, allowed)
+    if storage.error:
+        for part in parts:
+            part.header["shrm:storage_error"] = float(np.hypot(storage.error, info.storage_error))
+    write_parts(path, parts, storage.pixel_type)
+    return storage
 
 
 def open_map(path: str | os.PathLike[str]) -> Map:

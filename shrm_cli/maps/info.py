@@ -40,6 +40,9 @@ class MapInfo:
     filter_error : float
         The predicted relative RMS error of looking the map up as a GPU does, by bilinear filtering
         in its cubes.
+    storage_error : float
+        The relative RMS error of the file's half precision, where light is so dim that half has
+        not all its digits for it; 0 elsewhere.
     domain : {"frequency", "angular"}
         The domain in which the map was prefiltered. In the angular domain `captured` is the
         fraction of the BRDF's energy in the integrated part of its lobe, and the orders were only
@@ -59,6 +62,7 @@ class MapInfo:
     fit_residual: float = 0.0
     carried: int | None = None
     filter_error: float = 0.0
+    storage_error: float = 0.0
     domain: Domain = "frequency"
 
     @property

@@ -78,7 +78,7 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
             )
     try:
         # The text comes from a file, which must not be able to run code.
-        return parse_spec(spec_of(first.brdf), run_code=False)
+        return parse_spec(spec_of(first.brdf), run_code=False, primaries=first.chromaticities)
     except BrdfError as error:
         raise BrdfError(
             f"{path}: its BRDF, {spec_of(first.brdf)}, cannot be evaluated; {advice}"

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,13 @@ class ProbeImage(Protocol):
         """Where the pixels come from, such as ``"openexr"`` or ``"array"``."""
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of the image, a line each."""
+
+    def facts(self) -> dict[str, Any]:
+        """What was taken of the file, and how, for `shrm info`."""
+
+    @property
     def row_multiple(self) -> int:
         """Rows that are cheapest to read together start at multiples of this."""
 
@@ -63,6 +70,7 @@ class ArrayImage:
 
     path = None
     file_format = "array"
+    notes = ()
     row_multiple = 1
 
     @classmethod
@@ -91,6 +99,10 @@ class ArrayImage:
             )
         with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and is refused
             return cls(np.array(values, dtype=np.float32, order="C"), name)
+
+    def facts(self) -> dict[str, Any]:
+        """Nothing: an array is what it is."""
+        return {}
 
     @property
     def width(self) -> int:

@@ -9,12 +9,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.exr_header import excess
+from shrm_cli.files.inputs import note
+from shrm_cli.files.noise import caught, last_noise, quiet
+from shrm_cli.probe.encoding import Encoding, encoding_of
+from shrm_cli.probe.layers import Layer, choose_layer
+from shrm_cli.probe.radiance_header import RadianceHeader
 
 Array = NDArray[np.floating]
 
@@ -41,10 +48,12 @@ class ImageFile:
         Whether edge pixels lie on the poles, the seam and the cube's edges.
     file_format : str
         OpenImageIO's name of the format, such as ``"openexr"``.
-    chromaticities : tuple of 8 float, optional
-        x and y of red, green, blue and white.
-    linearize : bool
-        Whether the pixels are decoded as sRGB.
+    encoding : Encoding
+        How its numbers become linear radiance.
+    layer : Layer
+        Which of its parts and layers is read.
+    notes : tuple of str
+        What a user should know of the file, a line each.
     """
 
     path: Path
@@ -53,31 +62,44 @@ class ImageFile:
     envmap: str
     border_sampled: bool
     file_format: str
-    chromaticities: tuple[float, ...] | None
-    linearize: bool
+    encoding: Encoding
+    layer: Layer
+    notes: tuple[str, ...]
     _input: Any
     _offset: tuple[int, int]
-    _channels: tuple[int, ...]
 
     @classmethod
-    def open(cls, path: str | os.PathLike[str], linearize: bool = False) -> "ImageFile":
+    def open(
+        cls,
+        path: str | os.PathLike[str],
+        linearize: bool = False,
+        part: str | None = None,
+        layer: str | None = None,
+    ) -> "ImageFile":
         """Open a file and check what can be checked without its pixels.
 
         Parameters
         ----------
         path : path-like
         linearize : bool
-            Whether to decode integer pixels as sRGB; they are refused otherwise.
+            Whether to decode integer pixels as the file says, or else as sRGB; they are refused
+            otherwise.
+        part, layer : str, optional
+            Which of several to read; see `choose_layer`.
 
         Raises
         ------
         ProbeError
             If there is no such image, or it is not usable as radiance.
         """
-        path = Path(path)
-        _check_file(path)
-        source = oiio.ImageInput.open(str(path), _reading_hints())
+        path = check_file(path)
+        _check_whole(path)
+        header = RadianceHeader.read(path)
+        with caught():
+            source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
+            if is_zipfile(path):  # the reasons that images cannot be read say nothing of it
+                raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
             raise ProbeError(
                 f"{path}: not an image that can be read ({_reason(_last_error(), path)}); "
                 "copy or export it again"
@@ -89,6 +111,10 @@ class ImageFile:
             raise ProbeError(f"{path}: a map that shrm made, not a light probe; name the probe")
         if spec.getattribute("shrm:table") is not None:
             raise ProbeError(f"{path}: a table that shrm made, not a light probe; name the probe")
+        if spec.getattribute("shrm:brdf_table") is not None:
+            raise ProbeError(f"{path}: a table of a BRDF, not a light probe; it belongs to `brdf`")
+        chosen = choose_layer(path, source, part, layer)
+        spec = source.spec()
         if spec.deep:
             raise ProbeError(f"{path}: a deep image has no single radiance; flatten it first")
         if spec.get_int_attribute("Orientation", 1) not in _UPRIGHT:
@@ -106,14 +132,20 @@ class ImageFile:
             raise ProbeError(
                 f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
             )
-        channels = _color_channels(path, spec.channelnames)
+        channels = chosen.channels
         integers = {str(spec.channelformat(k)) for k in channels}.difference(_FLOAT_FORMATS)
         if integers and not linearize:
             raise ProbeError(
                 f"{path}: {min(integers)} pixels are not scene-linear radiance; give `linearize` "
                 "to decode them as sRGB, or use an HDR file"
             )
-        primaries = spec.getattribute("chromaticities")
+        encoding = encoding_of(path, spec, file_format, header, bool(integers))
+        covered = _covered(spec, width, height, offset)
+        notes = list(encoding.notes)
+        if covered < 1:
+            notes.append(
+                f"{1 - covered:.3g} of the picture lies outside its data window and counts as black"
+            )
         return cls(
             path,
             width,
@@ -121,17 +153,22 @@ class ImageFile:
             envmap,
             bool(spec.get_int_attribute("oiio:sampleborder")),
             file_format,
-            tuple(primaries) if primaries is not None and len(primaries) == 8 else None,
-            bool(integers),
+            encoding,
+            chosen,
+            tuple(notes),
             source,
             offset,
-            channels,
         )
 
     @property
     def name(self) -> str:
         """The path, as text."""
         return str(self.path)
+
+    @property
+    def chromaticities(self) -> tuple[float, ...] | None:
+        """CIE x and y of red, green, blue and white, where the file tells them."""
+        return self.encoding.primaries
 
     @property
     def row_multiple(self) -> int:
@@ -154,40 +191,57 @@ class ImageFile:
             canvas[rows, here : here + count] = data[:, there : there + count]
         return canvas
 
+    def facts(self) -> dict[str, Any]:
+        """Which part, layer and channels are read, and how their numbers are encoded."""
+        named = {"part": self.layer.part, "layer": self.layer.layer}
+        return {
+            **{key: name for key, name in named.items() if name},
+            "channels": list(self.layer.names),
+            "encoding": self.encoding.name,
+        }
+
     def contents(self) -> Iterator[bytes]:
         """Yield the bytes of the file."""
         with open(self.path, "rb") as stream:
             while block := stream.read(2**20):
                 yield block
 
+    @quiet
     def _read_data(self, start: int, stop: int) -> Array:
         """Rows of the data window, shape (rows, its width, 3)."""
         spec = self._input.spec()
-        begin, end = min(self._channels), max(self._channels) + 1
+        channels = self.layer.channels
+        begin, end = min(channels), max(channels) + 1
         if spec.tile_width:
             low = start // spec.tile_height * spec.tile_height
             high = min(-(-stop // spec.tile_height) * spec.tile_height, spec.height)
             pixels = self._input.read_tiles(
-                0, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
+                self.layer.index, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
                 spec.z, spec.z + 1, begin, end, oiio.FLOAT,
             )  # fmt: skip
             pixels = None if pixels is None else pixels.reshape(high - low, spec.width, -1)
             pixels = None if pixels is None else pixels[start - low : stop - low]
         else:
             pixels = self._input.read_scanlines(
-                0, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
+                self.layer.index, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
             )
         if pixels is None:
             raise ProbeError(f"{self.path}: damaged or truncated; copy or export it again")
         pixels = pixels.reshape(stop - start, spec.width, -1)
-        chosen = [channel - begin for channel in self._channels]
+        chosen = [channel - begin for channel in channels]
         if chosen != list(range(pixels.shape[-1])):
             pixels = pixels[..., chosen]
-        return _srgb_to_linear(pixels) if self.linearize else pixels
+        return self.encoding.linear(pixels)
 
 
-def _check_file(path: Path) -> None:
-    """Refuse what would block, mislead, or make noise when an image library opens it."""
+def check_file(name: str | os.PathLike[str]) -> Path:
+    """The path of a file, without what would block, mislead, or make noise when it is opened.
+
+    Raises
+    ------
+    ProbeError
+    """
+    path = Path(name)
     try:
         str(path).encode()  # image libraries take no other names
         status = os.stat(path)
@@ -206,17 +260,27 @@ def _check_file(path: Path) -> None:
         raise ProbeError(f"{path}: no permission to read it; change its mode")
     if status.st_size == 0:
         raise ProbeError(f"{path}: the file is empty; copy or export it again")
+    if much := excess(path):
+        raise ProbeError(f"{path}: {much}, which is too much; export it again")
+    note(path)
+    return path
+
+
+def _check_whole(path: Path) -> None:
+    """Refuse a file that its end tells to be cut or damaged."""
     with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, prot=mmap.PROT_READ) as data:
         if not _is_whole(data):
             raise ProbeError(f"{path}: damaged or truncated; copy or export it again")
 
 
 def _is_whole(data: mmap.mmap) -> bool:
-    """Whether a PNG or JPEG file is complete; True for other files.
+    """Whether a PNG, JPEG or FITS file is complete; True for other files.
 
-    The libraries that read them are no judges of that: one writes to stderr, the other makes up
-    missing pixels.
+    The libraries that read them are no judges of that: one writes to stderr, the others make up
+    what is missing.
     """
+    if data[:9] == b"SIMPLE  =":  # FITS: records of this length alone
+        return len(data) % 2880 == 0
     if data[:2] == b"\xff\xd8":  # JPEG: the end of the image follows the last start of a scan
         return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")
     if data[:8] != b"\x89PNG\r\n\x1a\n":
@@ -247,34 +311,12 @@ def _canvas(spec: Any, is_envmap: bool) -> tuple[int, int, tuple[int, int]]:
     return spec.full_width, spec.full_height, (spec.x - spec.full_x, spec.y - spec.full_y)
 
 
-def _color_channels(path: Path, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of the channels that are red, green and blue.
-
-    One channel serves as three, and alpha is ignored. Of several layers (``diffuse.R``) the one
-    without a name is taken, else the first in the file's order.
-    """
-    layers: dict[str, dict[str, int]] = {"": {}}
-    colors = []
-    for index, name in enumerate(names):
-        layer, _, channel = name.upper().rpartition(".")
-        layers.setdefault(layer, {}).setdefault(channel, index)
-        if channel not in ("A", "ALPHA"):
-            colors.append(index)
-    for channels in layers.values():
-        for wanted in (("R", "G", "B"), ("RED", "GREEN", "BLUE")):
-            if channels.keys() >= set(wanted):
-                return tuple(channels[channel] for channel in wanted)
-    if len(colors) == 1:
-        return (colors[0],) * 3
-    for channels in layers.values():
-        if channels.keys() >= {"RY", "BY"}:
-            raise ProbeError(f"{path}: luminance-chroma pixels (Y, RY, BY); convert it to RGB")
-        if "Y" in channels and "X" not in channels:
-            return (channels["Y"],) * 3
-    raise ProbeError(
-        f"{path}: no R, G and B channels, nor a single one, among {', '.join(names[:8])}; "
-        "export it as RGB"
-    )
+def _covered(spec: Any, width: int, height: int, offset: tuple[int, int]) -> float:
+    """The share of the canvas that stored pixels cover."""
+    left, top = offset
+    columns = min(left + spec.width, width) - max(left, 0)
+    rows = min(top + spec.height, height) - max(top, 0)
+    return max(columns, 0) * max(rows, 0) / (width * height)
 
 
 def _last_error() -> str:
@@ -287,15 +329,8 @@ def _last_error() -> str:
 
 def _reason(message: str, path: Path) -> str:
     """The first line of a library's message, without its own file name and error codes."""
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    lines = [line.strip() for line in (message or last_noise()).splitlines() if line.strip()]
     if not lines:
         return "no reason was given"
     line = lines[0].replace(f"EXR Error ({path}): ", "").replace(f'("{path}")', "")
     return re.sub(r"\b[A-Z]+_ERR_\w+ |: magic .*", "", line).strip().rstrip(".")
-
-
-def _srgb_to_linear(values: Array) -> Array:
-    """Linear values from those encoded as sRGB has it (IEC 61966-2-1), as float32."""
-    return np.where(
-        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
-    ).astype(np.float32)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.probe.lamps import PolarRows
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import order_of
@@ -86,8 +87,9 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     -------
     Lighting
         A lat-long is integrated by Fejer's or Clenshaw and Curtis's rule, which is exact for
-        images band-limited below half its height, and other grids by the solid angles of their
-        pixels. Degrees that are finer than the pixels are 0.
+        images band-limited below half its height, but small lamps near its poles by the solid
+        angles of their pixels (see `probe.lamps`), as other grids are. Degrees that are finer
+        than the pixels are 0.
 
     Raises
     ------
@@ -101,11 +103,17 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
     analysis = probe.grid.analysis(resolved)
+    polar_rows = PolarRows(probe.grid)
     for start, pixels, weights in probe.blocks():
         energy += _squared(pixels, weights)
         analysis.add(start, pixels, weights)
+        polar_rows.add(start, pixels)
         if progress is not None:
             progress(start + len(pixels), probe.height)
+    for lamps in polar_rows.lamps():
+        weights = probe.grid.weights(lamps.start, lamps.start + len(lamps.excess))
+        energy += np.einsum("ijc,ij->c", lamps.squares, np.broadcast_to(weights, lamps.shape))
+        analysis.add(lamps.start, lamps.light, weights)
     coefficients = analysis.coefficients()
     if not np.array_equal(probe.matrix, np.eye(3)):
         coefficients = transform_coefficients(coefficients, probe.matrix)

@@ -35,9 +35,13 @@ class ReadOptions:
     up : {"y", "z"}
         ``z`` means that the file's +Z is up; it is turned to +Y first of all.
     linearize : bool
-        Decode integer pixels as sRGB.
+        Decode integer pixels: as the file says, or else as sRGB.
     pixels : PixelPolicy
         What is done about pixels that cannot be radiance.
+    part : str, optional
+        Name or number, from 0, of the part of a file with several that is the light.
+    layer : str, optional
+        Name of the layer or view that is the light.
 
     Raises
     ------
@@ -53,6 +57,8 @@ class ReadOptions:
     up: Literal["y", "z"] = "y"
     linearize: bool = False
     pixels: PixelPolicy = field(default_factory=PixelPolicy)
+    part: str | None = None
+    layer: str | None = None
 
     def __post_init__(self) -> None:
         _check_name("layout", self.layout, (None, *LAYOUTS))
@@ -61,6 +67,8 @@ class ReadOptions:
         _check_name("up", self.up, _UP)
         _check_flag("mirror", self.mirror)
         _check_flag("linearize", self.linearize)
+        _check_text("part", self.part)
+        _check_text("layer", self.layer)
         if not (_is_number(self.yaw) and math.isfinite(self.yaw)):
             raise ProbeError(f"`yaw` must be a finite number of degrees, not {self.yaw!r}")
         if not isinstance(self.pixels, PixelPolicy):
@@ -94,6 +102,8 @@ class ReadKeywords(TypedDict, total=False):
     pixels: PixelPolicy
     clamp: float | None
     fix_nonfinite: bool
+    part: str | None
+    layer: str | None
 
 
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
@@ -130,6 +140,11 @@ def _check_name(argument: str, value: object, names: tuple[str | None, ...]) -> 
 def _check_flag(argument: str, value: object) -> None:
     if not isinstance(value, bool | np.bool_):
         raise ProbeError(f"`{argument}` must be True or False, not {value!r}")
+
+
+def _check_text(argument: str, value: object) -> None:
+    if not (value is None or isinstance(value, str)):
+        raise ProbeError(f"`{argument}` must be a name, not {value!r}")
 
 
 def _is_number(value: object) -> bool:

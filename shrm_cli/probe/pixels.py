@@ -36,15 +36,17 @@ class PixelReport:
     clamped: int = 0
     energy_removed: float = 0.0
     energy: float = 0.0
+    notes: tuple[str, ...] = ()
 
     def clear(self) -> None:
-        """Start again, as before the first pixel."""
+        """Start again, as before the first pixel; the notes stay."""
         for field in fields(self):
-            setattr(self, field.name, field.default)
+            if field.name != "notes":
+                setattr(self, field.name, field.default)
 
     def warnings(self) -> list[str]:
         """One line for each thing that a user should know."""
-        lines = []
+        lines = list(self.notes)
         if self.nonfinite:
             lines.append(f"{self.nonfinite} NaN or infinite pixels were filled from neighbours")
         if self.negative:

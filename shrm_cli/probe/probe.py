@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
 from shrm_cli.probe.blocks import Block, BlockReader
+from shrm_cli.probe.dds_file import DdsFile
 from shrm_cli.probe.image import ArrayImage, ProbeImage, digest
-from shrm_cli.probe.image_file import ImageFile
+from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
@@ -206,10 +207,8 @@ def open_probe(
     elif options.layout == "faces":
         raise ProbeError(f"{name}: write % in place of +X, -X, ... to name the files of six faces")
     else:
-        files = (ImageFile.open(name, options.linearize),)
-        layout = options.layout or detect_layout(
-            name, files[0].width, files[0].height, files[0].envmap
-        )
+        files = (_open_file(name, options),)
+        layout = options.layout or _layout_of(files[0])
     first = files[0]
     sampling: Sampling = "border" if first.border_sampled else "center"
     return _make_probe(name, files, layout, sampling, options, first.chromaticities)
@@ -240,9 +239,33 @@ def _make_probe(
         # A cube in a DDS file is stacked, but comes from a graphics API.
         own: Orientation = "gl" if first.file_format == "dds" else default_orientation(layout)
         orientation = options.orientation or own
+    notes = tuple(dict.fromkeys(note for image in images for note in image.notes))
     return Probe(
-        name, grid, layout, orientation, options.matrix(), options.pixels, chromaticities, images
-    )
+        name, grid, layout, orientation, options.matrix(), options.pixels, chromaticities, images,
+        PixelReport(notes=notes),
+    )  # fmt: skip
+
+
+def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
+    """Open an image as the options have it."""
+    path = check_file(name)
+    dds = DdsFile.open(path)
+    if dds is None:
+        return ImageFile.open(path, options.linearize, options.part, options.layer)
+    if options.part is not None or options.layer is not None:
+        raise ProbeError(f"{name}: a DDS file has no parts or layers; leave `part` and `layer` out")
+    return dds
+
+
+def _layout_of(file: ImageFile | DdsFile) -> Layout:
+    """The layout of a file that nobody named, which follows from its shape."""
+    aspect = file.encoding.pixel_aspect
+    if not file.envmap and not file.encoding.has_square_pixels:
+        raise ProbeError(
+            f"{file.name}: its pixels are not square (aspect {aspect:.3g}), so that "
+            f"{file.width} x {file.height} does not tell its layout; give `layout`, or resample it"
+        )
+    return detect_layout(file.name, file.width, file.height, file.envmap)
 
 
 def face_paths(name: str) -> list[str]:
@@ -251,9 +274,9 @@ def face_paths(name: str) -> list[str]:
     return [os.path.join(folder, pattern.replace("%", face)) for face in FACES]
 
 
-def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile, ...]:
+def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile | DdsFile, ...]:
     """Open the six files that a name with ``%`` stands for, which must be of one size."""
-    files = tuple(ImageFile.open(path, options.linearize) for path in face_paths(name))
+    files = tuple(_open_file(path, options) for path in face_paths(name))
     for file in files:
         if (file.width, file.height) != (files[0].width, files[0].height):
             raise ProbeError(

@@ -6,8 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.probe.lamps import lamps_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
+from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.latlong import LatLong
 
 Array = NDArray[np.floating]
@@ -70,14 +72,21 @@ class Source:
 
 def _pixels(probe: Probe) -> tuple[Array, Array]:
     """World directions and radiance times solid angle of a probe's pixels, (H, W, 3) each."""
-    blocks = [pixels * weights[..., None] for _, pixels, weights in probe.blocks()]
-    return probe.grid.directions() @ probe.matrix.T, np.concatenate(blocks)
+    return probe.grid.directions() @ probe.matrix.T, _light(probe.grid, probe.image())
 
 
 def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
     """The same of the lat-long that a probe is averaged down to."""
     grid = LatLong(height)
-    return grid.directions(), to_grid(probe, grid) * grid.weights()[..., None]
+    return grid.directions(), _light(grid, to_grid(probe, grid))
+
+
+def _light(grid: Grid, image: Array) -> Array:
+    """Radiance times solid angle of an image's pixels, as `probe.lighting` integrates it."""
+    pixels = image.astype(float)
+    for lamps in lamps_of(grid, image):
+        pixels[lamps.start : lamps.start + len(lamps.excess)] += lamps.light
+    return pixels * grid.weights()[..., None]
 
 
 def _tiles(image: Array, mode: Literal["constant", "edge"]) -> Array:

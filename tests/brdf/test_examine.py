@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.examine import (
-    captured_by_view_order,
     difference,
     directional_albedo,
     examine,
 )
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.errors import BrdfError
 from tests.brute_force import microfacet, sphere_rule
 
 
@@ -131,30 +128,3 @@ def test_the_same_seed_gives_the_same_result():
 def test_difference_is_relative():
     assert difference(constant(0.5, 0.5, 0.5), constant(0.55, 0.55, 0.55)) == pytest.approx(0.1)
     assert difference(parse_spec("ggx"), parse_spec("ggx")) == 0
-
-
-def test_energy_of_the_view_orders():
-    brdf = parse_spec("microfacet:sigma=0.4")
-    found = captured_by_view_order(brdf, 6)
-    whole = compute_coefficients(brdf, 12, 9, 1e-5)
-    by_order = whole.values[:7] ** 2
-    by_order[:, :, 1:] *= 2
-    expected = np.cumsum(by_order.sum(axis=(0, 2, 3))) / whole.total_energy.sum()
-    assert np.allclose(found, expected[:6], atol=1e-3)
-    assert found[0] < found[2] < found[5] < 1
-
-
-def test_zonal_models_have_it_all_in_the_first_order():
-    """A_0 and A_1 of eq. 4.12 over all of it: 1/4 (A_0^2 / pi^2 + 3 (2/3)^2 ...) by Parseval."""
-    found = captured_by_view_order(parse_spec("lambertian"), 1, 3)
-    # rho_hat = max(z, 0) / pi has the energy 2 pi / 3 / pi^2; degrees 0 and 1 hold these parts.
-    parts = (1 / 2) ** 2 + 3 * (1 / 3) ** 2
-    expected = parts * np.pi / (2 * np.pi / 3)
-    assert np.allclose(found, [expected] * 4)
-
-
-def test_anisotropic_models_have_no_orders():
-    brdf = parse_spec("ward:ax=0.1,ay=0.3")
-    assert examine(brdf).furnace_albedo > 0
-    with pytest.raises(BrdfError, match="anisotropic"):
-        captured_by_view_order(brdf, 8)

@@ -6,6 +6,7 @@ import pytest
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.brdf.models.oren_nayar import OrenNayar
@@ -41,7 +42,8 @@ def test_a_sum_is_the_sum(pairs):
     expected = 0.3 * one.evaluate(light, view) + 2 * 0.5 / np.pi
     assert both.evaluate(light, view) == pytest.approx(expected)
     assert not both.includes_cosine
-    assert both.center == "normal" if one.center == "normal" else "reflection"
+    assert both.center == "normal"
+    assert Sum([(0.3, one), (2.0, Ggx())]).center == "reflection"
     assert both.transfer(light, view) == pytest.approx(expected * light[:, 2:])
 
 

@@ -32,7 +32,8 @@ class Run:
 def run(*arguments):
     """Run `shrm` in this process, and undo its changes to signals, warnings and environment."""
     out, err = io.StringIO(), io.StringIO()
-    handler, environment = signal.getsignal(signal.SIGTERM), dict(os.environ)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    environment = dict(os.environ)
     try:
         with (
             warnings.catch_warnings(),
@@ -43,7 +44,8 @@ def run(*arguments):
     except SystemExit as stop:
         return Run(int(stop.code or 0), out.getvalue(), err.getvalue())
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         os.environ.clear()
         os.environ.update(environment)
     raise AssertionError("main() returned")

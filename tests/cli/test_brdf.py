@@ -2,9 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 
+from shrm_cli import orders
+from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.library import built_in_names, find_model
+from shrm_cli.brdf.spec import parse_spec
 from tests.cli.helpers import assert_refused, done, process, run, snapshot
 
 FORMATS = ["goniometer", "merl", "rgl", "table", "zernike"]
@@ -100,6 +104,41 @@ def test_one_is_explained_as_json():
     order_p = values["orders"][0]["order_p"]
     got = values["orders"][0]["brdf_energy_captured"]
     assert captured["captured"][order_p] == pytest.approx(got, abs=2e-3)
+
+
+def test_energy_of_the_view_orders():
+    values = json.loads(done("brdf", "microfacet:sigma=0.4", "--json", "--eps", 0.1, "--eps", 0.05))
+    found = values["captured_by_view_order"]
+    f = values["orders"][-1]["order_f"]
+    assert found["order_f"] == f
+    whole = compute_coefficients(parse_spec("microfacet:sigma=0.4"), 16, 9, 1e-5)
+    by_order = whole.values[: f + 1] ** 2
+    by_order[:, :, 1:] *= 2
+    expected = np.cumsum(by_order.sum(axis=(0, 2, 3))) / whole.total_energy.sum()
+    assert found["captured"] == pytest.approx(expected[:6], abs=1e-3)
+    assert found["captured"][0] < found["captured"][2] < found["captured"][5] < 1
+
+
+def test_zonal_models_have_it_all_in_the_first_order():
+    """Degrees 0, 1 and 2 of max(z, 0), by Parseval: 1/4, 1/2 and 5/32 of its square's integral."""
+    found = json.loads(done("brdf", "lambertian", "--json", "--eps", 0.03))
+    assert found["captured_by_view_order"]["order_f"] == 2
+    expected = (1 / 4 + 1 / 3 + 5 / 64) * 3 / 2
+    assert found["captured_by_view_order"]["captured"] == pytest.approx([expected] * 6)
+
+
+def test_orders_of_several_tolerances_take_one_search(monkeypatch):
+    """The search is for the smallest of them, and its coefficients meet the others too."""
+    searched = []
+    known = orders.known_coefficients
+    monkeypatch.setattr(
+        orders, "known_coefficients", lambda *given: searched.append(given[1]) or known(*given)
+    )
+    together = json.loads(done("brdf", "ggx:roughness=0.6", "--json", "--eps", 0.1, "--eps", 0.05))
+    assert searched == [0.05]
+    for row in together["orders"]:
+        alone = orders.choose_orders(parse_spec("ggx:roughness=0.6"), row["epsilon"])[0]
+        assert (row["order_f"], row["order_p"]) == (alone.order_f, alone.order_p)
 
 
 def test_one_that_gains_energy_is_told():

@@ -120,6 +120,8 @@ def test_numbers_of_samples_and_components(folder):
     assert whole.coefficients.shape[2] == 9
     assert whole.info.added_error == small.info.added_error > 0
     done("convert", "m.shrm.exr", "--to", "shrm", "--compress", "pca:0.3", "-o", "t.exr")
+    done("convert", "m.shrm.exr", "--to", "shrm", "--compress", "pca:9", "-o", "all.exr")
+    assert json.loads(done("info", "all.exr", "--json"))["components"] == 9
     assert 1 <= open_map("t.exr").cube_count < 9
     assert open_map("t.exr").info.added_error <= 0.3
 

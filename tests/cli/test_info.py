@@ -11,12 +11,12 @@ from tests.cli.helpers import assert_refused, done, noise, process, run, snapsho
 MAP_KEYS = [
     "file", "kind", "representation", "frame", "center", "size", "sampling", "maps", "domain",
     "order_f", "order_p", "order_carried", "epsilon", "brdf_energy_captured", "predicted_error",
-    "added_error", "filter_error", "fit_residual", "brdf", "probe",
+    "added_error", "filter_error", "storage_error", "fit_residual", "brdf", "probe",
     "probe_sha256", "chromaticities", "warnings",
 ]  # fmt: skip
 PROBE_KEYS = [
-    "file", "kind", "layout", "width", "height", "sampling", "format", "minimum", "maximum",
-    "mean", "sha256", "warnings",
+    "file", "kind", "layout", "width", "height", "sampling", "format", "channels", "encoding",
+    "minimum", "maximum", "mean", "sha256", "warnings",
 ]  # fmt: skip
 
 
@@ -166,6 +166,22 @@ def test_a_table_of_a_brdf(folder):
     assert values["kind"] == "BRDF table"
     assert values["center"] == "normal"
     assert "shrm brdf matte.exr" in done("info", "matte.exr")
+    done("brdf", "lambertian", "--save", "matte.npz")
+    packed = json.loads(done("info", "matte.npz", "--json"))
+    assert {**packed, "file": "matte.exr", "see": values["see"]} == values
+    assert packed["see"] == "shrm brdf matte.npz"
+
+
+def test_archives_that_are_no_table(folder):
+    np.savez("numbers.npz", values=np.ones(3), others=np.ones(3))
+    assert_refused(run("info", "numbers.npz"), 1, "numbers.npz: an archive, not an image")
+
+
+@pytest.mark.parametrize("name", ["matte.exr", "matte.npz"])
+def test_a_table_of_a_brdf_is_no_probe(folder, name):
+    done("brdf", "lambertian", "--save", name)
+    for command in (["prefilter", name, "--brdf", "phong"], ["convert", name, "--to", "strip"]):
+        assert_refused(run(*command), 1, f"{name}: a", "not a", "--brdf")
 
 
 ENGINE_KEYS = [

@@ -393,3 +393,23 @@ def test_an_order_that_the_brdf_does_not_have_is_told(folder):
     assert result.code == 0
     assert "phong does not depend on the view, so P = 0 only" in result.err
     assert open_map("m.exr").order_p == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        (["--brdf", "microfacet", "--order-p", 1], "of 4 coefficients"),
+        (["--brdf", "microfacet", "--order-p", 1, "--compress", "pca:3"], "of 3 components"),
+        (["--brdf", "microfacet", "--order-p", 1, "--compress", "pca:4"], "of 4 components"),
+        (["--brdf", "0.5*lambertian+0.5*phong", "--compress", "pca:1"], "of 2 components"),
+    ],
+)
+def test_components_are_called_so_even_where_none_is_left_out(folder, options, what):
+    done_with_remarks = run("prefilter", "probe.exr", *options, "-o", "c.exr")
+    assert done_with_remarks.code == 0
+    assert what in done_with_remarks.out.splitlines()[0]
+
+
+def test_split_is_refused_or_answered(folder):
+    result = run("prefilter", "probe.exr", "--brdf", "phong", "--split")
+    assert_refused(result, 2, "--split applies to sums", "phong:exponent=32 has a single term")

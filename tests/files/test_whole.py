@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.inputs import note, protecting
 from shrm_cli.files.whole import check_target, replacing
 
 HOST = platform.node()
@@ -134,24 +135,28 @@ def test_permission_is_asked_of_the_folder(tmp_path, monkeypatch):
     assert asked == [(str(tmp_path), os.W_OK | os.X_OK)]
 
 
-def test_inputs_are_not_overwritten(tmp_path, monkeypatch):
+@pytest.mark.parametrize("way", ["real.exr", "folder/../real.exr", "link.exr", "hard.exr"])
+@pytest.mark.parametrize("noted", ["real.exr", "link.exr", "hard.exr"])
+def test_inputs_are_not_overwritten(tmp_path, monkeypatch, way, noted):
     monkeypatch.chdir(tmp_path)
-    real, other = tmp_path / "real.exr", tmp_path / "other.exr"
-    real.write_text("input")
-    other.write_text("another")
-    (tmp_path / "link.exr").symlink_to(real)
-    (tmp_path / "hard.exr").hardlink_to(real)
-    for one, two in [
-        ("real.exr", "real.exr"),
-        ("real.exr", tmp_path / "real.exr"),
-        ("link.exr", "real.exr"),
-        ("real.exr", "link.exr"),
-        ("hard.exr", "real.exr"),
-    ]:
-        with pytest.raises(OutputError, match="would overwrite the input"):
-            check_target(one, [other, two])
-    check_target("real.exr", [other, "missing.exr"])
-    check_target("new.exr", [real, other])
+    (tmp_path / "folder").mkdir()
+    for name in ("real.exr", "other.exr"):
+        (tmp_path / name).write_text("input")
+    (tmp_path / "link.exr").symlink_to("real.exr")
+    (tmp_path / "hard.exr").hardlink_to("real.exr")
+    with protecting():
+        note("missing.exr", "no/such.exr", "n\0ul", noted)
+        with pytest.raises(OutputError, match="would overwrite the input; name another output"):
+            check_target(way)
+        with pytest.raises(OutputError, match="would overwrite"), replacing(way) as temporary:
+            temporary.write_text("output")
+        check_target("other.exr")
+        check_target("new.exr")
+    check_target(way)  # the files of one command are none of the next
+    note("other.exr")  # and a program of one's own overwrites what it wants
+    check_target("other.exr")
+    assert (tmp_path / "real.exr").read_text() == "input"
+    assert len(list(tmp_path.iterdir())) == 5
 
 
 def test_names_must_end_as_the_content_wants(tmp_path):

@@ -3,6 +3,7 @@
 import os
 import struct
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -58,10 +59,14 @@ def light(directions):
     return np.stack([x + 2 * y - 3 * z, 2 + x * y - z, 1 + y + z * x * x], axis=-1)
 
 
-@pytest.mark.parametrize("sampling", ["center", "border"])
-@pytest.mark.parametrize("orientation", ORIENTATIONS)
-@pytest.mark.parametrize("layout", CUBES)
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize(
+    ("name", "layout", "orientation", "sampling"),
+    [
+        # Arranging does not know what it arranges: all arrangements of one kind, all kinds in one.
+        *product(["lightfield"], CUBES, ORIENTATIONS, ["center", "border"]),
+        *((name, "vcross", "gl", "border") for name in MAKERS if name != "lightfield"),
+    ],
+)
 def test_cube_layouts_are_exact(tmp_path, name, layout, orientation, sampling):
     made = MAKERS[name](size=3, sampling=sampling)
     save(tmp_path / "a.exr", made, "float", layout, orientation)

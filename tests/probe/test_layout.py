@@ -58,10 +58,13 @@ def test_shapes_that_do_not_tell_are_refused(width, height, message):
         layout.detect_layout("a.exr", width, height, "")
 
 
-def test_every_layout_has_a_shape_that_fits():
-    for name in LAYOUTS:
-        width, height = SIZES.get(name, (32, 32))
-        layout.check_shape("a.exr", name, width, height, IMAGES.get(name, 1))
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_every_layout_has_a_shape_that_fits_and_no_pixel_more(name):
+    width, height = SIZES.get(name, (32, 32))
+    layout.check_shape("a.exr", name, width, height, IMAGES.get(name, 1))
+    for wrong in [(width + 1, height), (width, height + 1), (height * 2, width)]:
+        with pytest.raises(ProbeError, match=f"{wrong[0]} x {wrong[1]} cannot be {name}"):
+            layout.check_shape("a.exr", name, *wrong, IMAGES.get(name, 1))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -83,8 +86,12 @@ def test_images_that_are_too_small_are_refused(name, width, height):
 @pytest.mark.parametrize(
     ("name", "width", "height"), [("openexr", 1, 6), ("faces", 1, 1), ("strip", 6, 1)]
 )
-def test_faces_may_be_single_texels(name, width, height):
-    layout.check_shape("a.exr", name, width, height, IMAGES.get(name, 1))
+def test_faces_may_be_single_texels_but_not_none(name, width, height):
+    images = IMAGES.get(name, 1)
+    layout.check_shape("a.exr", name, width, height, images)
+    assert layout.grid_of(name, width, "center", images) == Cube(1, "center")
+    with pytest.raises(ProbeError, match="0 x 0 is too small"):
+        layout.check_shape("a.exr", name, 0, 0, images)
 
 
 def test_cubes_whose_faces_would_not_be_whole_are_refused():

@@ -91,13 +91,18 @@ def moments_table(size: int, progress: Progress | None = None) -> Array:
     Returns
     -------
     ndarray, shape (size, size, 6)
-        The integrals of 1, N.L and T.L over the lobe without Fresnel's term, then with Schlick's
-        tail; see `lobe_moments`.
+        The integrals of 1, N.L and T.L / sin(theta_v) over the lobe without Fresnel's term, then
+        with Schlick's tail; see `lobe_moments`. The quotient multiplies ``(N.V) N - V``, whose
+        length is sin(theta_v), so that what lies across the normal vanishes where N = V however
+        the table is filtered, and nothing is normalized there.
     """
     centers = (np.arange(size) + 0.5) / size
+    sines = np.sqrt(1 - centers**2)
     table = np.empty((size, size, 6))
     for row, roughness in enumerate(centers.tolist()):
-        table[row] = lobe_moments(roughness, centers).reshape(6, size).T
+        moments = lobe_moments(roughness, centers)
+        moments[:, 2] /= sines
+        table[row] = moments.reshape(6, size).T
         if progress is not None:
             progress(row + 1, size)
     return table

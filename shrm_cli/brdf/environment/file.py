@@ -7,11 +7,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.files.parts import Part, peek, write_parts
-from shrm_cli.vocabulary import Precision
+from shrm_cli.errors import BrdfError, MapError
+from shrm_cli.files.parts import Part, StoredPart, peek, write_parts
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 
 Array = NDArray[np.floating]
 Kind = Literal["scale-bias", "multiscatter", "moments"]
+
+_MOMENTS = 2
+"""The value of ``shrm:moments`` of tables of moments. In those of 1, T was normalized."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,8 @@ MEANINGS: dict[Kind, Meaning] = {
     ),
     "moments": Meaning(
         tuple(f"{kind}.{moment}" for kind in ("base", "tail") for moment in "ENT"),
-        "E, N, T = integrals of 1, N.L, T.L over the lobe; base = without Fresnel's term, "
-        "tail = with (1 - V.H)^5; T = normalize((N.V) N - V)",
+        "E, N, T = integrals of 1, N.L, T.L / T.T over the lobe; base = without Fresnel's term, "
+        "tail = with (1 - V.H)^5; T = (N.V) N - V, which is not normalized",
         "mix(tail.E, base.E, f0)",
         "(mix(tail.N, base.N, f0) * N + mix(tail.T, base.T, f0) * T) / mix(tail.E, base.E, f0)",
     ),
@@ -85,7 +89,7 @@ def write_dfg(
         "shrm:table": "dfg",
         "shrm:brdf": "ggx",
         "shrm:multiscatter": int(kind == "multiscatter"),
-        "shrm:moments": int(kind == "moments"),
+        "shrm:moments": _MOMENTS if kind == "moments" else 0,
         "shrm:axes": "x = N.V, y = perceptual roughness, 0 at the top; texel centres",
         "shrm:channels": meaning.channels,
         "shrm:reflectance": meaning.reflectance,
@@ -99,7 +103,7 @@ def write_dfg(
 
 
 def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """Return what a file of `write_dfg` says about its table, without the table's numbers.
+    """Return what a file of `write_dfg` says about its table, once its numbers were read.
 
     Parameters
     ----------
@@ -110,6 +114,11 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     dict or None
         The items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
         ``reflectance``, and for moments ``mean_direction``. None if the file is anything else.
+
+    Raises
+    ------
+    BrdfError
+        If the table is damaged.
     """
     found = peek(path)
     if found is None or found.first.text("shrm:table") != "dfg":
@@ -118,6 +127,7 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     multiscatter = part.attribute("shrm:multiscatter") not in (None, 0)
     moments = part.attribute("shrm:moments") not in (None, 0)
     meaning = MEANINGS["moments" if moments else "multiscatter" if multiscatter else "scale-bias"]
+    _check_numbers(part, meaning)
     facts = {
         "width": part.width,
         "height": part.height,
@@ -127,3 +137,15 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         "reflectance": meaning.reflectance,
     }
     return {**facts, "mean_direction": meaning.mean} if moments else facts
+
+
+def _check_numbers(part: StoredPart, meaning: Meaning) -> None:
+    """Refuse a table whose numbers are not all there."""
+    names = sorted({*meaning.names, "B"} if "R" in meaning.names else meaning.names)
+    again = "make it again with shrm dfg"
+    if not part.holds(names) or max(part.width, part.height) > MAX_CUBE_SIZE:
+        raise BrdfError(f"{part.path}: its channels are not those of such a table; {again}")
+    try:
+        part.read(names)
+    except MapError:
+        raise BrdfError(f"{part.path}: damaged or truncated; {again}") from None

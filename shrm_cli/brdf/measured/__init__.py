@@ -12,6 +12,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.discovery import load_class, module_names
 from shrm_cli.brdf.measured.reading.file import check_file, first_bytes
 from shrm_cli.errors import BrdfError
+from shrm_cli.files.inputs import note
 
 _HEAD = 4096
 
@@ -71,6 +72,7 @@ def open_measured(path: str | os.PathLike[str]) -> Brdf:
         If it is missing, no regular file, of no known format, or damaged.
     """
     path = check_file(path)
+    note(path)
     head = first_bytes(path, _HEAD)
     if not head:
         raise BrdfError(f"{path}: an empty file; copy it again")

@@ -7,7 +7,7 @@ This module loads no numpy.
 from shrm_cli.maps.options import BRDF_ARGUMENTS, CUBE_ARGUMENTS, Option, Representation
 from shrm_cli.vocabulary import REPRESENTATIONS
 
-_TAKES = BRDF_ARGUMENTS | CUBE_ARGUMENTS
+_TAKES = (BRDF_ARGUMENTS | CUBE_ARGUMENTS) - {"frame"}
 _SLICES = Option(
     "slices",
     "Angles theta_o of a kautz-mccool map.  [default: 10 P]",

@@ -28,7 +28,6 @@ def prefilter(
     center: str | None = None,
     domain: str = "frequency",
     source_height: int | None = None,
-    frame: str = "global",
     size: int | None = None,
     sampling: Sampling = "center",
     slices: int | None = None,
@@ -42,8 +41,6 @@ def prefilter(
     ------
     ArgumentError, OrderError, ProbeError, BrdfError, MapError
     """
-    if frame == "local":
-        raise ArgumentError("frame", "local applies with `to` shrm")
     is_angular = domain == "angular"
     if is_angular and (order_f, order_p) != (None, None):
         given = "order_p" if order_f is None else "order_f"

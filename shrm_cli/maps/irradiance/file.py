@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import common_header
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
@@ -98,8 +99,8 @@ def _numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | Non
     """Read an attribute of nested lists of finite numbers; None if it is anything else."""
     text = part.attribute(f"shrm:{name}")
     try:
-        values = np.array(json.loads(text))
-    except (ValueError, TypeError, RecursionError, OverflowError):
+        values = np.array(parse_json(text))
+    except (ValueError, TypeError, OverflowError):
         return None
     if values.shape != shape or values.dtype.kind not in "fiu":
         return None
@@ -110,11 +111,11 @@ def _window(part: StoredPart, order_f: int) -> Window:
     """Read the window, and check that its factors are those of its name and width, if any."""
     path = part.path
     try:
-        found = json.loads(part.attribute("shrm:window"))
+        found = parse_json(part.attribute("shrm:window"))
         name, width, factors = found["name"], found["width"], found["factors"]
         costs = float(found["energy_lost"]), float(found["change"])
         is_width = type(width) in (int, float) and math.isfinite(width) and width > 0
-    except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
+    except (ValueError, TypeError, KeyError, OverflowError):
         raise _wrong(path, "window is missing or wrong") from None
     if not all(math.isfinite(cost) for cost in costs):
         raise _wrong(path, "window has costs that are not finite")

@@ -60,9 +60,17 @@ class Window:
     def of(cls, name: str, width: float | None, series: Array) -> "Window":
         """Make the window of a family and a width, and measure its costs for a series.
 
-        The series has the shape ((F+1)^2, 3).
+        The series has the shape ((F+1)^2, 3). Without a width nothing is changed, as by ``none``.
+
+        Raises
+        ------
+        MapError
+            If there is no such family.
         """
-        if name == "none" or width is None:
+        if name == "none":
+            return cls()
+        _check_family(name)
+        if width is None:
             return cls()
         factors = window_factors(name, width, order_of(len(series)))
         return cls._with_costs(name, float(width), factors, series)
@@ -116,13 +124,24 @@ def window_factors(name: str, width: float, order: int) -> Array:
     -------
     ndarray, shape (order+1,)
 
+    Raises
+    ------
+    MapError
+        If there is no such window.
+
     References
     ----------
     Sloan 2008, Stupid Spherical Harmonics (SH) Tricks, "Windowing".
     """
+    _check_family(name)
     share = np.minimum(np.arange(order + 1), width) / width
     shape = np.sinc(share) if name == "lanczos" else (1 + np.cos(np.pi * share)) / 2
     return np.where(share < 1, shape, 0.0)
+
+
+def _check_family(name: str) -> None:
+    if name not in FAMILIES:
+        raise MapError(f"window {name!r}: no such family; take one of {', '.join(FAMILIES)}")
 
 
 def parse_window(spec: str) -> tuple[str, float | None]:

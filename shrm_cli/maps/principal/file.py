@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps.attributes import common_header, shortest
 from shrm_cli.maps.principal.functions import MAX_Q
@@ -94,8 +95,8 @@ def _text(table: Array) -> str:
 
 def _json(path: str, name: str, text: str) -> Any:
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
+        return parse_json(text)
+    except ValueError:
         raise MapError(f"{path}: its attribute shrm:{name} is wrong; make it again") from None
 
 

@@ -6,6 +6,7 @@ Section 5.8 of Ramamoorthi's thesis names this as future work.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,6 +73,10 @@ class CompressedShrm(Map):
     def cube_count(self) -> int:
         """The number K of spatial maps."""
         return len(self.matrix)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what every map tells, and that its cubes are components."""
+        return {**super().summary(), "components": self.cube_count}
 
     @property
     def turns_with_texels(self) -> bool:

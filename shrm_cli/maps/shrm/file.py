@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps.attributes import common_header, shortest
 from shrm_cli.maps.shrm.compressed import CompressedShrm
@@ -163,7 +164,7 @@ def _decode_compressed(image: StoredImage) -> CompressedShrm:
 def _matrix(text: str) -> Array | None:
     """Read a matrix of finite numbers from JSON; the result is None for any other text."""
     try:
-        values = np.array(json.loads(text), dtype=float)
-    except (ValueError, TypeError, RecursionError, OverflowError):
+        values = np.array(parse_json(text), dtype=float)
+    except (ValueError, TypeError, OverflowError):
         return None
     return values if values.ndim == 2 and values.size and np.isfinite(values).all() else None

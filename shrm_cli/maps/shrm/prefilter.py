@@ -83,12 +83,18 @@ def prefilter(
         raise ArgumentError(
             "split", "applies with neither `center` nor orders; leave one of them out"
         )
+    if split and len(split_terms(brdf)) == 1:
+        raise ArgumentError(
+            "split",
+            f"applies to sums, and to BRDFs with a diffuse part; {brdf!r} has a single term",
+        )
     light = Projection(probe, progress)
     if error is not None:
         made = _within_error(
             light, brdf, error, size, frame, sampling, compress, allowed_bytes(max_size, size)
         )
         return replace(made, notes=notes)
+    unsplit: tuple[str, ...] = ()
     chosen = None
     if is_free and split is not False and len(split_terms(brdf)) > 1:
         allowed = allowed_bytes(max_size, size)
@@ -103,12 +109,14 @@ def prefilter(
             if takes:
                 made = prefilter_terms(plan, frame, sampling, np.float32, compress)
                 return replace(made, notes=notes)
+        elif split:
+            unsplit = (f"{brdf!r} is not split: its terms cannot keep the error of the whole",)
     made = prefilter_shrm(
         light, brdf, eps, order_f, order_p, size, frame, sampling, np.float32, compress, max_size,
         chosen=chosen,
     )  # fmt: skip
     warnings = () if is_chosen(order_f, order_p) else order_warnings(made, brdf, eps, order_p)
-    return replace(made, notes=notes, warnings=(*warnings, *made.warnings))
+    return replace(made, notes=notes, warnings=(*unsplit, *warnings, *made.warnings))
 
 
 def _within_error(

@@ -12,7 +12,7 @@ def report(result: dict[str, Any]) -> list[str]:
         The object that `shrm prefilter --json` prints.
     """
     size, maps = result["size"], result["maps"]
-    unit = "components" if result["added_error"] else "coefficients"
+    unit = "components" if "components" in result else "coefficients"
     what = f"{result['frame']} SHRM, 6 x {size} x {size} texels of {maps} {unit}"
     return [what, *error_lines(result, "leaving out principal components")]
 

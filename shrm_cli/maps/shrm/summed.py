@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.sphere.cube import cube_solid_angles
 from shrm_cli.sphere.directions import bisector, views_around
 from shrm_cli.vocabulary import Frame, Sampling
 
@@ -18,6 +20,32 @@ Array = NDArray[np.floating]
 
 AZIMUTHS = 32
 """The number of azimuths of the view over which `zonal_radiance` of sums averages."""
+
+
+def joint_error(strengths: Sequence[float], errors: Sequence[float]) -> float:
+    """Return the error of a sum relative to the sum, taking those of its terms as independent.
+
+    Parameters
+    ----------
+    strengths : sequence of float
+        The RMS of the light that each term reflects.
+    errors : sequence of float
+        The relative errors of the terms.
+    """
+    whole = max(sum(strengths), 1e-300)
+    return float(np.linalg.norm(np.multiply(strengths, errors)) / whole)
+
+
+def rms(term: Shrm | CompressedShrm) -> float:
+    """Return the RMS of a map's radiance over mirror directions and views, by Parseval's theorem.
+
+    The channels count together. The rows of a compressed map's matrix are orthonormal, so that
+    its components have the energy of its coefficients.
+    """
+    (plane,) = term.planes()
+    texels = np.tile(cube_solid_angles(term.size, term.sampling), (6, 1))
+    energy = np.einsum("ijk,ijk,ij->", plane, plane, texels, dtype=float)
+    return float(np.sqrt(energy / 3) / (4 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -69,6 +97,11 @@ class SummedShrm(Map):
     def cube_count(self) -> int:
         return sum(term.cube_count for term in self.terms)
 
+    def summary(self) -> dict[str, Any]:
+        """Return what every map tells, and how many of the cubes are principal components."""
+        held = [term.cube_count for term in self.terms if isinstance(term, CompressedShrm)]
+        return {**super().summary(), **({"components": sum(held)} if held else {})}
+
     def planes(self) -> list[Array]:
         """Return the cubes of all terms."""
         return [plane for term in self.terms for plane in term.planes()]
@@ -89,8 +122,14 @@ class SummedShrm(Map):
         MapError
             If a term would be too large.
         """
-        terms = tuple(term.resampled(size, sampling) for term in self.terms)
-        return replace(self, terms=terms)  # type: ignore[arg-type]
+        # What is known of the error of a term may be that of the whole sum, as files have it, so
+        # that what each term loses here is found without it.
+        bare = [replace(term, info=replace(term.info, added_error=0.0)) for term in self.terms]
+        moved = [cast("Shrm | CompressedShrm", term.resampled(size, sampling)) for term in bare]
+        own = joint_error([rms(term) for term in bare], [each.info.added_error for each in moved])
+        added = float(np.hypot(self.info.added_error, own))
+        terms = tuple(replace(each, info=replace(each.info, added_error=added)) for each in moved)
+        return SummedShrm(terms, replace(self.info, added_error=added))
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Refuse: a sum has no single SHRM, because its terms have different centers.

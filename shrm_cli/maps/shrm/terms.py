@@ -15,7 +15,7 @@ from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.budget import Choice, affordable, fitting, most_order_p, shortfall
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.maps.shrm.summed import SummedShrm, joint_error
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
@@ -228,13 +228,7 @@ def combined_error(terms: Sequence[Term], light: Lighting) -> float:
         for term, each in zip(terms, orders, strict=True)
     ]
     strengths = [reflected_rms(light, term.coefficients) for term in terms]
-    return _combined(strengths, errors)
-
-
-def _combined(strengths: Sequence[float], errors: Sequence[float]) -> float:
-    """Return the error of a sum relative to the sum, from the relative errors of its terms."""
-    whole = max(sum(strengths), 1e-300)
-    return float(np.linalg.norm(np.multiply(strengths, errors)) / whole)
+    return joint_error(strengths, errors)
 
 
 def prefilter_terms(
@@ -269,9 +263,9 @@ def prefilter_terms(
     infos = [each.info for each in maps]
     info = replace(
         whole,
-        predicted_error=_combined(strengths, [each.predicted_error for each in infos]),
-        added_error=_combined(strengths, [each.added_error for each in infos]),
-        filter_error=_combined(strengths, [each.filter_error for each in infos]),
+        predicted_error=joint_error(strengths, [each.predicted_error for each in infos]),
+        added_error=joint_error(strengths, [each.added_error for each in infos]),
+        filter_error=joint_error(strengths, [each.filter_error for each in infos]),
         carried=max(each.order_carried for each in infos),
     )
     bounds = np.array([each.bound for each in expansions])

@@ -194,6 +194,18 @@ class Grid(ABC):
         heights, widths = self.extents()
         return np.asarray(density.mean(axis=(1, 2)) * heights[rows] * widths[columns])
 
+    def area_ratios(self) -> tuple[Array, Array] | None:
+        """How the rows' weights differ from solid angles; None where they are solid angles.
+
+        Returns
+        -------
+        ratios : ndarray, shape (rows,)
+            Solid angle over weight, less 1.
+        areas : ndarray, shape (rows,)
+            Solid angles of whole rows, sr.
+        """
+        return None
+
     # ---- images --------------------------------------------------------------------------------
 
     @abstractmethod

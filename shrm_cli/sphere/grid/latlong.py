@@ -5,7 +5,7 @@ import numpy as np
 from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler
 from shrm_cli.sphere.grid.overlap import overlapped, turn_about_axis
 from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions, latlong_points
-from shrm_cli.sphere.quadrature import colatitude_weights, longitude_weights
+from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights
 from shrm_cli.sphere.sampling import LatLongSampler
 from shrm_cli.sphere.transform import LatLongAnalysis
 
@@ -30,6 +30,12 @@ class LatLong(Grid):
         if self.sampling == "center":  # every column weighs the same
             column = column[:1]
         return colatitude_weights(self.size, self.sampling)[start:stop, None] * column
+
+    def area_ratios(self) -> tuple[Array, Array]:
+        edges = np.sin(cell_edges(self.size, self.sampling) * (np.pi / 2))
+        areas = np.diff(edges)
+        ratios = areas / colatitude_weights(self.size, self.sampling) - 1
+        return ratios, areas * (2 * np.pi)
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
         density = np.cos(down * (np.pi / 2)) * (np.pi**2 / 2)

@@ -1,7 +1,5 @@
 """Goniometer files: round trip of a GGX, Cornell's paints, damaged files."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -151,9 +149,7 @@ def test_passes_near_the_samples_of_a_paint(krylon):
     angles, colors = read_plainly(krylon)
     colors = np.maximum(colors, 0)
     light, view = from_angles(*angles[:, :2].T), from_angles(*angles[:, 2:].T)
-    started = time.perf_counter()
     brdf = Goniometer.open(krylon)
-    assert time.perf_counter() - started < 20  # two seconds on an idle machine
     found = brdf.evaluate(light, view)
     assert np.median(np.abs(found - colors)[:, 2]) < 0.0015
     assert relative_rms(found, colors, light, view) < 0.08
@@ -180,14 +176,6 @@ def test_predicts_samples_that_were_left_out(krylon, tmp_path):
     assert len(found) > 250
     assert np.median(np.abs(found - colors)[:, 2]) < 0.04 * np.median(colors[:, 2])
     assert relative_rms(found, colors, light, view) < 0.08
-
-
-def test_speed(rng, rough):
-    light, view = upper(rng, 300000), upper(rng, 300000)
-    rough[1].evaluate(light[:1000], view[:1000])
-    started = time.perf_counter()
-    rough[1].evaluate(light, view)
-    assert time.perf_counter() - started < 1.5  # 0.13 s on an idle machine
 
 
 def test_recognizes(shared, rough):

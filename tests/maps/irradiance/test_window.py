@@ -125,6 +125,16 @@ def test_what_is_no_window(spec, word):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["hamming", "auto", "none", "least", ""])
+def test_factors_of_no_family_are_refused(name):
+    with pytest.raises(MapError, match="no such family; take one of hann, lanczos"):
+        window_factors(name, 3, 4)
+    if name != "none":
+        for width in (3.0, None):
+            with pytest.raises(MapError, match="no such family"):
+                Window.of(name, width, np.ones((9, 3)))
+
+
 @pytest.mark.parametrize("spec", ["hann", "lanczos:2.2", "hann:1"])
 def test_costs_are_those_of_integrals_over_the_sphere(rng, spec):
     series = rng.normal(size=(16, 3))

@@ -1,4 +1,4 @@
-"""The error that `shrm` promises is the error that it makes, on real probes."""
+"""The error that `shrm` promises is the error that it makes, on real probes and shipped ones."""
 
 import numpy as np
 import OpenEXR
@@ -9,17 +9,18 @@ from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
 from tests import brute_force
+from tests.cli.helpers import ROOT
 
 PAIRS = 4000
 HEIGHT = 128
 
 
-def reduced(path):
-    """A real probe at 256 x 128: means over blocks of pixels."""
+def reduced(path, height=HEIGHT):
+    """A probe at 256 x 128, or of another height: means over blocks of pixels."""
     channels = OpenEXR.File(str(path), separate_channels=True).channels()
     image = np.stack([channels[c].pixels.astype(np.float32) for c in "RGB"], axis=-1)
-    step = image.shape[0] // HEIGHT
-    blocks = image.reshape(HEIGHT, step, 2 * HEIGHT, step, 3).mean(axis=(1, 3))
+    step = image.shape[0] // height
+    blocks = image.reshape(height, step, 2 * height, step, 3).mean(axis=(1, 3))
     return np.maximum(blocks, 0)
 
 
@@ -33,15 +34,33 @@ def write(path, image):
 @pytest.mark.parametrize("name", ["city", "interior", "studio", "sunset"])
 def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma):
     image = reduced(real_probes / f"{name}.exr")
+    measured, predicted, bound = errors(tmp_path, f"{name} {sigma}", image, sigma, PAIRS)
+    assert abs(measured - predicted) < 0.1 * predicted
+    assert measured < bound
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("studio", 0.5), ("sky", 0.2)])
+def test_measured_error_is_the_predicted_one_on_shipped_probes(tmp_path, name, sigma):
+    """On a clean clone too, at 64 x 32: soft boxes, and a bare sun."""
+    image = reduced(ROOT / "probes" / f"{name}.exr", 32)
+    measured, predicted, bound = errors(tmp_path, f"{name} {sigma}", image, sigma, PAIRS)
+    assert abs(measured - predicted) < 0.1 * predicted
+    assert predicted <= bound
+
+
+def errors(tmp_path, title, image, sigma, count):
+    """The error measured at so many pairs of mirror direction and view, the predicted one, and
+    its bound.
+    """
     write(tmp_path / "probe.exr", image)
     brdf = parse_spec(f"microfacet:sigma={sigma}")
     prefiltered = prefilter_shrm(
         Projection(open_probe(tmp_path / "probe.exr")), brdf, 0.03, dtype=np.float32
     )
-    light, weights = brute_force.latlong_samples(HEIGHT)
+    light, weights = brute_force.latlong_samples(len(image))
     radiance = image.reshape(-1, 3).astype(float)
     rng = np.random.default_rng(9)
-    reflections, views, shares = brute_force.bright_pairs(rng, prefiltered.map, PAIRS)
+    reflections, views, shares = brute_force.bright_pairs(rng, prefiltered.map, count)
     formula = brute_force.microfacet(sigma)
     truth = np.array(
         [
@@ -54,6 +73,5 @@ def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma)
     found = prefiltered.map.radiance(normals, views)
     measured = np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
     predicted = prefiltered.map.info.predicted_error
-    print(f"{name} sigma {sigma}: predicted {predicted:.4f}, measured {measured:.4f}")
-    assert abs(measured - predicted) < 0.1 * predicted
-    assert measured < prefiltered.facts["error_bound"]
+    print(f"{title}: predicted {predicted:.4f}, measured {measured:.4f}")
+    return measured, predicted, prefiltered.facts["error_bound"]

@@ -106,6 +106,21 @@ def test_a_sum_has_no_single_shrm(smooth):
     assert {term.size for term in smaller.terms} == {8}
 
 
+@pytest.mark.parametrize("sizes", [(4,), (6, 4)])
+def test_a_smaller_sum_says_what_all_its_terms_lost(tmp_path, smooth, sizes):
+    """Measured, also of what was made smaller, written, read and made smaller again."""
+    found = whole = prefilter_terms(plan_terms(Projection(smooth), brdf(), 0.03)).map
+    for size in sizes:
+        save(tmp_path / "small.exr", found.resampled(size), "float")
+        found = open_map(tmp_path / "small.exr")
+    _, normals, views = pairs(20000)
+    expected = whole.radiance(normals, views)
+    lost = found.radiance(normals, views) - expected
+    measured = np.sqrt(np.sum(lost**2) / np.sum(expected**2))
+    assert measured > 0.001
+    assert found.info.added_error == pytest.approx(measured, rel=0.15)
+
+
 @pytest.mark.parametrize("representation", ["cabral", "kautz-mccool", "lightfield"])
 def test_a_sum_as_an_explicit_map(smooth, representation):
     """Exact at the sample views; between them the error is told."""

@@ -61,7 +61,9 @@ def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
     path = check_file(path)
     with _readable(path) as stream:
         digest = hashlib.file_digest(stream, "sha256")
-    return {"file": path.name, "sha256": digest.hexdigest()}
+    # Maps record the name, and files hold text only.
+    name = path.name.encode("utf-8", "replace").decode()
+    return {"file": name, "sha256": digest.hexdigest()}
 
 
 @contextmanager

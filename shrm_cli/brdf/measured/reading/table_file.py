@@ -17,6 +17,7 @@ OpenEXR
 import json
 import math
 import os
+import struct
 import zipfile
 import zlib
 from pathlib import Path
@@ -30,6 +31,7 @@ from shrm_cli.brdf.base import Array
 from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.brdf.measured.table import AXES, Table, TableSettings
 from shrm_cli.errors import BrdfError, MapError, OutputError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.files.whole import replacing
 from shrm_cli.vocabulary import Center
@@ -47,6 +49,9 @@ _ENDS = {"theta_h": math.pi, "theta_d": math.pi / 2, "phi_d": math.pi}
 """The ends of the axes, radians; all axes begin at 0."""
 _ROUNDING = 1e-6
 """How far an axis may exceed its range by rounding, radians."""
+_UNREADABLE = (RuntimeError, ValueError, struct.error)
+"""What else an archive's reader raises: for passwords, for names and settings that are no text, and
+for records that are cut off."""
 _AGAIN = "make it again with shrm brdf --save"
 
 Stored = tuple[Array, tuple[Array, ...], TableSettings]
@@ -104,7 +109,18 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
 
 
 def is_table(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a file is a readable OpenEXR image that says it is a table of a BRDF."""
+    """Tell whether a file is an OpenEXR image or a .npz that holds a table of a BRDF.
+
+    Whether the table is sound, reading it tells.
+    """
+    if not os.path.isfile(path):
+        return False
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                return {f"{name}.npy" for name in ("values", *AXES)} <= set(archive.namelist())
+    except (OSError, zipfile.BadZipFile, NotImplementedError):
+        return False
     found = peek(path)
     return found is not None and bool(found.first.text(ATTRIBUTE))
 
@@ -175,7 +191,7 @@ def _read_npz(path: Path) -> Stored:
             text = "{}"
             if "settings.npy" in members:
                 text = str(_array(path, archive, members["settings.npy"], 0, kind="U"))
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, *_UNREADABLE) as error:
         raise BrdfError(f"{path}: damaged or truncated; copy it, or {_AGAIN}") from error
     lengths = tuple(len(axis) for axis in axes)
     if values.shape not in ((*lengths, 1), (*lengths, 3)):
@@ -204,11 +220,13 @@ def _array(
 
 def _npy_header(path: Path, name: str, stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+    found: tuple[tuple[int, ...], bool, np.dtype[Any]]
     try:
-        found: tuple[tuple[int, ...], bool, np.dtype[Any]]
         found = readers[npy.read_magic(stream)](stream)
-    except (KeyError, ValueError, SyntaxError, RecursionError, MemoryError, TypeError) as error:
+    except Exception as error:  # numpy has Python parse the text, which fails in many ways
         raise BrdfError(f"{path}: {name} is not an array of numpy's; {_AGAIN}") from error
+    if not all(type(length) is int and length >= 0 for length in found[0]):
+        raise BrdfError(f"{path}: {name} is not an array of numpy's; {_AGAIN}")
     return found
 
 
@@ -243,8 +261,8 @@ def _finite(path: Path, values: Array) -> Array:
 
 def _json_object(path: Path, text: str) -> dict[str, Any]:
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
+        value = parse_json(text)
+    except ValueError:
         value = None
     if not isinstance(value, dict):
         raise BrdfError(f"{path}: its settings are not a JSON object; {_AGAIN}")

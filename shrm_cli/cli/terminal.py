@@ -1,0 +1,125 @@
+"""All that commands print passes through here: nothing that a file holds can command a terminal.
+
+Names of channels, attributes, messages of libraries and arguments may hold any characters. Those
+that a terminal obeys or hides are printed as escapes such as ``\\x1b``, and endless words are cut.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import re
+import sys
+import unicodedata
+from typing import Any
+
+import click
+
+_MOST_WORD = 400
+"""The most characters of a word in an error or a warning; paths and arguments are such words."""
+_MOST_MESSAGE = 1200
+"""The most characters of an error or a warning."""
+_MOST_RESULT = 2000
+"""The most characters of a word in a result."""
+_UNSAFE = ("Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp")
+"""Categories of Unicode: control characters of both sets, what turns the direction of the text or
+cannot be seen, what no font has, halves of surrogates, and what breaks lines."""
+_SUSPECT = re.compile(r"[^\n\t -~]")
+_BYTES = range(0xDC80, 0xDD00)
+"""What Python puts in the place of bytes that are no text."""
+
+
+def echo(text: str, err: bool = False) -> None:
+    """Print lines of text to stdout or stderr, with what a terminal would obey as escapes.
+
+    Characters that the encoding of the stream lacks are printed as escapes, too. If there is no
+    stderr, nothing is printed there.
+
+    Parameters
+    ----------
+    text : str
+    err : bool
+        Whether to print to stderr.
+
+    Raises
+    ------
+    OSError
+        If there is no stdout.
+    """
+    _write(_shortened(escaped(text), _MOST_RESULT), err)
+
+
+def echo_message(text: str) -> None:
+    """Print an error or a warning to stderr, as one line of limited length."""
+    line = _shortened(escaped(" ".join(text.split())), _MOST_WORD)
+    _write(_cut(line, _MOST_MESSAGE), err=True)
+
+
+def echo_json(value: Any) -> None:
+    """Print a value to stdout as JSON, with its keys in their given order.
+
+    JSON has no infinity and no NaN, which become null.
+    """
+    text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
+    _write(_SUSPECT.sub(lambda found: _json_escape(found[0]), text), err=False)
+
+
+def escaped(text: str) -> str:
+    """Return a text with escapes in the place of what terminals obey or hide, but line feeds."""
+    return _SUSPECT.sub(lambda found: _escape(found[0]), text)
+
+
+def _escape(char: str) -> str:
+    if unicodedata.category(char) not in _UNSAFE:
+        return char
+    code = ord(char)
+    if code in _BYTES:
+        code -= 0xDC00
+    if code < 2**8:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code < 2**16 else f"\\U{code:08x}"
+
+
+def _json_escape(char: str) -> str:
+    is_safe = unicodedata.category(char) not in _UNSAFE and _fits(char, sys.stdout)
+    return char if is_safe else json.dumps(char)[1:-1]
+
+
+def _fits(char: str, stream: Any) -> bool:
+    try:
+        char.encode(getattr(stream, "encoding", None) or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _shortened(text: str, most: int) -> str:
+    """Cut each word that is too long in its middle."""
+    return re.sub(rf"\S{{{most},}}", lambda found: _cut(found[0], most), text)
+
+
+def _cut(text: str, most: int) -> str:
+    if len(text) <= most:
+        return text
+    kept = (most - 3) // 2
+    return f"{text[:kept]}...{text[-kept:]}"
+
+
+def _write(text: str, err: bool) -> None:
+    stream = sys.stderr if err else sys.stdout
+    if stream is None:  # it was closed before the process began
+        if err:
+            return
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    click.echo(text.encode(encoding, "backslashreplace").decode(encoding), file=stream)

@@ -1,0 +1,152 @@
+"""How the numbers of an image file become linear radiance, as its header says."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ProbeError
+from shrm_cli.files.parts import sound_primaries
+from shrm_cli.probe.icc import linear_curve
+from shrm_cli.probe.radiance_header import RadianceHeader
+
+Array = NDArray[np.floating]
+Curve = Callable[[Array], Array]
+
+_SQUARE = 0.01
+"""How far the aspect ratio of a square pixel may be from 1."""
+_FILM = ("dpx", "cineon")
+"""Formats of scanned film, whose integers are logarithms of densities if nothing else is said."""
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How the numbers of an image file become linear radiance.
+
+    Attributes
+    ----------
+    name : str
+        What the file holds, such as ``"linear"``, ``"sRGB"`` or ``"gamma 2.2"``.
+    curve : callable, optional
+        From the numbers to linear ones; None where they are linear.
+    applied : tuple of 3 float
+        By what red, green and blue were multiplied before they were stored.
+    primaries : tuple of 8 float, optional
+        CIE x and y of red, green, blue and white.
+    pixel_aspect : float
+        What the file says of the shape of its pixels; 1 is square.
+    notes : tuple of str
+        What a user should know, a line each.
+    """
+
+    name: str = "linear"
+    curve: Curve | None = None
+    applied: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    primaries: tuple[float, ...] | None = None
+    pixel_aspect: float = 1.0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def has_square_pixels(self) -> bool:
+        return abs(self.pixel_aspect - 1) <= _SQUARE
+
+    def linear(self, pixels: Array) -> Array:
+        """Linear radiance of pixels as they are stored, float32, shape (..., 3)."""
+        if self.curve is not None:
+            pixels = self.curve(pixels).astype(np.float32)
+        if self.applied != (1.0, 1.0, 1.0):
+            pixels = np.divide(pixels, np.asarray(self.applied, dtype=np.float32))
+        return pixels
+
+
+def encoding_of(
+    path: Path, spec: Any, file_format: str, header: RadianceHeader | None, integers: bool
+) -> Encoding:
+    """What a file says of its own numbers.
+
+    Parameters
+    ----------
+    path : Path
+    spec : OpenImageIO.ImageSpec
+    file_format : str
+        OpenImageIO's name of the format.
+    header : RadianceHeader, optional
+        Of a Radiance picture.
+    integers : bool
+        Whether the pixels are integers, which are decoded.
+
+    Raises
+    ------
+    ProbeError
+        If the numbers are encoded in a way that is not known here.
+    """
+    aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
+    if header is not None:
+        return _radiance(path, header)
+    primaries = sound_primaries(spec.getattribute("chromaticities"))
+    if not integers:
+        return Encoding(primaries=primaries, pixel_aspect=aspect)
+    name, curve = _integer_curve(path, spec, file_format)
+    return Encoding(name, curve, primaries=primaries, pixel_aspect=aspect)
+
+
+def _radiance(path: Path, header: RadianceHeader) -> Encoding:
+    """The encoding that the header of a Radiance picture tells."""
+    if abs(header.gamma - 1) > 1e-3:
+        raise ProbeError(
+            f"{path}: GAMMA={header.gamma:g} of its header says that its pixels are not linear; "
+            "export it as linear, or correct the header"
+        )
+    notes = []
+    if header.applied != (1.0, 1.0, 1.0):
+        factors = ", ".join(f"{factor:.6g}" for factor in dict.fromkeys(header.applied))
+        notes.append(
+            f"its pixels were divided by {factors}: EXPOSURE and COLORCORR of its header say "
+            "that they had been multiplied by that"
+        )
+    return Encoding(
+        applied=header.applied,
+        primaries=header.primaries,
+        pixel_aspect=header.pixel_aspect,
+        notes=tuple(notes),
+    )
+
+
+def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve | None]:
+    """Name and curve of the encoding of integer pixels; sRGB where the file says nothing."""
+    space = spec.get_string_attribute("oiio:ColorSpace")
+    transfer = spec.get_string_attribute("dpx:Transfer")
+    if file_format in _FILM and transfer != "Linear":
+        raise ProbeError(
+            f"{path}: {file_format} of transfer {transfer or 'logarithmic'!r}: not sRGB; convert "
+            "it to linear light and EXR first"
+        )
+    profile = spec.getattribute("ICCProfile")
+    if profile is not None:
+        curve = linear_curve(np.asarray(profile, dtype=np.uint8).tobytes())
+        if curve is not None:
+            return "ICC profile", curve
+    gamma = spec.get_float_attribute("oiio:Gamma", 0.0)
+    power = re.match(r"g(\d\d)_", space)
+    if gamma > 0 or power:
+        exponent = gamma if gamma > 0 else int(power[1]) / 10 if power else 1.0
+        return f"gamma {exponent:.3g}", lambda values: np.maximum(values, 0) ** exponent
+    if space.lower().startswith("lin"):
+        return "linear", None
+    if space and not space.lower().startswith("srgb"):
+        raise ProbeError(
+            f"{path}: its integers are encoded as {space[:40]}, which is not read here; convert "
+            "it to linear light and EXR first"
+        )
+    return "sRGB", srgb_to_linear
+
+
+def srgb_to_linear(values: Array) -> Array:
+    """Linear values from those encoded as sRGB has it (IEC 61966-2-1)."""
+    return np.where(
+        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
+    )

@@ -1,0 +1,1 @@
+"""The fuzz harness: damaged and lying files, each tried in a process of its own."""

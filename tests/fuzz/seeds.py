@@ -1,0 +1,235 @@
+"""The sound files that the fuzz harness damages, made by the tool itself and by image libraries.
+
+Every kind of file has the commands that read it. In these, ``FILE`` stands for the damaged file,
+``OUT`` for an output without its suffix; other names are sound files of the same folder.
+"""
+
+import contextlib
+import io
+import shutil
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from tests.brdf.measured.rgl_files import material, tensor_file
+from tests.cli.helpers import noise
+from tests.probe import scenes
+
+SOUND = "sound.exr"
+"""A probe that commands need beside the damaged file."""
+MAP = "sound.shrm.exr"
+"""A map of it, to compare others with."""
+
+_PROBE = (
+    "info FILE --json --linearize",
+    "info FILE",
+    "convert FILE --to strip --size 4 -o OUT.exr --linearize",
+    "prefilter FILE --to irradiance --size 4 -o OUT.exr --linearize",
+    "render sound.shrm.exr --background FILE --size 16 -o OUT.png --linearize",
+)
+_MAP = (
+    "info FILE --json",
+    "info FILE",
+    "render FILE --size 16 -o OUT.png",
+    "render FILE --size 16 -o OUT.exr --precision float",
+    "compare FILE sound.shrm.exr --size 16 --json --no-flip --view 0,0 -o OUT.exr",
+    "compare sound.shrm.exr FILE --size 16 --no-flip --view 0,0 --no-picture",
+    "convert FILE --to openexr -o OUT.exr",
+    "convert FILE --to shrm -o OUT.exr",
+    "convert FILE --to hcross -o OUT.exr",
+)
+_BRDF = (
+    "info FILE",
+    "reference sound.exr --brdf FILE --size 16 --source-height 2 -o OUT.exr --json",
+    "reference sound.exr --brdf 0.5*lambertian+0.5*FILE --size 16 --source-height 2 -o OUT.png",
+)
+_TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A sound file.
+
+    Attributes
+    ----------
+    kind : str
+        The kind of file, under which cases are counted.
+    name : str
+        The name of the file in the folder of seeds.
+    commands : tuple of str
+        The commands that read it.
+    """
+
+    kind: str
+    name: str
+    commands: tuple[str, ...]
+
+
+def make_seeds(folder: Path) -> list[Seed]:
+    """Write all seeds into a folder; the same each time."""
+    pixels = noise(8, 16)
+    scenes.write(folder / SOUND, pixels)
+    with contextlib.chdir(folder):
+        probes, maps = _probes(folder, pixels), _maps(folder)
+        brdfs = _brdfs(folder)
+        _shrm("dfg", "--size", "4", "-o", "dfg.exr")
+        _shrm("dfg", "--size", "4", "--moments", "-o", "moments.exr")
+    return [
+        *(Seed(kind, name, _PROBE) for kind, name in probes),
+        *(Seed(kind, name, _MAP) for kind, name in maps),
+        *(Seed(kind, name, _BRDF) for kind, name in brdfs),
+        *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
+    ]
+
+
+def _shrm(*arguments: str) -> None:
+    """Run a command that must succeed, without what it prints."""
+    from shrm_cli.cli.main import main
+
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            main(list(arguments))
+    except SystemExit as stop:
+        if stop.code:
+            raise AssertionError(f"{arguments}: {said.getvalue()}") from None
+
+
+def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
+    """Light probes of every format that is read: kinds and names."""
+    scenes.write(folder / "scanline.exr", pixels, "half", compression="zip")
+    scenes.write(folder / "raw.exr", pixels, compression="none")
+    scenes.write(folder / "piz.exr", pixels, "half", compression="piz")
+    scenes.write(folder / "tiled.exr", pixels, tile=4, compression="zip")
+    scenes.write(folder / "latlong.exr", pixels, textureformat="LatLong Environment")
+    scenes.write_exr(folder / "grey.exr", {"Y": pixels[..., 0]})
+    scenes.write_exr(folder / "layers.exr", scenes.rgb(pixels, "beauty.{}"))
+    _write_parts(folder / "parts.exr", pixels)
+    scenes.write(folder / "a.hdr", pixels)
+    scenes.write_rgbe(folder / "flat.hdr", pixels)
+    scenes.write_png(folder / "a.png", (pixels * 100).astype(np.uint8))
+    scenes.write(folder / "b.png", pixels / 2, "uint16")
+    scenes.write(folder / "a.tif", pixels, compression="zip")
+    scenes.write(folder / "tiled.tif", pixels, tile=16, compression="none")
+    scenes.write_dds_cube(
+        folder / "a.dds", (noise(24, 4) * 100).astype(np.uint8).reshape(6, 4, 4, 3)
+    )
+    _write_half_dds(folder / "half.dds", noise(24, 4))
+    scenes.write_pfm(folder / "a.pfm", pixels)
+    scenes.write(folder / "a.jpg", pixels / 2, "uint8")
+    scenes.write(folder / "a.tga", pixels / 2, "uint8")
+    exr = ["scanline", "raw", "piz", "latlong", "grey", "layers"]
+    return [
+        *(("EXR, scanlines", f"{name}.exr") for name in exr),
+        ("EXR, tiles", "tiled.exr"),
+        ("EXR, parts", "parts.exr"),
+        *(("HDR", f"{name}.hdr") for name in ("a", "flat")),
+        *(("PNG", f"{name}.png") for name in ("a", "b")),
+        *(("TIFF", f"{name}.tif") for name in ("a", "tiled")),
+        *(("DDS", f"{name}.dds") for name in ("a", "half")),
+        ("PFM", "a.pfm"),
+        ("JPEG", "a.jpg"),
+        ("TGA", "a.tga"),
+    ]
+
+
+def _write_parts(path: Path, pixels: np.ndarray) -> None:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    parts = [
+        OpenEXR.Part({**header, "name": name}, scenes.rgb(pixels)) for name in ("beauty", "second")
+    ]
+    with OpenEXR.File(parts) as file:
+        file.write(str(path))
+
+
+def _write_half_dds(path: Path, cube: np.ndarray) -> None:
+    """A cube of half floats as Direct3D 9 writes it (D3DFMT 113)."""
+    size = cube.shape[1]
+    header = struct.pack("<4sIIIIIII44x", b"DDS ", 124, 0x1007, size, size, 0, 0, 0)
+    pixel_format = struct.pack("<IIIIIIII", 32, 4, 113, 0, 0, 0, 0, 0)
+    caps = struct.pack("<IIIII", 0x1008, 0xFE00, 0, 0, 0)
+    alpha = np.ones((*cube.shape[:2], 1), np.float32)
+    data = np.concatenate([cube, alpha], axis=-1).astype("<f2").tobytes()
+    path.write_bytes(header + pixel_format + caps + data)
+
+
+def _maps(folder: Path) -> list[tuple[str, str]]:
+    """Maps of every representation, and the same with pixels that are not compressed."""
+    glossy = ("--brdf", "ggx:roughness=0.6", "--order-f", "6", "--order-p", "2", "--size", "4")
+    made = {
+        "shrm": ("--to", "shrm", *glossy, "--frame", "global"),
+        "local": ("--to", "shrm", *glossy, "--frame", "local"),
+        "sum": (
+            "--brdf", "0.5*lambertian+0.5*phong:exponent=4", "--eps", "0.2", "--size", "4",
+            "--split",
+        ),
+        "cabral": ("--to", "cabral", *glossy),
+        "kautz-mccool": ("--to", "kautz-mccool", *glossy, "--slices", "4"),
+        "lightfield": ("--to", "lightfield", *glossy, "--views", "3"),
+        "principal": (
+            "--to", "principal", "--brdf", "ggx:roughness=0.6", "--eps", "0.3", "--size", "4",
+        ),
+        "irradiance": ("--to", "irradiance", "--size", "4"),
+        "splitsum": ("--to", "splitsum", "--size", "8"),
+        "she": ("--to", "she",),
+    }  # fmt: skip
+    _shrm("prefilter", SOUND, *made["shrm"], "-o", MAP)
+    found = []
+    for name, options in made.items():
+        path = f"map.{name}.exr"
+        _shrm("prefilter", SOUND, *options, "-o", path)
+        found.append((f"map, {name}", path))
+        plain = f"plain.{name}.exr"
+        _uncompressed(folder / path, folder / plain)
+        found.append((f"map, {name}", plain))
+    _shrm("convert", MAP, "--to", "hcross", "-o", "map.hcross.exr")
+    return [*found, ("map, shrm", "map.hcross.exr")]
+
+
+def _uncompressed(source: Path, target: Path) -> None:
+    """Copy an EXR without compression, so that what is damaged are pixels and not a checksum."""
+    with OpenEXR.File(str(source), separate_channels=True) as file:
+        for part in file.parts:
+            part.header["compression"] = OpenEXR.NO_COMPRESSION
+        file.write(str(target))
+
+
+def _brdfs(folder: Path) -> list[tuple[str, str]]:
+    """Measured BRDFs of every format but MERL's, whose files are 35 MB."""
+    from shrm_cli.brdf.measured.goniometer import write_goniometer
+    from shrm_cli.brdf.measured.reading.table_file import write_table
+    from shrm_cli.brdf.measured.table import sample_table
+    from shrm_cli.brdf.spec import parse_spec
+
+    rough = parse_spec("ggx:roughness=0.5")
+    (folder / "a.bsdf").write_bytes(tensor_file(material()))
+    write_goniometer(folder / "a.brdf", rough, 2, 2)
+    rows = [
+        f"{10 * i},0,{20 * j},{60 * k},{0.3 + 0.01 * i * j:.2f}"
+        for i in range(4)
+        for j in range(4)
+        for k in range(4)
+    ]
+    (folder / "a.csv").write_text("\n".join(["theta_i,phi_i,theta_r,phi_r,r", *rows]) + "\n")
+    coefficients = ["1,1,0,0,0,0,0,0.5", "1,1,2,0,0,0,0,-0.05", "1,1,1,1,1,1,0,0.02"]
+    (folder / "b.csv").write_text("\n".join(coefficients) + "\n")
+    small = sample_table(rough, (6, 4, 3))
+    for name in ("table.exr", "table.npz"):
+        write_table(folder / name, small)
+    _uncompressed(folder / "table.exr", folder / "plain.table.exr")
+    tables = ("table.exr", "table.npz", "plain.table.exr")
+    return [
+        (".bsdf", "a.bsdf"),
+        ("goniometer", "a.brdf"),
+        *(("Zernike", name) for name in ("a.csv", "b.csv")),
+        *(("table of a BRDF", name) for name in tables),
+    ]
+
+
+def copy_sound(source: Path, target: Path) -> None:
+    """Copy what commands need beside the damaged file into the folder of a case."""
+    for name in (SOUND, MAP):
+        shutil.copyfile(source / name, target / name)

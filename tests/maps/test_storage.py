@@ -1,0 +1,89 @@
+"""Half has few digits for dim light: `auto` takes float there, and what half costs is told."""
+
+import json
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import OutputError
+from shrm_cli.files.parts import choose_storage
+from shrm_cli.maps.file import open_map, save
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import Probe, open_probe
+from tests.cli.helpers import done, run
+from tests.probe import scenes
+
+FORMS = {
+    "shrm": ("microfacet:sigma=0.3", {"size": 16}),
+    "cabral": ("microfacet:sigma=0.3", {"size": 16}),
+    "principal": ("ggx:roughness=0.6", {"size": 16}),
+    "irradiance": (None, {}),
+    "splitsum": (None, {"size": 16}),
+}
+
+
+def values(path):
+    """Everything that a file stores, read by the image library."""
+    import OpenImageIO as oiio
+
+    source, found, index = oiio.ImageInput.open(str(path)), [], 0
+    while source.seek_subimage(index, 0):
+        found.append(source.read_image(index, 0, 0, -1, oiio.FLOAT).astype(float).ravel())
+        index += 1
+    return np.concatenate(found)
+
+
+@pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
+@pytest.mark.parametrize("form", FORMS)
+def test_dim_light_keeps_its_digits(tmp_path, form):
+    """The same map at two brightnesses, up to the factor."""
+    brdf, options = FORMS[form]
+    for dim in (1.0, 2.0**-23):
+        probe = Probe.from_array(scenes.latlong(32) * np.float32(dim), "latlong")
+        made = prefilter(probe, brdf, to=form, **options)
+        kind = made.save(tmp_path / f"{dim == 1}.exr")
+        assert kind == ("half" if dim == 1 else "float")
+    bright, dim = values(tmp_path / "True.exr"), values(tmp_path / "False.exr") * 2.0**23
+    assert np.linalg.norm(dim - bright) < 5e-4 * np.linalg.norm(bright)
+
+
+def test_what_is_allowed():
+    """Values with an error of 5 % in half, which a map of 12 % may not have."""
+    plane = np.linspace(0, 1, 5000).reshape(50, 100) * 1e-6
+    error = np.linalg.norm(plane.astype(np.float16) - plane) / np.linalg.norm(plane)
+    assert 0.02 < error < 0.05
+    kinds = [choose_storage("a.exr", [plane], "auto", 2 * f * error).pixel_type for f in (0.4, 0.6)]
+    assert kinds == ["float", "half"]
+    stored = choose_storage("a.exr", [plane], "half")
+    assert stored.error == pytest.approx(error)
+    assert choose_storage("a.exr", [plane], "float").error == 0
+    assert choose_storage("a.exr", [0 * plane], "auto").pixel_type == "half"
+    # Ordinary rounding is no reason for float, however exact a map is.
+    assert choose_storage("a.exr", [1 + plane * 1e6], "auto").pixel_type == "half"
+    with pytest.raises(OutputError, match="overflows half"):
+        choose_storage("a.exr", [plane * 1e12], "half")
+
+
+def test_half_that_was_asked_for_states_its_cost(tmp_path):
+    probe = Probe.from_array(scenes.latlong(32) * np.float32(1e-7), "latlong")
+    made = prefilter(probe, "microfacet:sigma=0.3", size=16)
+    stored = save(tmp_path / "m.exr", made, "half")
+    back = open_map(tmp_path / "m.exr")
+    planes = [np.concatenate([p.ravel() for p in each.planes()]) for each in (made, back)]
+    lost = np.linalg.norm(planes[1] - planes[0]) / np.linalg.norm(planes[0])
+    assert stored.error == pytest.approx(lost, rel=1e-3)
+    assert back.info.storage_error == pytest.approx(lost, rel=1e-3)
+
+
+def test_commands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done("probe", "furnace", "--size", "16", "--radiance", "1e-9", "-o", "dim.exr")
+    np.testing.assert_allclose(open_probe("dim.exr").image(), 1e-9, rtol=1e-6)
+    done("convert", "dim.exr", "--to", "openexr", "-o", "cube.exr")
+    np.testing.assert_allclose(open_probe("cube.exr").image(), 1e-9, rtol=1e-5)
+    result = run("prefilter", "dim.exr", "--brdf", "lambertian", "--json", "-o", "m.exr")
+    (line,) = json.loads(result.out)["warnings"]
+    assert "m.exr: written as 32-bit float, for light so dim that half would add" in line
+    command = ("prefilter", "dim.exr", "--brdf", "lambertian", "--precision", "half", "-o", "m.exr")
+    assert "100.00% from half precision" in done(*command)
+    assert json.loads(done("info", "m.exr", "--json"))["storage_error"] == pytest.approx(1)

@@ -1,0 +1,75 @@
+"""Colors of other primaries: matrices against colour-science, and where they are used."""
+
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.color import REC709, from_rec709, to_rec709
+from tests.cli.helpers import done
+from tests.probe import scenes
+
+AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
+REC2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
+GOLD = (1.0, 0.782, 0.344)
+
+
+@pytest.mark.parametrize(
+    ("name", "primaries"), [("ACEScg", AP1), ("ITU-R BT.2020", REC2020)], ids=["AP1", "2020"]
+)
+@pytest.mark.filterwarnings("ignore")
+def test_against_colour_science(name, primaries):
+    colour = pytest.importorskip("colour")
+    spaces = colour.RGB_COLOURSPACES
+    expected = colour.matrix_RGB_to_RGB(spaces[name], spaces["ITU-R BT.709"], "Bradford")
+    np.testing.assert_allclose(to_rec709(primaries), expected, atol=5e-4)
+    np.testing.assert_allclose(from_rec709(primaries), np.linalg.inv(expected), atol=5e-4)
+
+
+def test_published_matrix():
+    """ITU-R BT.2087, linear Rec.709 in Rec.2020: four digits."""
+    expected = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]]
+    np.testing.assert_allclose(from_rec709(REC2020), expected, atol=6e-5)
+
+
+def test_white_stays_white():
+    np.testing.assert_allclose(to_rec709(AP1) @ np.ones(3), 1, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "primaries",
+    [None, REC709, tuple(np.float32(REC709)), (0,) * 8, (np.nan,) * 8, (0.3, 0.3) * 4, AP1[:7]],
+)
+def test_where_nothing_is_to_be_done(primaries):
+    assert to_rec709(primaries) is None
+    assert from_rec709(primaries) is None
+
+
+@pytest.mark.parametrize(("spec", "key"), [("ggx:f0=gold", "f0"), ("ward:color=gold", "color")])
+def test_metals_in_other_primaries(spec, key):
+    assert parse_spec(spec).color(key) == GOLD
+    found = parse_spec(spec, primaries=AP1).color(key)
+    np.testing.assert_allclose(found, from_rec709(AP1) @ GOLD, rtol=1e-12)
+    # Numbers are the user's own, in the probe's primaries.
+    numbers = f"{spec.partition('=')[0]}=1/0.782/0.344"
+    assert parse_spec(numbers, primaries=AP1).color(key) == GOLD
+    inside = parse_spec(f"0.5*{spec}+0.5*lambertian", primaries=AP1)
+    assert inside.terms[0][1].color(key) == found
+
+
+def test_pictures_and_metals_of_a_probe_in_other_primaries(tmp_path, monkeypatch):
+    """A furnace that is red light of Rec.709, stored in AP1, and what gold makes of it."""
+    monkeypatch.chdir(tmp_path)
+    red = from_rec709(AP1) @ (0.5, 0.1, 0.1)
+    pixels = np.broadcast_to(red, (16, 32, 3)).astype(np.float32)
+    scenes.write_exr(tmp_path / "p.exr", scenes.rgb(pixels), chromaticities=AP1)
+    done("prefilter", "p.exr", "--brdf", "lambertian", "--quiet", "-o", "m.exr")
+    done("render", "m.exr", "--size", "16", "--quiet", "-o", "m.png")
+    middle = oiio.ImageInput.open("m.png").read_image(oiio.UINT8)[8, 8]
+    encoded = [255 * (1.055 * v ** (1 / 2.4) - 0.055) for v in (0.5, 0.1, 0.1)]
+    np.testing.assert_allclose(middle, encoded, atol=1)
+    made = done("prefilter", "p.exr", "--brdf", "ggx:roughness=1,f0=gold", "--json", "-o", "g.exr")
+    f0 = json.loads(made)["brdf"]["parameters"]["f0"]
+    np.testing.assert_allclose(f0, from_rec709(AP1) @ GOLD, rtol=1e-6)
