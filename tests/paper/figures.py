@@ -15,7 +15,6 @@ from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.analysis.plots import plot_accuracy
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
-from shrm_cli.brdf.examine import captured_by_view_order
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.picture import write_picture
 from shrm_cli.maps.base import Map
@@ -105,7 +104,11 @@ def figure_5_6(
 
 def figure_5_7(specs: Sequence[str]) -> list[tuple[str, Array]]:
     """Return the energy of BRDFs within F = 30 and each P = 0 .. 5, beside their specifications."""
-    return [(spec, captured_by_view_order(parse_spec(spec), ORDER_F, MOST_P)) for spec in specs]
+    rows = []
+    for spec in specs:
+        captured = compute_coefficients(parse_spec(spec), ORDER_F, MOST_P).captured()[ORDER_F]
+        rows.append((spec, np.pad(captured, (0, MOST_P + 1 - len(captured)), mode="edge")))
+    return rows
 
 
 def figure_5_8(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Method]]:
