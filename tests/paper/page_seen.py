@@ -5,6 +5,7 @@ from textwrap import fill
 
 import numpy as np
 
+from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 from tests.paper.bars import BARS, Case
 from tests.paper.extent import Extent
 from tests.paper.page import short_form, table
@@ -33,7 +34,8 @@ pixel. Negative is the share of negative pixels."""
 for, as all maps did once; "{AFTER}" is the default (as one map, without terms), which carries all
 visible orders of the light, in as many bytes. "{VIEW_ALONE}" is the map of three times the order F,
 as far as the same cubes support it, with the same P: what it misses is the view beyond P.
-"{PRINCIPAL}" is the map of `--to principal` with as many cubes of the same size, at most 64."""
+"{PRINCIPAL}" is the map of `--to principal` with as many cubes of the same size, or with
+{MAX_PRINCIPAL_MAPS} larger ones that take no more bytes."""
     errors = f"""RMS is the relative error over all mirror directions and views, at
 {extent.seen_pairs} pairs of them that are drawn where the light and the error are, beside the
 predicted one. Maps about the normal (`oren-nayar`) predict theirs over all normals and views, which

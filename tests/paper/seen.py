@@ -79,8 +79,13 @@ def view_alone(default: Map) -> tuple[str, dict[str, Any]]:
 
 
 def principal(default: Map) -> tuple[str, dict[str, Any]]:
-    """As many principal maps as the default has coefficients of the view, and as large ones."""
-    return "principal", {"maps": min(default.cube_count, MAX_PRINCIPAL_MAPS), "size": default.size}
+    """As many principal maps as the default has coefficients of the view, and as large ones.
+
+    Where these are more than principal maps may have, the bytes that are left go into the size.
+    """
+    maps = min(default.cube_count, MAX_PRINCIPAL_MAPS)
+    size = int(default.size * np.sqrt(default.cube_count / maps))
+    return "principal", {"maps": maps, "size": size}
 
 
 AFTER, BEFORE, VIEW_ALONE, PRINCIPAL = "after", "before", "P alone", "principal"

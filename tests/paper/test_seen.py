@@ -144,3 +144,12 @@ def test_look_ups_refuse_other_maps(probe):
         made = prefilter(probe, "microfacet:sigma=0.5", frame="local", size=16)
     with pytest.raises(TypeError, match="neither a global SHRM nor a principal map"):
         looked_up(made, np.eye(3), np.eye(3))
+
+
+def test_principal_maps_that_may_not_be_as_many_are_larger():
+    class Default:
+        cube_count, size = 196, 64
+
+    _, options = seen.principal(Default())
+    assert options == {"maps": 64, "size": 112}
+    assert options["maps"] * options["size"] ** 2 <= Default.cube_count * Default.size**2
