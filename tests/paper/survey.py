@@ -126,9 +126,10 @@ def _of_probe(spec: str, probe: Probe, spheres: Sequence[Sphere]) -> list[Outcom
         try:
             with settings.using(cache=False):
                 made[form] = prefilter_with_facts(probe, form, {"brdf": spec}).map
-        except ShrmError as error:
+        except Exception as error:  # a defect that one BRDF shows is not to end the survey
             seconds = time.process_time() - started
-            rows.append(Outcome(spec, probe.name, form, seconds, refused=str(error)))
+            kind = "" if isinstance(error, ShrmError) else f"{type(error).__name__}: "
+            rows.append(Outcome(spec, probe.name, form, seconds, refused=f"{kind}{error}"))
             continue
         seconds, each = time.process_time() - started, made[form]
         if truth is None:
