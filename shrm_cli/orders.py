@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.transfer import energy_above, next_octave
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
@@ -21,10 +22,8 @@ Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
 """The order F to which coefficients are computed first; it doubles until it suffices."""
-_FALLING = 0.8
-"""The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 _MOST_OCTAVES = 3
-"""The most octaves of degrees over which that ratio is trusted."""
+"""The most octaves of degrees over which the fall of their energies is trusted."""
 _FIRST_ORDER_P = 8
 """The order P to which coefficients are computed first; it doubles until it suffices."""
 
@@ -314,8 +313,7 @@ def _sufficient_coefficients(
 def _octaves_to_come(coefficients: BrdfCoefficients, tolerance: float) -> int:
     """Estimate how often the order F must be doubled until little energy lies beyond it.
 
-    Energies that fall by a power of the degree fall from octave to octave by the same ratio, which
-    the last two octaves tell. What no F finds, because it has q > P, does not count.
+    `energy_above` estimates it. What no F finds, because it has q > P, does not count.
 
     Parameters
     ----------
@@ -332,13 +330,10 @@ def _octaves_to_come(coefficients: BrdfCoefficients, tolerance: float) -> int:
     by_degree = coefficients.degree_energy.sum(axis=-1)
     allowed = tolerance * coefficients.total_energy.sum()
     missing = coefficients.total_energy.sum() - by_degree.sum()
-    octave = coefficients.order_f // 2
-    last, before = by_degree[octave + 1 :].sum(), by_degree[octave // 2 + 1 : octave + 1].sum()
-    if missing <= allowed:
+    above = float(energy_above(by_degree))
+    if min(missing, above) <= allowed:
         return 0
-    if last >= _FALLING * before:
+    if not np.isfinite(above):
         return 2
-    beyond = min(missing, last * last / (before - last))
-    if beyond <= allowed:
-        return 0
-    return min(int(np.ceil(np.log(beyond / allowed) / np.log(before / last))), _MOST_OCTAVES)
+    octaves = np.log(min(missing, above) / allowed) / -np.log(next_octave(by_degree)[1])
+    return min(int(np.ceil(octaves)), _MOST_OCTAVES)

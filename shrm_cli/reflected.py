@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.transfer import TransferFunctions
+from shrm_cli.brdf.transfer import TransferFunctions, energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors
 from shrm_cli.sphere.clebsch_gordan import zonal_coupling
@@ -78,10 +78,12 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
 def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients | TransferFunctions) -> float:
     """Estimate the energy of the reflected light beyond the coefficients of the BRDF.
 
-    The BRDF's own energy there is known, because its whole energy is. Two estimates are made of
-    the light that it meets, and the smaller one counts. In the first, the light goes on as a small
-    lamp's does, with ``(2l+1)`` times the mean power of its last known degrees. In the second, all
-    energy of the light that is left sits in the first unknown degree, as in eq. 5.19.
+    The BRDF's own energy there is known, because its whole energy is. What lies at higher degrees
+    than the known ones follows from how the known ones fall. The light that it meets is estimated
+    twice, and the smaller one counts: the light goes on as a small lamp's does, with ``(2l+1)``
+    times the mean power of its last known degrees; or all energy of the light that is left sits in
+    the first unknown degree, as in eq. 5.19. The rest has higher azimuthal orders than the known
+    ones, which glossy lobes have at grazing views, and lies at known degrees of the light.
 
     Parameters
     ----------
@@ -95,14 +97,16 @@ def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients | TransferF
         In the units of ``|B|^2``, integrated over orientations and views, all channels together.
     """
     order = coefficients.order_f
-    rest = np.maximum(coefficients.total_energy - coefficients.degree_energy.sum(axis=0), 0.0)
-    power = lighting.power()[: order + 1]
-    last = slice(max(order + 1 - _LAST_DEGREES, 0), order + 1)
-    density = weighted_power(lighting, order)[last].mean(axis=0)
-    light_left = np.maximum(lighting.energy - power.sum(axis=0), 0.0)
-    return float(
-        np.sum(np.minimum(density, _convolution_measure(order + 1)[-1] * light_left) * rest)
-    )
+    known = coefficients.degree_energy
+    rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
+    spread = coefficients.spread
+    above = np.where(spread.any(axis=0), np.minimum(rest, energy_above(known)), rest)
+    light = weighted_power(lighting, order)
+    density = light[max(order + 1 - _LAST_DEGREES, 0) :].mean(axis=0)
+    light_left = np.maximum(lighting.energy - lighting.power()[: order + 1].sum(axis=0), 0.0)
+    met = np.minimum(density, _convolution_measure(order + 1)[-1] * light_left)
+    beside = np.sum(light * spread, axis=0) / np.maximum(spread.sum(axis=0), 1e-300)
+    return float(np.sum(met * above + beside * (rest - above)))
 
 
 def carried_order(

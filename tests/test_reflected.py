@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import (
@@ -88,6 +89,22 @@ def test_energy_beyond_is_never_more_than_the_light_has():
     power = np.ones((21, 3))
     assert energy_beyond(lit(power), known) == 0
     assert energy_beyond(lit(power, power.sum(axis=0) + 1e-3), known) > 0
+
+
+@pytest.mark.parametrize("spec", ["ggx:roughness=0.5", "ggx:roughness=0.5,f0=0.04"])
+@pytest.mark.parametrize("fall", [0, 1])
+def test_azimuthal_orders_that_are_not_known_meet_the_light_of_known_degrees(spec, fall):
+    """Light that falls with the degree lights them more than the degrees beyond F."""
+    order, brdf = 64, parse_spec(spec)
+    degree = np.arange(order + 1.0)[:, None]
+    power = np.repeat((2 * degree + 1) / (1 + degree) ** fall, 3, axis=1)
+    known, whole = (compute_transfer(brdf, order, q, 1e-5) for q in (6, 24))
+    light = (4 * np.pi / (2 * degree + 1)) * power
+    expected = np.sum(light * (whole.degree_energy - known.degree_energy))
+    # The light ends at the known degrees, so that nothing beyond them counts.
+    found = energy_beyond(lit(power), known)
+    assert expected > 0
+    assert 0.8 < np.sqrt(found / expected) < 1.6
 
 
 def test_visible_part_is_the_rms_of_the_missing_degrees():

@@ -74,6 +74,14 @@ class BrdfCoefficients:
         return not self.values[:, :, 1:].any()
 
     @property
+    def spread(self) -> Array:
+        """How energy of unknown azimuthal orders is spread over l, (F+1, 3), in proportions.
+
+        It is that of the known ones with p > P, which depends on the view as finely.
+        """
+        return np.maximum(self.degree_energy - self.energies().sum(axis=1), 0.0)
+
+    @property
     def converged(self) -> bool:
         """Whether the sampling reached the accuracy that was asked for."""
         return self.accuracy <= self.asked

@@ -38,6 +38,8 @@ _AZIMUTHS = 12, 3072
 """The fewest and the most nodes over half a turn in phi."""
 _ROUNDING = 1e-24
 """The part of the energy that is taken for rounding errors."""
+_FALLING = 0.8
+"""The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 _ZONAL_NODES = 2**7, 2**15
 """The fewest and the most nodes for a zonal BRDF."""
 _ZONAL_VIEWS = 12
@@ -105,6 +107,15 @@ class TransferFunctions:
         return np.asarray(np.tensordot(both_signs(self.max_q), squares, 1) / (2 * np.pi))
 
     @property
+    def spread(self) -> Array:
+        """How energy of unknown azimuthal orders is spread over l: that of the last two, (F+1, 3).
+
+        Only its proportions mean something.
+        """
+        last = self.values[-2:]
+        return np.asarray(np.einsum("qloc,qloc,o->lc", last, last, self.weights))
+
+    @property
     def converged(self) -> bool:
         """Whether the sampling reached the accuracy that was asked for."""
         return self.accuracy <= self.asked
@@ -127,6 +138,41 @@ def accuracy_remark(accuracy: float, asked: float) -> str | None:
         f"sampled to what it resolves: its coefficients are good to {accuracy:.2g} of its energy, "
         f"not to {asked:.2g}"
     )
+
+
+def energy_above(degree_energy: Array) -> Array:
+    """Estimate the energy of the degrees above the known ones, as `next_octave` has them fall.
+
+    Parameters
+    ----------
+    degree_energy : ndarray, shape (F+1, ...)
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Infinite where energies have not begun to fall.
+    """
+    last, ratio = next_octave(degree_energy)
+    falls = ratio < _FALLING
+    above = np.where(falls, last * ratio / (1 - np.where(falls, ratio, 0.0)), np.inf)
+    return np.where(last > 0, above, 0.0)
+
+
+def next_octave(degree_energy: Array) -> tuple[Array, Array]:
+    """The energy of the last octave of degrees, F/2 < l <= F, and the next one's ratio to it.
+
+    Energies that fall by a power of the degree have the same ratio r from octave to octave, and
+    those that fall exponentially r, r^2, r^4 and so on. BRDFs lie between, as the last three
+    octaves tell, and about half way between what these tell and a power is what comes next.
+    """
+    ends = [len(degree_energy) - 1]
+    while len(ends) < 4:
+        ends.append(ends[-1] // 2)
+    octaves = [degree_energy[ends[k + 1] + 1 : ends[k] + 1].sum(axis=0) for k in range(3)]
+    last, before, first = (np.maximum(octave, 1e-300) for octave in octaves)
+    ratio, earlier = np.log(last / before), np.log(before / first)
+    steeper = np.sqrt(np.clip(ratio / np.minimum(earlier, -1e-9), 1.0, 4.0))
+    return octaves[0], np.exp(np.where((ratio < 0) & (earlier < 0), ratio * steeper, ratio))
 
 
 def both_signs(order: int) -> Array:
