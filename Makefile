@@ -17,6 +17,10 @@ PYTEST_FLAGS ?= -n auto
 # make fuzz MINUTES=10 FUZZ_FLAGS="--seed 2 --case 345"
 MINUTES ?= 10
 FUZZ_FLAGS ?=
+# make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
+TABLES_FLAGS ?=
+# make survey MEASURED="a.bsdf b.binary": measured BRDFs beside the models
+MEASURED ?=
 PREFILTER_FLAGS ?=
 RENDER_FLAGS ?=
 
@@ -25,14 +29,15 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test fuzz bench tables probes batch clean distclean
+.PHONY: help install demo test fuzz bench tables survey probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make bench     measure against other tools, as ratios'
-	@echo "make tables    the paper's tables and figures, into build/paper/"
+	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
+	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
 	@echo 'make batch     PROBES="..." BRDFS="..." FORMS="...": bake every pair into build/'
 	@echo 'make install   set up .venv with shrm in it'
@@ -82,7 +87,11 @@ bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks
 
 tables: $(VENV)/.dev
-	$(BIN)/python -m tests.paper build/paper
+	$(BIN)/python -m tests.paper build/paper $(TABLES_FLAGS)
+
+# Without probes/real, which `make probes` fills, both take shipped probes.
+survey: $(VENV)/.dev
+	$(BIN)/python -m tests.paper build/paper --survey $(TABLES_FLAGS) $(MEASURED)
 
 probes:
 	@bash probes/fetch.sh

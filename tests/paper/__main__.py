@@ -1,11 +1,10 @@
-"""The program of `make tables`: it makes the papers' tables and figures anew."""
+"""The program of `make tables` and `make survey`: the papers' tables, and what maps cost."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
-import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,155 +14,175 @@ from shrm_cli.cli.threads import limit_libraries
 
 if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe
+    from tests.paper.extent import Extent
 
 ROOT = Path(__file__).resolve().parents[2]
-PROBES = (ROOT.parent / "shared" / "probes", ROOT / "probes" / "real", ROOT / "probes")
-SOURCE_HEIGHT = 128
-_SEEN = "seen.md"
+_SEEN, _SURVEY = "seen.md", "brdfs.md"
 
 
-def main(folder: Path) -> None:
-    """Write the page, a Markdown file, and its pictures into a folder."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Write the pages, Markdown files, and their pictures into a folder."""
+    given = _parsed(arguments)
     limit_libraries(1)  # both sides of every comparison get one thread
+
+    from tests.paper.extent import FULL, SHORT
+    from tests.paper.inputs import probe_files, say
+
+    extent = SHORT if given.short else FULL
+    if given.survey:
+        write_survey(given.folder, given.probes, given.measured, extent)
+        say(f"The page is {(given.folder / _SURVEY).resolve()}")
+        return
+    files = probe_files(given.probes)
+    # The figures have a room with windows and one with lamps.
+    pictured = probe_files(given.probes, ("interior", "studio"))
     with settings.using(threads=1, cache=False):  # the times include sampling the BRDF
-        _write_page(folder)
+        write_tables(given.folder, files, pictured, extent)
+        write_seen(given.folder, files, extent)
+    say(f"The pages are {(given.folder / 'index.md').resolve()} and {_SEEN}")
 
 
-def _write_page(folder: Path) -> None:
-    import numpy as np
-
-    from shrm_cli.files.image import write_image
-    from shrm_cli.probe.probe import open_probe
-    from shrm_cli.probe.resample import to_grid
-    from shrm_cli.sphere.grid.latlong import LatLong
-    from tests.paper import page, timings
-
-    folder.mkdir(parents=True, exist_ok=True)
-    interior, studio = (open_probe(_find(name)) for name in ("interior", "studio"))
-    written = Page(folder / "index.md")
-    written.add(page.introduction(platform.processor() or platform.machine(), np.__version__))
-    with tempfile.TemporaryDirectory() as temporary:
-        small = Path(temporary) / "small.exr"
-        write_image(small, to_grid(interior, LatLong(SOURCE_HEIGHT)), "float")
-        light = timings.in_memory(open_probe(small))
-    for size in timings.SIZES:
-        _say(f"table 5.4, faces of {size} x {size}")
-        written.add(page.table_5_4(timings.table_5_4(light, size)))
-    for size in timings.SIZES:
-        _say(f"table 5.5, faces of {size} x {size}")
-        rows = timings.table_5_5(light, size, np.random.default_rng(55))
-        written.add(page.table_5_5(rows))
-    with settings.using(threads=os.cpu_count()):  # pictures are not timed
-        for part in _pictures(folder, interior, studio):
-            written.add(part)
-    write_seen(folder)
-    _say(f"The pages are {written.path.resolve()} and {_SEEN}")
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.paper", description=__doc__)
+    parser.add_argument("folder", type=Path, help="where the pages go")
+    parser.add_argument("--survey", action="store_true", help="survey all BRDFs instead")
+    parser.add_argument("--short", action="store_true", help="few cases and small pictures")
+    parser.add_argument(
+        "--probes", type=Path, default=ROOT / "probes" / "real", help="where the real probes are"
+    )
+    parser.add_argument("measured", nargs="*", help="measured BRDFs, files of the survey")
+    return parser.parse_args(arguments)
 
 
-class Page:
-    """A page that is on disk as far as it has come, so that a crash leaves what was done before.
+def write_tables(
+    folder: Path, files: Sequence[Path], pictured: Sequence[Path], extent: Extent
+) -> None:
+    """Write the page with the papers' tables and figures.
 
     Parameters
     ----------
-    path : Path
-        The file, which is written anew.
+    folder : Path
+        It is made where it is missing.
+    files : sequence of Path
+        The probes; those that differ in size are averaged down to the smallest.
+    pictured : sequence of Path
+        The probes of the figures, of which there may be one or two.
+    extent : Extent
     """
+    import numpy as np
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.parts = path, []
+    from tests.paper import page, timings
+    from tests.paper.inputs import Page, equal_probes, say, small_probes
 
-    def add(self, part: str) -> None:
-        """Add a part, and write the page."""
-        self.parts.append(part)
-        self.path.write_text("\n".join(self.parts))
-
-
-def write_seen(folder: Path) -> None:
-    """Write the page on what is seen of maps into a folder, one BRDF at a time."""
-    from tests.paper import exponentials, page_seen, seen
-
-    folder.mkdir(parents=True, exist_ok=True)
-    probes = equal_probes(_real(exponentials.NAMES), seen.ROWS)
-    names = [probe.name for probe in probes]
-    rows: list[seen.Seen] = []
-    head = page_seen.introduction(names, probes[0].height, seen.SIZE)
-    with settings.using(threads=os.cpu_count(), cache=folder / "coefficients"):
-        _say("Phong lobes beside cmft")
-        chosen = probes[names.index("interior") if "interior" in names else 0]
-        cubes = page_seen.beside_cmft(seen.phong_cubes(chosen), chosen.name)
-        _say(f"what is seen of {seen.SPECS[0]}")
-        for k, found in enumerate(seen.measure(probes), start=1):
-            rows += found
-            done = list(dict.fromkeys(row.spec for row in rows))
-            sections = [page_seen.section([r for r in rows if r.spec == spec]) for spec in done]
-            parts = [head, page_seen.verdict(rows), page_seen.summary(rows), cubes, *sections]
-            (folder / _SEEN).write_text("".join(parts))
-            if k < len(seen.SPECS):
-                _say(f"what is seen of {seen.SPECS[k]}")
+    # Pictures of two probes are shown beside each other.
+    first, last = (equal_probes(pictured)[k] for k in (0, -1))
+    written = Page(folder / "index.md")
+    processor = platform.processor() or platform.machine()
+    written.add(page.introduction(processor, np.__version__, extent))
+    (light,) = small_probes([first], extent.source_rows)
+    for size in extent.face_sizes:
+        say(f"table 5.4, faces of {size} x {size}")
+        times = timings.table_5_4(light, size, extent.exponents, extent.repeats)
+        written.add(page.table_5_4(times))
+    for size in extent.face_sizes:
+        say(f"table 5.5, faces of {size} x {size}")
+        rng = np.random.default_rng(55)
+        times = timings.table_5_5(light, size, rng, extent.sigmas, extent.repeats)
+        written.add(page.table_5_5(times))
+    with settings.using(threads=os.cpu_count()):  # pictures are not timed
+        for part in _pictures(folder, files, first, last, extent):
+            written.add(part)
 
 
-def _pictures(folder: Path, interior: Probe, studio: Probe) -> Iterator[str]:
+def _pictures(
+    folder: Path, files: Sequence[Path], first: Probe, last: Probe, extent: Extent
+) -> Iterator[str]:
     """Yield the parts of the page whose work is not timed."""
     from tests.paper import exponentials, figures, page, page_engines, spheres
+    from tests.paper.inputs import equal_probes, say
     from tests.paper.irradiance import irradiance_rows
 
-    _say("figure 5.5")
-    yield page.figure_5_5(figures.figure_5_5(interior, folder), interior.name)
-    _say("figure 5.6")
-    yield page.figure_5_6(*figures.figure_5_6(studio, folder))
-    _say("figure 5.8")
-    yield page.figure_5_8(*figures.figure_5_8(studio, folder))
-    _say("figure 5.9")
+    say("figure 5.5")
+    yield page.figure_5_5(figures.figure_5_5(first, folder), first.name)
+    say("figure 5.6")
+    yield page.figure_5_6(*figures.figure_5_6(last, folder, extent))
+    say("figure 5.7")
+    yield page.figure_5_7(figures.figure_5_7(extent.materials))
+    say("figure 5.8")
+    yield page.figure_5_8(*figures.figure_5_8(last, folder, extent))
+    say("figure 5.9")
     for brdf, order_p, name in figures.LOBES_5_9:
-        file, methods = figures.figure_5_9(interior, folder, brdf, order_p, name)
+        file, methods = figures.figure_5_9(first, folder, brdf, order_p, name, extent)
         yield page.figure_5_9(file, repr(brdf), methods)
-    files = _real(exponentials.NAMES)
-    _say("chapter 4's irradiance")
+    say("chapter 4's irradiance")
     yield page_engines.irradiance(irradiance_rows(files))
-    _say("SH exponentials and split sums")
-    results = exponentials.compare(equal_probes(files))
-    picture = spheres.spheres((interior, studio), folder)
-    pictured = [f"`{Path(probe.name).name}`" for probe in (interior, studio)]
+    say("SH exponentials and split sums")
+    results = exponentials.compare(equal_probes(files)[: extent.glossy_probes], extent)
+    picture = spheres.spheres((first, last), folder, extent.glossy_pictures[2])
+    pictured = [f"`{Path(probe.name).name}`" for probe in (first, last)]
     yield page_engines.exponentials(results, picture, pictured)
 
 
-def _find(name: str) -> Path:
-    """Find a real probe, or take the shipped studio where there is none."""
-    for folder in PROBES:
-        if (folder / f"{name}.exr").exists():
-            return folder / f"{name}.exr"
-    return ROOT / "probes" / "studio.exr"
+def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:
+    """Write the page on what is seen of maps into a folder, one BRDF at a time.
 
-
-def _real(names: Sequence[str]) -> list[Path]:
-    """Find those of some real probes that are there, or take two shipped ones."""
-    for folder in PROBES[:-1]:
-        found = [folder / f"{name}.exr" for name in names if (folder / f"{name}.exr").exists()]
-        if found:
-            return found
-    return [ROOT / "probes" / "studio.exr", ROOT / "probes" / "sky.exr"]
-
-
-def equal_probes(files: Sequence[Path], most: int | None = None) -> list[Probe]:
-    """Open lat-longs, averaged down to the rows of the smallest one, or to `most` if that is less.
-
-    Those that have this height already stay as they are.
+    Parameters
+    ----------
+    folder : Path
+    files : sequence of Path
+        The probes, which are averaged down to the same number of rows.
+    extent : Extent
     """
-    from shrm_cli.probe.probe import open_probe
-    from tests.paper.seen import small_probes
+    from tests.paper import page_seen, seen
+    from tests.paper.inputs import Page, equal_probes, say
 
-    opened = [open_probe(file) for file in files]
-    rows = min(each.height for each in opened)
-    rows = rows if most is None else min(rows, most)
-    return [
-        each if each.height == rows else small
-        for each, small in zip(opened, small_probes(opened, rows), strict=True)
-    ]
+    written = Page(folder / _SEEN)
+    probes = equal_probes(files, extent.seen_rows)
+    names = [probe.name for probe in probes]
+    rows: list[seen.Seen] = []
+    head = page_seen.introduction(names, probes[0].height, extent)
+    with settings.using(threads=os.cpu_count(), cache=folder / "coefficients"):
+        say("Phong lobes beside cmft")
+        chosen = probes[names.index("interior") if "interior" in names else 0]
+        found = seen.phong_cubes(chosen, extent.cube)
+        cubes = page_seen.beside_cmft(found, chosen.name, extent.cube)
+        say(f"what is seen of {extent.seen[0]}")
+        sections = []
+        for k, found_rows in enumerate(seen.measure(probes, extent), start=1):
+            rows += found_rows
+            sections.append(page_seen.section(found_rows))
+            summary = page_seen.summary(rows)
+            written.write([head, page_seen.verdict(rows), summary, cubes, *sections])
+            if k < len(extent.seen):
+                say(f"what is seen of {extent.seen[k]}")
 
 
-def _say(line: str) -> None:
-    print(line, flush=True)
+def write_survey(folder: Path, probes: Path, measured: Sequence[str], extent: Extent) -> None:
+    """Write the page of the survey into a folder, one BRDF at a time.
+
+    Parameters
+    ----------
+    folder : Path
+    probes : Path
+        The folder of the real probes.
+    measured : sequence of str
+        The files of measured BRDFs.
+    extent : Extent
+    """
+    from tests.paper import page_survey, survey
+    from tests.paper.inputs import Page, equal_probes, probe_files, say
+
+    lights = equal_probes(probe_files(probes, survey.PROBES), extent.survey_rows)
+    specs = [*(extent.survey or survey.all_specs()), *measured]
+    written = Page(folder / _SURVEY)
+    rows: list[survey.Outcome] = []
+    say(f"{len(specs)} BRDFs; {specs[0]}")
+    for k, found in enumerate(survey.outcomes(lights, specs, extent.survey_picture), start=1):
+        rows += found
+        written.write(page_survey.survey(rows, lights[0].height))
+        if k < len(specs):
+            say(f"{k} done; {specs[k]}")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "build/paper"))
+    main()

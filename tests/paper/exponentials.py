@@ -18,6 +18,7 @@ from shrm_cli.brdf.environment.lobe_moments import LobeMoments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import Probe
+from tests.paper.extent import Extent
 from tests.paper.glossy_truth import Light, Sphere, light_of, mirror_means, reflect, sphere
 from tests.paper.split_sum import PaperSplitSum, source_of
 
@@ -25,13 +26,9 @@ Array = NDArray[np.floating]
 Method = Callable[[int, float], Array]
 """A function of a roughness' index and an f0 that returns radiance, shape (pixels, 3 * probes)."""
 
-NAMES = "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset"
 F0 = 1.0, 0.04
-ROUGHNESSES = tuple(np.linspace(0.5, 1.0, 12).tolist())
 VIEWS = (0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 0, -1), (0, 1, 0), (0, -1, 0)
 """Directions to the viewer; the first is the front."""
-_FRONT_SIZE, _SIZE = 64, 32
-"""Width and height in pixels of the picture from the front, and of the others."""
 
 
 @dataclass(frozen=True)
@@ -185,6 +182,8 @@ class Results:
     ----------
     names : tuple of str
         The names of the probes.
+    roughnesses : tuple of float
+        The perceptual roughnesses.
     paper : tuple of Contest
         Comparison (a), the paper's fit against the split sum as the paper runs it.
     plain : tuple of Contest
@@ -196,16 +195,18 @@ class Results:
     """
 
     names: tuple[str, ...]
+    roughnesses: tuple[float, ...]
     paper: tuple[Contest, ...]
     plain: tuple[Contest, ...]
     best: tuple[Contest, ...]
     falls: Contest
 
 
-def compare(probes: Sequence[Probe]) -> Results:
+def compare(probes: Sequence[Probe], extent: Extent) -> Results:
     """Make all comparisons, which takes about a minute for eight probes."""
-    spheres = [sphere(v, _SIZE if k else _FRONT_SIZE) for k, v in enumerate(VIEWS)]
-    scene = Scene.of(probes, ROUGHNESSES, spheres)
+    front, others, _ = extent.glossy_pictures
+    spheres = [sphere(v, others if k else front) for k, v in enumerate(VIEWS)]
+    scene = Scene.of(probes, extent.roughnesses, spheres)
     exact = scene.errors(exact_split_sum(scene))
     noisy, filtered = (scene.errors(paper_split_sum(scene, each)) for each in (False, True))
     paper = scene.errors(exponentials(scene, law="paper"))
@@ -214,6 +215,7 @@ def compare(probes: Sequence[Probe]) -> Results:
     wide = scene.errors(exponentials(scene, roughness=(0.2, 1.0)))
     return Results(
         tuple(Path(probe.name).stem for probe in probes),
+        extent.roughnesses,
         (
             Contest.of("samples read the probe", paper, noisy),
             Contest.of("samples read its mips", paper, filtered),

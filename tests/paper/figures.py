@@ -1,13 +1,15 @@
-"""Figures 5.5, 5.6, 5.8 and 5.9: curves, pictures, and the errors of the methods.
+"""Figures 5.5 to 5.9: curves, pictures, and the errors of the methods.
 
 They are figures of chapter 5 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward
 and Inverse Rendering" (2002).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
 from shrm_cli.analysis.plots import plot_accuracy
@@ -26,12 +28,13 @@ from shrm_cli.reference import Reference
 from shrm_cli.reflected import predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import compare_spheres
+from tests.paper.extent import Extent
+
+Array = NDArray[np.floating]
 
 ORDER_F = 30
-_HIGH_F, _HIGH_P = 48, 16
-"""The orders F and P to which the reflected light counts as known."""
-_PICTURE_SIZE = 128
-_SOURCE_HEIGHT = 128
+MOST_P = 5
+"""The orders of figures 5.6 and 5.7."""
 _VIEWERS = (Viewer(20, 15), Viewer(140, -10))
 
 
@@ -46,7 +49,7 @@ class Method:
         The number of RGB cubes that it stores.
     expected : float
         Relative RMS error of the reflected light over all orientations and views, from the
-        coefficients (Parseval), against light known to orders 48 and 16.
+        coefficients (Parseval), against light known to the orders `Extent.known`.
     pictured : float
         Relative RMS error of the pictures, against brute-force integration.
     """
@@ -70,7 +73,9 @@ def figure_5_5(probe: Probe, folder: Path) -> str:
     return "figure-5.5.png"
 
 
-def figure_5_6(probe: Probe, folder: Path) -> tuple[str, list[tuple[int, float, float, float]]]:
+def figure_5_6(
+    probe: Probe, folder: Path, extent: Extent
+) -> tuple[str, list[tuple[int, float, float, float]]]:
     """Draw pictures for P = 0 .. 5 and the truth; return the file's name and the rows of a table.
 
     A row holds P, the captured fraction of the BRDF's energy, and the predicted and the pictured
@@ -79,9 +84,9 @@ def figure_5_6(probe: Probe, folder: Path) -> tuple[str, list[tuple[int, float, 
     brdf = parse_spec("microfacet:sigma=0.2")
     coefficients = compute_coefficients(brdf, 64, 8)
     lighting = project(probe, 64)
-    truth = Reference(probe, brdf, _SOURCE_HEIGHT)
+    truth = Reference(probe, brdf, extent.source_rows)
     pictures = order_pictures(
-        lighting, coefficients, brdf.center, _VIEWERS, ORDER_F, _PICTURE_SIZE, truth
+        lighting, coefficients, brdf.center, _VIEWERS, ORDER_F, extent.picture, truth
     )
     sheet = pictures.sheet(pictures.exposure())
     write_picture(folder / "figure-5.6.png", sheet)
@@ -97,30 +102,39 @@ def figure_5_6(probe: Probe, folder: Path) -> tuple[str, list[tuple[int, float, 
     return "figure-5.6.png", rows
 
 
-def figure_5_8(probe: Probe, folder: Path) -> tuple[str, list[Method]]:
+def figure_5_7(specs: Sequence[str]) -> list[tuple[str, Array]]:
+    """Return the energy of BRDFs within F = 30 and each P = 0 .. 5, beside their specifications."""
+    rows = []
+    for spec in specs:
+        captured = compute_coefficients(parse_spec(spec), ORDER_F, MOST_P).captured()[ORDER_F]
+        rows.append((spec, np.pad(captured, (0, MOST_P + 1 - len(captured)), mode="edge")))
+    return rows
+
+
+def figure_5_8(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Method]]:
     """Draw Kautz and McCool's 3D texture beside an SHRM of as many maps: microfacet, sigma .5."""
     brdf = parse_spec("microfacet:sigma=0.5")
-    light, coefficients, whole = _known(probe, brdf)
+    light, coefficients, whole = _known(probe, brdf, extent)
     shrm = whole.truncated(5)
     texture = KautzMcCool.from_shrm(whole, shrm.cube_count)
-    return _compare(folder / "figure-5.8.png", probe, brdf, [
-        ("SHRM, P = 5", shrm, predicted_error(light, coefficients, _HIGH_F, 5)),
+    return _compare(folder / "figure-5.8.png", probe, brdf, extent, [
+        ("SHRM, P = 5", shrm, predicted_error(light, coefficients, extent.known[0], 5)),
         ("Kautz-McCool", texture, texture.info.added_error),
     ])  # fmt: skip
 
 
 def figure_5_9(
-    probe: Probe, folder: Path, brdf: Brdf, order_p: int, name: str
+    probe: Probe, folder: Path, brdf: Brdf, order_p: int, name: str, extent: Extent
 ) -> tuple[str, list[Method]]:
     """Draw Cabral's icosahedral interpolation beside an SHRM with no more maps."""
-    light, coefficients, whole = _known(probe, brdf)
+    light, coefficients, whole = _known(probe, brdf, extent)
     shrm = whole.truncated(order_p)
     if coefficients.azimuth_free:
         shrm = _without_azimuth(shrm)
     twelve = Cabral.from_shrm(whole)
-    return _compare(folder / name, probe, brdf, [
+    return _compare(folder / name, probe, brdf, extent, [
         (f"SHRM, P = {order_p}", shrm,
-         predicted_error(light, coefficients, _HIGH_F, order_p)),
+         predicted_error(light, coefficients, extent.known[0], order_p)),
         ("Cabral", twelve, twelve.info.added_error),
     ])  # fmt: skip
 
@@ -132,13 +146,14 @@ LOBES_5_9: tuple[tuple[Brdf, int, str], ...] = (
 """The BRDFs of figure 5.9, each with P of an SHRM of twelve maps or less, and a picture's name."""
 
 
-def _known(probe: Probe, brdf: Brdf) -> tuple[Lighting, BrdfCoefficients, Shrm]:
+def _known(probe: Probe, brdf: Brdf, extent: Extent) -> tuple[Lighting, BrdfCoefficients, Shrm]:
     """Compute light, BRDF and SHRM to orders beyond which nothing counts."""
-    coefficients = compute_coefficients(brdf, _HIGH_F, _HIGH_P, accuracy=1e-3)
-    lighting = project(probe, _HIGH_F)
-    info = MapInfo(_HIGH_F, _HIGH_P, 0.0, 0.0, 0.0)
+    order_f, order_p, size = extent.known
+    coefficients = compute_coefficients(brdf, order_f, order_p, accuracy=1e-3)
+    lighting = project(probe, order_f)
+    info = MapInfo(order_f, order_p, 0.0, 0.0, 0.0)
     whole = Shrm.from_coefficients(
-        lighting.coefficients, coefficients.values, brdf.center, info, 64, dtype=np.float32
+        lighting.coefficients, coefficients.values, brdf.center, info, size, dtype=np.float32
     )
     return lighting, coefficients, whole
 
@@ -151,11 +166,11 @@ def _without_azimuth(shrm: Shrm) -> Shrm:
 
 
 def _compare(
-    path: Path, probe: Probe, brdf: Brdf, methods: list[tuple[str, Map, float]]
+    path: Path, probe: Probe, brdf: Brdf, extent: Extent, methods: list[tuple[str, Map, float]]
 ) -> tuple[str, list[Method]]:
-    truth = Reference(probe, brdf, _SOURCE_HEIGHT)
+    truth = Reference(probe, brdf, extent.source_rows)
     maps = [each for _, each, _ in methods]
-    comparison = compare_spheres(truth, maps, _VIEWERS, _PICTURE_SIZE)
+    comparison = compare_spheres(truth, maps, _VIEWERS, extent.picture)
     names = [f"{name}, {each.cube_count} maps" for name, each, _ in methods]
     peak = np.percentile(comparison.baseline.max(axis=-1), 97)
     write_picture(path, comparison.picture("exact", names, float(-np.log2(max(peak, 1e-6)))))

@@ -5,7 +5,9 @@ order of the light that is visible and that their cubes support, at the same num
 maps as they were can still be made, by giving the orders and the size by hand.
 
 The truth is a sum over all pixels of the probes, which maps and truth take averaged down to the
-same number of rows. It serves all probes at once, because the lobe is the same for all of them.
+same number of rows. For the pictures it serves all probes at once, because the lobe is the same for
+all of them. Errors of a map as a whole are measured elsewhere: at pairs of a mirror direction and a
+view that are drawn where the light is.
 """
 
 import os
@@ -13,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,41 +25,27 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.size import supported_order
+from shrm_cli.maps.size import supported_order, total_error
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import to_grid
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.flip import can_flip, hdr_flip
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import horizontal_tangents
-from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.vocabulary import REPRESENTATIONS
+from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
+from tests.paper.extent import FULL, Extent
 from tests.paper.glossy_truth import Light, Sphere, light_of, sphere
+from tests.paper.looked_up import looked_up
+from tests.paper.pairs import Pairs, bright_pairs
 
 Array = NDArray[np.floating]
 Way = Callable[[Map], tuple[str, dict[str, Any]]]
 """From the map that the defaults make, what else is made for comparison: a representation and its
 options."""
 
-ROWS = 256
-"""Probes are averaged down to this height."""
-SPECS = (
-    "lambertian", "phong:exponent=32", "phong:exponent=64", "phong:exponent=512",
-    "microfacet:sigma=0.1", "microfacet:sigma=0.2", "microfacet:sigma=0.5", "oren-nayar",
-    "ggx:roughness=0.3,f0=1", "ggx:roughness=0.5,f0=1", "ggx:roughness=0.7,f0=1",
-    "ggx:roughness=0.3,f0=0.04", "ggx:roughness=0.5,f0=0.04", "ggx:roughness=0.7,f0=0.04",
-)  # fmt: skip
 VIEWERS = Viewer(0, 0), Viewer(120, 20), Viewer(240, -20)
 """Those of `shrm compare`."""
-SIZE = 40
-"""Width and height of a sphere's picture, pixels."""
-
-ZONAL_P95 = 0.03
-"""The largest p95 that lobes without a dependence on the view may have."""
-OTHER_P95 = 1.15
-"""The largest p95 of other lobes, in units of that of the map with the same P alone."""
 
 CMFT_SECONDS = {8: 7.4, 32: 3.0, 64: 1.7, 512: 0.25}
 """Seconds that cmft took for one Phong lobe of an exponent on a cube of 128 x 128 faces, with two
@@ -78,24 +65,27 @@ _TEXELS = 1000
 
 def before(default: Map) -> tuple[str, dict[str, Any]]:
     """The map with nothing beyond F, at the same bytes."""
-    info = default.info
-    return "shrm", _by_hand(default, info.order_f, default.size)
+    return "shrm", _by_hand(default, default.info.order_f)
 
 
 def view_alone(default: Map) -> tuple[str, dict[str, Any]]:
     """The map whose only visible error is that its view goes to P: three times the order F.
 
-    Where cubes of the default's size do not support it, they are twice as large, and it is lowered
-    to what these support.
+    It has the same size, and goes no further than its cubes support.
     """
-    info, size = default.info, default.size
-    order = max(info.order_carried, min(3 * info.order_f, supported_order(2 * size)))
-    return "shrm", _by_hand(default, order, size if order <= supported_order(size) else 2 * size)
+    most = supported_order(default.size)
+    order = max(default.info.order_carried, min(3 * default.info.order_f, most))
+    return "shrm", _by_hand(default, order)
 
 
 def principal(default: Map) -> tuple[str, dict[str, Any]]:
-    """As many principal maps as the default has coefficients of the view."""
-    return "principal", {"maps": default.cube_count}
+    """As many principal maps as the default has coefficients of the view, and as large ones.
+
+    Where these are more than principal maps may have, the bytes that are left go into the size.
+    """
+    maps = min(default.cube_count, MAX_PRINCIPAL_MAPS)
+    size = int(default.size * np.sqrt(default.cube_count / maps))
+    return "principal", {"maps": maps, "size": size}
 
 
 AFTER, BEFORE, VIEW_ALONE, PRINCIPAL = "after", "before", "P alone", "principal"
@@ -103,19 +93,16 @@ AFTER, BEFORE, VIEW_ALONE, PRINCIPAL = "after", "before", "P alone", "principal"
 
 def ways(brdf: Brdf) -> dict[str, Way]:
     """Return what the default map of a BRDF is compared with."""
-    found: dict[str, Way] = {BEFORE: before}
-    if not brdf.zonal:
-        found[VIEW_ALONE] = view_alone
-        if PRINCIPAL in REPRESENTATIONS:
-            found[PRINCIPAL] = principal
-    return found
+    if brdf.zonal:
+        return {BEFORE: before}
+    return {BEFORE: before, VIEW_ALONE: view_alone, PRINCIPAL: principal}
 
 
-def _by_hand(default: Map, order_f: int, size: int) -> dict[str, Any]:
+def _by_hand(default: Map, order_f: int) -> dict[str, Any]:
     info = default.info
     # A tolerance that the orders cannot meet would have them searched for in vain.
     eps = max(info.tolerance, 1 - 0.99 * info.captured)
-    return {"order_f": order_f, "order_p": info.order_p, "size": size, "eps": eps}
+    return {"order_f": order_f, "order_p": info.order_p, "size": default.size, "eps": eps}
 
 
 @dataclass(frozen=True)
@@ -134,7 +121,9 @@ class Seen:
     median, p95, negative : float
         As `SeenErrors` has them, over the pixels of all views.
     rms, predicted : float
-        The relative RMS error of these pixels, and the predicted one.
+        The relative RMS error over all mirror directions and views, and the predicted one.
+    gpu_rms, gpu_predicted : float
+        The same with bilinear look-ups in half precision, as on a GPU.
     flip : float
         The mean of HDR-FLIP over the pixels, nan where it is not installed.
     seconds : float
@@ -155,72 +144,89 @@ class Seen:
     negative: float
     rms: float
     predicted: float
+    gpu_rms: float
+    gpu_predicted: float
     flip: float
     seconds: float
 
 
-def small_probes(probes: Sequence[Probe], rows: int = ROWS) -> list[Probe]:
-    """Average probes down to lat-longs of the same number of rows, and keep their names."""
-    return [
-        Probe.from_array(to_grid(each, LatLong(rows)), layout="latlong", name=Path(each.name).stem)
-        for each in probes
-    ]
-
-
-def measure(
-    probes: Sequence[Probe], specs: Sequence[str] = SPECS, size: int = SIZE
-) -> Iterator[list[Seen]]:
+def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[Seen]]:
     """Compare the maps of each BRDF with the truth; yields the rows of one BRDF at a time.
 
     Parameters
     ----------
     probes : sequence of Probe
         Lat-longs of one size; see `small_probes`.
-    specs : sequence of str
-        Specifications of grey BRDFs.
-    size : int
-        Width and height of a sphere's picture, pixels.
+    extent : Extent
+        Which BRDFs, which must be grey, and how large the pictures are.
     """
     light = light_of(probes, probes[0].height)
-    spheres = [sphere(viewer.direction, size) for viewer in VIEWERS]
-    for spec in specs:
+    spheres = [sphere(viewer.direction, extent.seen_picture) for viewer in VIEWERS]
+    for spec in extent.seen:
         brdf = parse_spec(spec)
         truths = [lit(brdf, each.normals, each.views, light) for each in spheres]
         rows = []
         for k, probe in enumerate(probes):
-            own = [truth[:, 3 * k : 3 * k + 3] for truth in truths]
-            rows += _rows(spec, brdf, probe, spheres, own)
+            own = slice(3 * k, 3 * k + 3)
+            made = make_maps(brdf, probe)
+            maps = [each for each, _ in made.values()]
+            pairs = bright_pairs(maps[0], maps[-1], extent.seen_pairs)
+            alone = Light(light.directions, light.power[:, own])
+            truth = lit(brdf, pairs.normals, pairs.views, alone)
+            pictures = [truth[:, own] for truth in truths]
+            for way, (each, seconds) in made.items():
+                errors = _errors(each, pairs, truth)
+                rows.append(_row(spec, brdf, probe, way, each, seconds, spheres, pictures, errors))
         yield rows
 
 
-def _rows(
-    spec: str, brdf: Brdf, probe: Probe, spheres: Sequence[Sphere], truths: Sequence[Array]
-) -> list[Seen]:
-    """Measure the default map of one BRDF and probe, and all that it is compared with."""
+def make_maps(brdf: Brdf, probe: Probe) -> dict[str, tuple[Map, float]]:
+    """Make the default map of a BRDF and all that it is compared with, and time it."""
     started = time.perf_counter()
     # One map, since the orders of several terms cannot be given by hand.
     default = prefilter_with_facts(probe, "shrm", {"brdf": brdf, "split": False}).map
     made = {AFTER: (default, time.perf_counter() - started)}
     for way, choose in ways(brdf).items():
         to, options = choose(default)
+        if options.get("order_f") == default.info.order_carried:
+            made[way] = made[AFTER]  # it would be the same map
+            continue
         started = time.perf_counter()
         other = prefilter_with_facts(probe, to, {"brdf": brdf, **options}).map
         made[way] = other, time.perf_counter() - started
-    rows = []
-    for way, (each, seconds) in made.items():
-        found = [each.radiance(ball.normals, ball.views) for ball in spheres]
-        seen = seen_errors(np.concatenate(found), np.concatenate(truths))
-        error, whole = np.concatenate(found) - np.concatenate(truths), np.concatenate(truths)
-        info = each.info
-        rows.append(Seen(
-            spec, probe.name, way, brdf.zonal, info.order_f, info.order_p, info.order_carried,
-            each.size, 2 * sum(plane.size for plane in each.planes()),
-            seen.median_relative_error, seen.p95_relative_error, seen.negative_share,
-            float(np.sqrt(np.mean(error**2) / np.mean(whole**2))),
-            float(np.hypot(info.predicted_error, info.added_error)),
-            _flip(found, truths, spheres), seconds,
-        ))  # fmt: skip
-    return rows
+    return made
+
+
+def _row(
+    spec: str,
+    brdf: Brdf,
+    probe: Probe,
+    way: str,
+    each: Map,
+    seconds: float,
+    spheres: Sequence[Sphere],
+    pictures: Sequence[Array],
+    errors: tuple[float, float, float, float],
+) -> Seen:
+    """Measure one map."""
+    found = [each.radiance(ball.normals, ball.views) for ball in spheres]
+    seen = seen_errors(np.concatenate(found), np.concatenate(pictures))
+    info = each.info
+    return Seen(
+        spec, probe.name, way, brdf.zonal, info.order_f, info.order_p, info.order_carried,
+        each.size, 2 * sum(plane.size for plane in each.planes()),
+        seen.median_relative_error, seen.p95_relative_error, seen.negative_share,
+        *errors, _flip(found, pictures, spheres), seconds,
+    )  # fmt: skip
+
+
+def _errors(each: Map, pairs: Pairs, truth: Array) -> tuple[float, float, float, float]:
+    """Return the relative RMS error of a map and the predicted one, and both as on a GPU."""
+    found = each.radiance(pairs.normals, pairs.views)
+    shown = looked_up(each, pairs.normals, pairs.views)
+    predicted = float(np.hypot(each.info.predicted_error, each.info.added_error))
+    whole = total_error(predicted, each.info.filter_error)
+    return pairs.error(found, truth), predicted, pairs.error(shown, truth), whole
 
 
 def _flip(found: Sequence[Array], truths: Sequence[Array], spheres: Sequence[Sphere]) -> float:
@@ -276,28 +282,6 @@ def lit(brdf: Brdf, normals: Array, views: Array, light: Light) -> Array:
 
     with ThreadPoolExecutor(settings.current().threads or os.cpu_count()) as pool:
         return np.concatenate(list(pool.map(work, range(0, len(frames), _NEIGHBORS))))
-
-
-# ---- bars ----------------------------------------------------------------------------------------
-
-
-def misses(row: Seen, rows: Sequence[Seen]) -> list[str]:
-    """Return a line for each bar that a default map misses; `rows` hold what it is compared with.
-
-    The p95 of lobes without a dependence on the view is at most `ZONAL_P95`, and none of their
-    pixels is negative. That of other lobes is at most `OTHER_P95` times what their P alone costs.
-    """
-    case, bar, lines = f"{row.spec} under {row.probe}", bar_of(row, rows), []
-    if row.p95 > bar:
-        lines.append(f"{case}: p95 {row.p95:.2%}, the bar is {bar:.2%}")
-    if row.zonal and row.negative > 0:
-        lines.append(f"{case}: {row.negative:.2%} of the pixels are negative")
-    return lines
-
-
-def bar_of(row: Seen, rows: Sequence[Seen]) -> float:
-    """Return the largest p95 that the default map of a row may have."""
-    return ZONAL_P95 if row.zonal else OTHER_P95 * find(rows, row.spec, row.probe, VIEW_ALONE).p95
 
 
 def find(rows: Sequence[Seen], spec: str, probe: str, way: str) -> Seen:

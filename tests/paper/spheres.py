@@ -16,17 +16,16 @@ from tests.paper.glossy_truth import sphere
 Array = NDArray[np.floating]
 
 ALPHAS = 0.25, 0.5, 1.0
-_SIZE = 128
 _FILE = "exponentials.png"
 
 
-def spheres(probes: Sequence[Probe], folder: Path) -> str:
-    """Draw a sheet of spheres, and return its file's name.
+def spheres(probes: Sequence[Probe], folder: Path, size: int) -> str:
+    """Draw a sheet of spheres of `size` x `size` pixels, and return its file's name.
 
     Each probe has a row for every method. Labels give alpha and f0, or the relative RMS error.
     Pictures of one probe and f0 have the same exposure.
     """
-    scene = Scene.of(probes, np.sqrt(ALPHAS).tolist(), [sphere((0, 0, 1), _SIZE)])
+    scene = Scene.of(probes, np.sqrt(ALPHAS).tolist(), [sphere((0, 0, 1), size)])
     methods = {
         "truth": scene.exact,
         "split sum": exact_split_sum(scene),
@@ -44,12 +43,12 @@ def spheres(probes: Sequence[Probe], folder: Path) -> str:
                 )
                 for k, alpha in enumerate(ALPHAS):
                     found, truth = method(k, f0)[:, own], scene.exact(k, f0)[:, own]
-                    tile = np.zeros((_SIZE, _SIZE, 3))
+                    tile = np.zeros((size, size, 3))
                     tile[scene.spheres[0].inside] = found
                     tiles.append(expose(tile, float(-np.log2(max(peak, 1e-6)))))
                     error = float(np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2)))
                     case = f"alpha {alpha:g}, F0 {f0:g}" if name == "truth" else f"{error:.1%}"
                     labels.append(f"{name}: {case}")
-    layout = arrange(len(tiles), _SIZE, len(F0) * len(ALPHAS))
+    layout = arrange(len(tiles), size, len(F0) * len(ALPHAS))
     write_picture(folder / _FILE, draw_sheet(layout, tiles, labels))
     return _FILE

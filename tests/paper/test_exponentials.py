@@ -62,14 +62,17 @@ def test_every_split_sum_reflects_a_uniform_light_exactly():
 
 
 def test_page_says_what_the_results_are():
-    ratios = np.full((2, len(exponentials.ROUGHNESSES), 3), 0.5)
+    ratios = np.full((2, len(ROUGHNESSES), 3), 0.5)
     ratios[0, 0, 0] = 0.25
     contest = exponentials.Contest("default", ratios, 1 / ratios)
-    results = exponentials.Results(PROBES, (contest,) * 2, (contest,), (contest,) * 3, contest)
+    results = exponentials.Results(
+        PROBES, ROUGHNESSES, (contest,) * 2, (contest,), (contest,) * 3, contest
+    )
     page = exponentials_page(results, "picture.png", PROBES)
     assert "| studio | 100%, 0.50 | 0%, 2.00 |" in page
-    # The ratios of the six pictures are too large.
-    assert "**not reached**" in " ".join(page.split())
+    words = " ".join(page.split())
+    assert f"4 alphas r^2, r evenly from 0.5 to 1; {ratios.size} cases" in words
+    assert "100.0% of the cases from the front and 0.0% of those with six pictures" in words
     assert max(len(line) for line in page.split("\n") if not line.startswith(("|", "!"))) <= 100
 
 

@@ -7,8 +7,8 @@ and make the same texels. The frequency side starts without any table kept from 
 
 import statistics
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,8 +31,6 @@ ANGULAR_TOLERANCE = 0.05
 """The part of a lobe's energy that the angular side may leave out."""
 VIEW_COUNT = 10
 """The number T of a light field of T x T views."""
-_REPEATS = 15
-"""How often the frequency side is timed."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class Timing:
         return self.paper_angular / self.paper_frequency
 
 
-PAPER_5_4 = {
+PAPER_5_4: dict[float, tuple[float, float]] = {
     8: (67.28, 0.081),
     16: (38.03, 0.114),
     32: (21.80, 0.159),
@@ -85,7 +83,7 @@ PAPER_5_4 = {
     512: (2.28, 0.686),
 }
 """The seconds of table 5.4 in the thesis for each exponent: angular, frequency."""
-PAPER_5_5 = {
+PAPER_5_5: dict[float, tuple[float, float, float]] = {
     0.1: (923, 2.70, 1.55),
     0.2: (2744, 1.55, 0.72),
     0.3: (5731, 1.49, 0.67),
@@ -95,28 +93,11 @@ PAPER_5_5 = {
 """The seconds of table 5.5 in the thesis for each sigma: angular, frequency, SHRM."""
 
 
-@dataclass(frozen=True)
-class _Held:
-    """Pixels in memory, which take the place of a probe's file."""
-
-    pixels: np.ndarray
-    row_multiple: int = 1
-
-    def read(self, start: int, stop: int) -> np.ndarray:
-        return self.pixels[start:stop]
-
-
-def in_memory(probe: Probe) -> Probe:
-    """Return the same probe with its pixels in memory, so that its file is not read again."""
-    pixels = probe.image()  # already clean, so reading it again need not change it
-    pixels.flags.writeable = False
-    return replace(probe, files=(_Held(pixels),))
-
-
-def table_5_4(probe: Probe, size: int) -> list[Timing]:
+def table_5_4(probe: Probe, size: int, exponents: Sequence[float], repeats: int) -> list[Timing]:
     """Time prefiltering for Phong lobes, one map each, with F = 1 + sqrt(6 s)."""
     rows = []
-    for exponent, paper in PAPER_5_4.items():
+    for exponent in exponents:
+        paper = PAPER_5_4[exponent]
         brdf = parse_spec(f"phong:exponent={exponent}")
         order_f = round(1 + np.sqrt(6 * exponent))
 
@@ -130,18 +111,21 @@ def table_5_4(probe: Probe, size: int) -> list[Timing]:
             texels = cube_directions(size)
             return integral.central_radiance(texels, texels)
 
-        slow, fast = _seconds(angular), _median_seconds(frequency)
+        slow, fast = _seconds(angular), _median_seconds(frequency, repeats)
         rows.append(Timing(exponent, size, order_f, 0, slow, fast, fast, *paper))
     return rows
 
 
-def table_5_5(probe: Probe, size: int, rng: np.random.Generator) -> list[Timing]:
+def table_5_5(
+    probe: Probe, size: int, rng: np.random.Generator, sigmas: Sequence[float], repeats: int
+) -> list[Timing]:
     """Time prefiltering for microfacet lobes, T x T = 100 maps each.
 
     On the angular side a random one of the maps is timed, and its time multiplied by 100.
     """
     rows = []
-    for sigma, (paper_angular, paper_frequency, paper_shrm) in PAPER_5_5.items():
+    for sigma in sigmas:
+        paper_angular, paper_frequency, paper_shrm = PAPER_5_5[sigma]
         brdf = parse_spec(f"microfacet:sigma={sigma}")
         orders = choose_orders(brdf, 0.03)[0]
 
@@ -165,7 +149,7 @@ def table_5_5(probe: Probe, size: int, rng: np.random.Generator) -> list[Timing]
         rows.append(
             Timing(
                 sigma, size, orders.order_f, orders.order_p, count * _seconds(angular),
-                _median_seconds(frequency), _median_seconds(shrm),
+                _median_seconds(frequency, repeats), _median_seconds(shrm, repeats),
                 paper_angular, paper_frequency, paper_shrm,
             )
         )  # fmt: skip
@@ -183,13 +167,13 @@ def _seconds(function: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def _median_seconds(function: Callable[[], object]) -> float:
-    """Return the median seconds of some runs, after one run to warm up.
+def _median_seconds(function: Callable[[], object], repeats: int) -> float:
+    """Return the median seconds of `repeats` runs, after one run to warm up.
 
     Before each run the tables that were kept are deleted.
     """
     seconds = []
-    for _ in range(_REPEATS + 1):
+    for _ in range(repeats + 1):
         for module in (rotation, double_fourier):
             for value in vars(module).values():
                 if hasattr(value, "cache_clear"):

@@ -1,0 +1,104 @@
+"""Pairs of a mirror direction and a view where reflected light is bright, for errors of maps.
+
+A lamp's few directions hold most of the light and of the error of maps, so that pairs that are
+drawn evenly tell little of either. These are drawn where maps are bright, and where two of them
+differ. Their weights undo that: sums with them are integrals over all mirror directions and views,
+which are the pixels of spheres in parallel projection from all sides.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.maps.base import Map
+from shrm_cli.sphere.directions import bisector
+from tests.bilinear import AXES
+
+Array = NDArray[np.floating]
+
+_CANDIDATES = 10
+"""For each pair, the number of pairs that it is drawn from."""
+_EVERYWHERE = 0.25
+"""The part of the pairs that is drawn evenly, in units of those that are drawn by the light."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of a normal and a view.
+
+    Attributes
+    ----------
+    normals, views : ndarray, shape (n, 3)
+        Unit vectors in world axes.
+    weights : ndarray, shape (n, 1)
+        Of integrals over all mirror directions and views.
+    """
+
+    normals: Array
+    views: Array
+    weights: Array
+
+    def error(self, found: Array, truth: Array) -> float:
+        """Return the relative RMS error over all mirror directions and views."""
+        missed = np.sum(self.weights * (found - truth) ** 2)
+        return float(np.sqrt(missed / np.sum(self.weights * truth**2)))
+
+
+def bright_pairs(default: Map, other: Map, count: int) -> Pairs:
+    """Draw pairs of a mirror direction and a view, neighbors in their normals one after the other.
+
+    Parameters
+    ----------
+    default : Map
+        A center-sampled map of a single cube of harmonics.
+    other : Map
+        A map of the same light with other errors.
+    count : int
+    """
+    rng = np.random.default_rng(count)
+    directions, density = _bright_directions(default, _CANDIDATES * count, rng)
+    vectors = rng.normal(size=(_CANDIDATES * count, 3))
+    views = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    first, last = (each.glimpse(directions, views) for each in (default, other))
+    energies = [np.sum(each**2, axis=1) for each in (first, first - last)]
+    wanted = _EVERYWHERE + sum(each / np.average(each, weights=1 / density) for each in energies)
+    chosen = _drawn(wanted / density, count)
+    normals = bisector(directions[chosen], views[chosen])
+    along = np.lexsort((np.arctan2(normals[:, 1], normals[:, 0]), np.round(4 * normals[:, 2])))
+    chosen = chosen[along]
+    return Pairs(normals[along], views[chosen], 1 / wanted[chosen, None])
+
+
+def _bright_directions(made: Map, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Draw directions by the light of a map over all views, and return their density.
+
+    The squares of harmonic coefficients are that light's energy. About the normal it is that of
+    normals, which is of use for the mirror directions of broad lobes too.
+    """
+    (plane,) = made.planes()
+    size = made.size
+    energy = np.sum(plane.astype(float) ** 2, axis=2)
+    middles = (np.arange(size) + 0.5) * 2 / size - 1
+    shrink = (1 + middles[:, None] ** 2 + middles**2) ** -1.5
+    solid = np.tile(shrink / (6 * shrink.sum()), (6, 1))
+    share = solid * (energy / np.sum(solid * energy) + _EVERYWHERE)
+    share /= share.sum()
+    face, row, column = np.unravel_index(
+        np.searchsorted(np.cumsum(share), (np.arange(count) + 0.5) / count), (6, size, size)
+    )
+    t, s = ((each + rng.random(count)) * 2 / size - 1 for each in (row, column))
+    points = AXES[face, 0] + s[:, None] * AXES[face, 1] + t[:, None] * AXES[face, 2]
+    length = np.linalg.norm(points, axis=1)
+    # A texel's share is spread evenly over its square on the face, not over its solid angle.
+    area = 4 / size**2 * length**-3 / (4 * np.pi)
+    density = share.reshape(6, size, size)[face, row, column] / area
+    return points / length[:, None], density
+
+
+def _drawn(chances: Array, count: int) -> NDArray[np.integer]:
+    """Draw indices in proportion to chances, evenly along their order of size."""
+    order = np.argsort(chances)
+    whole = np.cumsum(chances[order])
+    places = np.searchsorted(whole, (np.arange(count) + 0.5) / count * whole[-1])
+    return np.asarray(order[np.minimum(places, len(order) - 1)])
