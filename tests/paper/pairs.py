@@ -2,8 +2,9 @@
 
 A lamp's few directions hold most of the light and of the error of maps, so that pairs that are
 drawn evenly tell little of either. These are drawn where maps are bright, and where two of them
-differ. Their weights undo that: sums with them are integrals over all mirror directions and views,
-which are the pixels of spheres in parallel projection from all sides.
+differ. Their weights undo that: sums with them are integrals over the measure of predicted errors.
+About the mirror direction that is all mirror directions and views, which are the pixels of spheres
+in parallel projection from all sides; about the normal it is all normals and all views above them.
 """
 
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ class Pairs:
     normals, views : ndarray, shape (n, 3)
         Unit vectors in world axes.
     weights : ndarray, shape (n, 1)
-        Of integrals over all mirror directions and views.
+        Of integrals over the measure of predicted errors.
     """
 
     normals: Array
@@ -40,7 +41,7 @@ class Pairs:
     weights: Array
 
     def error(self, found: Array, truth: Array) -> float:
-        """Return the relative RMS error over all mirror directions and views."""
+        """Return the relative RMS error over the measure of predicted errors."""
         missed = np.sum(self.weights * (found - truth) ** 2)
         return float(np.sqrt(missed / np.sum(self.weights * truth**2)))
 
@@ -67,7 +68,11 @@ def bright_pairs(default: Map, other: Map, count: int) -> Pairs:
     normals = bisector(directions[chosen], views[chosen])
     along = np.lexsort((np.arctan2(normals[:, 1], normals[:, 0]), np.round(4 * normals[:, 2])))
     chosen = chosen[along]
-    return Pairs(normals[along], views[chosen], 1 / wanted[chosen, None])
+    weights = 1 / wanted[chosen]
+    if default.center == "normal":
+        # Mirror directions turn twice as far as normals do: dR = 4 (N.V) dN for a given view.
+        weights /= np.sum(normals[along] * views[chosen], axis=1)
+    return Pairs(normals[along], views[chosen], weights[:, None])
 
 
 def _bright_directions(made: Map, count: int, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -121,7 +121,7 @@ class Seen:
     median, p95, negative : float
         As `SeenErrors` has them, over the pixels of all views.
     rms, predicted : float
-        The relative RMS error over all mirror directions and views, and the predicted one.
+        The relative RMS error over the measure of `Pairs`, and the predicted one.
     gpu_rms, gpu_predicted : float
         The same with bilinear look-ups in half precision, as on a GPU.
     flip : float

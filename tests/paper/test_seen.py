@@ -127,6 +127,17 @@ def test_pairs_make_integrals_over_all_mirror_directions_and_views(probe):
     assert np.sum(weights[:, 0] * cosines[:, 0]) == pytest.approx(2 / 3, abs=0.02)
 
 
+def test_pairs_about_the_normal_make_integrals_over_all_normals_and_views_above(probe):
+    with settings.using(cache=False):
+        default = prefilter(probe, "oren-nayar", size=16, split=False)
+    pairs = bright_pairs(default, default, 10000)
+    weights = pairs.weights[:, 0] / pairs.weights.sum()
+    for axis in np.eye(3):
+        assert np.sum(weights * (1 + pairs.normals @ axis) ** 2) == pytest.approx(4 / 3, abs=0.08)
+    cosines = np.sum(pairs.normals * pairs.views, axis=1)
+    assert np.sum(weights * cosines) == pytest.approx(1 / 2, abs=0.02)
+
+
 @pytest.mark.parametrize("to", ["shrm", "principal"])
 def test_look_ups_of_large_cubes_in_half_are_what_maps_reflect(probe, to):
     with settings.using(cache=False):
