@@ -89,7 +89,7 @@ def prefilter(
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
     """
-    from shrm_cli.maps.file import save
+    from shrm_cli.maps.file import store
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
@@ -112,7 +112,7 @@ def prefilter(
         for name, value in prints.items()
         if value is not None
     }
-    stored = save(target, made.map, precision)
+    stored = store(target, made.map, precision)
     result = {"file": os.fspath(target), **made.summary(), "storage_error": stored.error}
     result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
