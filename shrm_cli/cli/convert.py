@@ -157,7 +157,7 @@ def _convert_map(
     precision: Precision,
 ) -> tuple[dict[str, Any], list[str]]:
     """Write a map in another representation, or in another layout of the same one."""
-    from shrm_cli.maps.file import open_map, save
+    from shrm_cli.maps.file import open_map, store
 
     found = open_map(source)
     is_layout = target not in REPRESENTATIONS
@@ -175,7 +175,7 @@ def _convert_map(
     chosen = orientation or default_orientation(layout)
     if precision == "auto" and not made.is_exact_in_half:
         precision = "float"  # a conversion must not lose precision
-    stored = save(path, made, precision, layout, chosen)  # type: ignore[arg-type]
+    stored = store(path, made, precision, layout, chosen)  # type: ignore[arg-type]
     result = {
         "file": path,
         "kind": "map",

@@ -118,7 +118,7 @@ def prefilter(
       shrm prefilter probe.exr --to irradiance --window auto --shader glsl
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.maps.file import save
+    from shrm_cli.maps.file import store
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
@@ -143,7 +143,7 @@ def prefilter(
         for name, value in prints.items()
         if value is not None
     }
-    stored = save(target, made.map, precision)
+    stored = store(target, made.map, precision)
     result = {"file": os.fspath(target), **made.summary(), "storage_error": stored.error}
     result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]

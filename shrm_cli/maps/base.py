@@ -344,7 +344,7 @@ class Map(ABC):
         """
         from shrm_cli.maps.file import save
 
-        return save(path, self, precision, layout, orientation).pixel_type
+        return save(path, self, precision, layout, orientation)
 
 
 def refuse_arguments(what: str, **values: Any) -> None:

@@ -30,6 +30,17 @@ def save(
     precision: Precision = "auto",
     layout: str = "openexr",
     orientation: Orientation = "openexr",
+) -> str:
+    """Write a map to a file, and return the pixel type written; see `store`."""
+    return store(path, reflection_map, precision, layout, orientation).pixel_type
+
+
+def store(
+    path: str | os.PathLike[str],
+    reflection_map: Map,
+    precision: Precision = "auto",
+    layout: str = "openexr",
+    orientation: Orientation = "openexr",
 ) -> Storage:
     """Write a map to a file, completely or not at all.
 

@@ -103,7 +103,8 @@ def _radiance(path: Path, header: RadianceHeader) -> Encoding:
         )
     notes = []
     if header.applied != (1.0, 1.0, 1.0):
-        factors = ", ".join(f"{factor:.6g}" for factor in dict.fromkeys(header.applied))
+        is_grey = len(set(header.applied)) == 1
+        factors = "/".join(f"{each:.6g}" for each in header.applied[: 1 if is_grey else 3])
         notes.append(
             f"its pixels were divided by {factors}: EXPOSURE and COLORCORR of its header say "
             "that they had been multiplied by that"

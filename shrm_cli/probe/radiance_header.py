@@ -56,7 +56,9 @@ class RadianceHeader:
             return None
         applied = [1.0, 1.0, 1.0]
         primaries, aspect, gamma = None, 1.0, 1.0
-        for line in text.partition(b"\n\n")[0].splitlines():
+        for line in text.splitlines():
+            if not line:  # the end of the header
+                break
             key, _, value = line.decode("latin-1").partition("=")
             # A line that begins with a tab belongs to a picture that this one was made from.
             if key == "FORMAT" and value.strip() == _XYZE:

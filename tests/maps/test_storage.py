@@ -7,7 +7,7 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.parts import choose_storage
-from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.file import open_map, store
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe, open_probe
 from tests.cli.helpers import done, run
@@ -67,7 +67,7 @@ def test_what_is_allowed():
 def test_half_that_was_asked_for_states_its_cost(tmp_path):
     probe = Probe.from_array(scenes.latlong(32) * np.float32(1e-7), "latlong")
     made = prefilter(probe, "microfacet:sigma=0.3", size=16)
-    stored = save(tmp_path / "m.exr", made, "half")
+    stored = store(tmp_path / "m.exr", made, "half")
     back = open_map(tmp_path / "m.exr")
     planes = [np.concatenate([p.ravel() for p in each.planes()]) for each in (made, back)]
     lost = np.linalg.norm(planes[1] - planes[0]) / np.linalg.norm(planes[0])

@@ -47,6 +47,13 @@ def test_applied_factors_are_divided_out(tmp_path, lines, expected):
     assert len(warned) == (expected != (0.5, 0.5, 0.5))
 
 
+def test_what_was_divided_out_is_told(tmp_path):
+    (note,) = open_probe(hdr(tmp_path, "COLORCORR=2 2 4\r\n")).report.notes
+    assert "were divided by 2/2/4:" in note
+    (note,) = open_probe(hdr(tmp_path, "EXPOSURE=2\n")).report.notes
+    assert "were divided by 2:" in note
+
+
 def test_primaries_of_a_radiance_file(tmp_path):
     path = hdr(tmp_path, "PRIMARIES= .708 .292 .17 .797 .131 .046 .3127 .329\n")
     rec2020 = (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329)
