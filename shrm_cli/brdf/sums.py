@@ -15,6 +15,7 @@ from shrm_cli.sphere.directions import from_angles
 _ANGLES = 24
 _AZIMUTHS = 13
 _GRAZING = 0.95
+_LARGEST_WEIGHT = 1e30
 _LEAST_ALBEDO = 0.005  # a smaller Lambertian part is not worth a map of its own
 
 
@@ -30,8 +31,8 @@ class Sum(Brdf):
     Raises
     ------
     BrdfError
-        If there are too few terms, a term is about the tangent, or a weight is negative or not
-        finite.
+        If there are too few terms, a term is about the tangent, or a weight is negative or
+        beyond 1e30.
     """
 
     name = "sum"
@@ -42,8 +43,7 @@ class Sum(Brdf):
         if len(terms) < 2:
             raise BrdfError("a sum has two terms at least")
         for weight, term in terms:
-            if not (np.isfinite(weight) and weight >= 0):
-                raise BrdfError(f"{weight:g}*{term!r}: weights are finite and not negative")
+            _check_weight(weight, term)
             if term.center == "tangent":
                 raise BrdfError(f"{term!r}: hair has no normal in common with the other terms")
         self.terms = tuple(terms)
@@ -67,6 +67,14 @@ class Sum(Brdf):
 
     def __repr__(self) -> str:
         return "+".join(f"{value_text(weight)}*{term!r}" for weight, term in self.terms)
+
+
+def _check_weight(weight: float, term: Brdf) -> None:
+    """Refuse weights of which energies, which are squares, are not finite."""
+    if not 0 <= weight <= _LARGEST_WEIGHT:
+        raise BrdfError(
+            f"{weight:g}*{term!r}: weights are not negative, and {_LARGEST_WEIGHT:g} at most"
+        )
 
 
 def _record(spec: str, terms: Sequence[Brdf]) -> dict[str, Value]:
@@ -214,5 +222,6 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
             raise BrdfError(f"{spec!r}: {part!r} has no sound weight") from None
         terms.append((weight, parse(part[match.end() :] if match else part)))
     if len(terms) == 1:
+        _check_weight(*terms[0])
         return _Weighted(*terms[0])
     return Sum(terms)

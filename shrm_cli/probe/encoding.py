@@ -127,8 +127,8 @@ def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve 
             "it to linear light and EXR first"
         )
     profile = spec.getattribute("ICCProfile")
-    if profile is not None:
-        curve = linear_curve(np.asarray(profile, dtype=np.uint8).tobytes())
+    if isinstance(profile, np.ndarray) and profile.dtype == np.uint8:
+        curve = linear_curve(profile.tobytes())
         if curve is not None:
             return "ICC profile", curve
     gamma = spec.get_float_attribute("oiio:Gamma", 0.0)

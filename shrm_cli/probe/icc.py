@@ -37,7 +37,7 @@ def linear_curve(profile: bytes) -> Curve | None:
             name, start, size = struct.unpack_from(">4sII", profile, _TAG_COUNT_AT + 4 + 12 * index)
             if name in (b"rTRC", b"kTRC"):
                 return _curve(profile[start : start + size])
-    except struct.error:  # the profile is cut short
+    except (struct.error, ValueError):  # the profile is cut short
         pass
     return None
 

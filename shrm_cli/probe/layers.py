@@ -116,10 +116,18 @@ def _layers(path: Path, source: Any, part: str | None) -> Iterator[Layer]:
         raise _no_color(path, [name for spec in specs for name in spec.channelnames])
 
 
+def _texts(value: object) -> tuple[str, ...]:
+    """The texts of an attribute; none if it is anything else than a list of texts."""
+    if isinstance(value, str):
+        return (value,)
+    is_list = isinstance(value, tuple) and all(isinstance(each, str) for each in value)
+    return value if is_list else ()  # type: ignore[return-value]
+
+
 def _of_part(index: int, part: str, spec: Any) -> Iterator[Layer]:
     """The layers with colors of a part."""
     names = spec.channelnames
-    views: tuple[str, ...] = tuple(spec.getattribute("multiView") or ())
+    views = _texts(spec.getattribute("multiView"))
     layers: dict[str, dict[str, int]] = {"": {}}
     lone = []
     for number, name in enumerate(names):

@@ -139,3 +139,10 @@ def test_sums_of_different_files_of_one_name_are_different(tmp_path):
     assert found[0].values != found[1].values
     alone = [split(each)[1] for each in found]
     assert alone[0].values != alone[1].values
+
+
+@pytest.mark.parametrize("weight", ["1e999", "1e31", "1e300"])
+def test_weights_without_a_finite_energy(weight):
+    for spec in (f"{weight}*lambertian", f"lambertian+{weight}*phong"):
+        with pytest.raises(BrdfError, match=r"weights are not negative, and 1e\+30 at most"):
+            parse_spec(spec)

@@ -7,6 +7,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.probe.icc import linear_curve
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.probe.probe import open_probe
 from tests.probe import scenes
@@ -211,3 +212,11 @@ def test_fits_without_its_end(tmp_path, lost):
     path.write_bytes(path.read_bytes()[:-lost])
     with pytest.raises(ProbeError, match="damaged or truncated; copy"):
         open_probe(path)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 2**16, 2**32 - 1])
+def test_profiles_that_are_cut_off(count):
+    """A curve that claims more entries than there are, cut at every byte."""
+    profile = icc((b"rTRC", struct.pack(">4sII", b"curv", 0, count) + bytes(7)))
+    for end in range(len(profile) + 1):
+        linear_curve(profile[:end])

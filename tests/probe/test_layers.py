@@ -10,6 +10,7 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.probe.probe import open_probe
 from tests.cli.helpers import assert_refused, done, run
+from tests.fuzz.exr_header import Attribute, parse
 from tests.probe import scenes
 
 HEIGHT, WIDTH = 8, 16
@@ -87,6 +88,23 @@ def test_stereo(tmp_path):
         open_probe(path)
     assert open_probe(path, layer="left").image()[0, 0, 0] == 1
     assert open_probe(path, layer="right").image()[0, 0, 0] == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        (b"float", b"\0\0\x80?"),
+        (b"m44f", bytes(64)),
+        (b"chromaticities", bytes(32)),
+        (b"int", b"1234"),
+    ],
+)
+def test_views_that_are_no_texts(tmp_path, kind, data):
+    path = layers(tmp_path, [""])
+    headers = parse(path.read_bytes())
+    headers.parts[0].append(Attribute(b"multiView", kind, data))
+    path.write_bytes(headers.packed())
+    assert open_probe(path).image()[0, 0, 0] == 1
 
 
 @pytest.mark.parametrize("names", [["Z"], ["depth.Z"]])
