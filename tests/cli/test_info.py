@@ -260,7 +260,7 @@ def test_exponential(folder):
     assert np.shape(values["q_coefficients"]) == (3, 3)
     _, pairs = lines(done("info", "probe.she.exr"))
     assert (pairs["p order"], pairs["q order"]) == ("3", "1")
-    done("prefilter", "probe.exr", "--to", "she", "--q-order", "0")
+    done("prefilter", "probe.exr", "--to", "she", "--q-order", "0", "--force")
     assert lines(done("info", "probe.she.exr"))[1]["q coefficients"] == "none"
 
 
