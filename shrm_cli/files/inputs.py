@@ -10,30 +10,44 @@ import os
 from collections.abc import Iterator
 from contextvars import ContextVar
 
-_read: ContextVar[set[tuple[int, int]] | None] = ContextVar("shrm_cli.inputs", default=None)
-"""The devices and numbers of the files that were read; links share those of their file."""
+Files = set[tuple[int, int]]
+"""Devices and numbers of files; links share those of their file."""
+
+_read: ContextVar[Files | None] = ContextVar("shrm_cli.inputs", default=None)
+_made: ContextVar[Files | None] = ContextVar("shrm_cli.made", default=None)
 
 
 @contextlib.contextmanager
 def protecting() -> Iterator[None]:
     """Within this context what was read is not overwritten."""
-    before = _read.set(set())
+    read, made = _read.set(set()), _made.set(set())
     try:
         yield
     finally:
-        _read.reset(before)
+        _read.reset(read)
+        _made.reset(made)
 
 
 def note(*paths: str | os.PathLike[str]) -> None:
-    """Note files as read. Those that do not exist, or have names that no file can have, are left
-    to the function that opens them.
+    """Note files as read, but for those that were made here.
+
+    Files that do not exist, or have names that no file can have, are left to the function that
+    opens them.
     """
     known = _read.get()
     if known is None:
         return
     for path in paths:
         with contextlib.suppress(OSError, ValueError):
-            known.add(_identity(path))
+            known |= {_identity(path)} - (_made.get() or set())
+
+
+def note_made(path: str | os.PathLike[str]) -> None:
+    """Note a file as made here: who reads it back may overwrite it."""
+    made = _made.get()
+    if made is not None:
+        with contextlib.suppress(OSError, ValueError):
+            made.add(_identity(path))
 
 
 def is_input(path: str | os.PathLike[str]) -> bool:

@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.inputs import is_input
+from shrm_cli.files.inputs import is_input, note_made
 
 _MARK = ".shrm-"
 """This text follows the target's name in the names of temporary files."""
@@ -132,6 +132,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         waiting = _together.get()
         if waiting is None:
             os.replace(temporary, target)
+            note_made(target)
         else:
             waiting.append((temporary, target))
     except OSError as error:
@@ -161,6 +162,7 @@ def together() -> Iterator[None]:
         for temporary, target in waiting:
             try:
                 os.replace(temporary, target)
+                note_made(target)
             except OSError as error:
                 raise OutputError(
                     f"{target}: cannot be written ({error.strerror}); name another output"

@@ -98,11 +98,11 @@ class ImageFile:
         with caught():
             source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
-            if is_zipfile(path):  # the reasons that images cannot be read say nothing of it
+            why = _reason(_last_error(), path)  # an error that is not fetched is printed
+            if is_zipfile(path):  # of which that reason says nothing
                 raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
             raise ProbeError(
-                f"{path}: not an image that can be read ({_reason(_last_error(), path)}); "
-                "copy or export it again"
+                f"{path}: not an image that can be read ({why}); copy or export it again"
             )
         spec, file_format = source.spec(), source.format_name()
         if path.suffix.lower() == ".exr" and file_format != "openexr":

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from shrm_cli.cli.render import render
 from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
 from shrm_cli.files.image import write_image
+from shrm_cli.files.inputs import protecting
 from shrm_cli.files.png import encode_srgb
 from shrm_cli.maps.file import save
 from shrm_cli.maps.info import MapInfo
@@ -39,7 +40,8 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(*arguments):
-    return CliRunner().invoke(render, [str(argument) for argument in arguments])
+    with protecting():  # as `main` does it for every command
+        return CliRunner().invoke(render, [str(argument) for argument in arguments])
 
 
 def done(*arguments):

@@ -159,6 +159,20 @@ def test_inputs_are_not_overwritten(tmp_path, monkeypatch, way, noted):
     assert len(list(tmp_path.iterdir())) == 5
 
 
+def test_what_was_made_and_read_back_may_be_made_anew(tmp_path):
+    target = tmp_path / "map.exr"
+    with protecting():
+        for text in ("one", "two", "three"):
+            with replacing(target) as temporary:
+                temporary.write_text(text)
+            note(target)
+            assert target.read_text() == text
+    with protecting():
+        note(target)
+        with pytest.raises(OutputError, match="would overwrite"), replacing(target):
+            pass
+
+
 def test_names_must_end_as_the_content_wants(tmp_path):
     check_target(tmp_path / "a.EXR", suffixes=(".exr",))
     with pytest.raises(OutputError, match=r"a\.png: what is written is \.exr"):
