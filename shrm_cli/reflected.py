@@ -76,6 +76,13 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
 
 
 def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients | TransferFunctions) -> float:
+    """Return the sum of both `energies_beyond`."""
+    return sum(energies_beyond(lighting, coefficients))
+
+
+def energies_beyond(
+    lighting: Lighting, coefficients: BrdfCoefficients | TransferFunctions
+) -> tuple[float, float]:
     """Estimate the energy of the reflected light beyond the coefficients of the BRDF.
 
     The BRDF's own energy there is known, because its whole energy is. What lies at higher degrees
@@ -93,20 +100,34 @@ def energy_beyond(lighting: Lighting, coefficients: BrdfCoefficients | TransferF
 
     Returns
     -------
-    float
-        In the units of ``|B|^2``, integrated over orientations and views, all channels together.
+    above, aside : float
+        What lies at higher degrees, and at higher azimuthal orders of known degrees. In the units
+        of ``|B|^2``, integrated over orientations and views, all channels together.
     """
     order = coefficients.order_f
-    known = coefficients.degree_energy
-    rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
-    spread = coefficients.spread
-    above = np.where(spread.any(axis=0), np.minimum(rest, energy_above(known)), rest)
-    light = weighted_power(lighting, order)
+    above, aside = _own_energies_beyond(coefficients)
+    light, spread = weighted_power(lighting, order), coefficients.spread
     density = light[max(order + 1 - _LAST_DEGREES, 0) :].mean(axis=0)
     light_left = np.maximum(lighting.energy - lighting.power()[: order + 1].sum(axis=0), 0.0)
     met = np.minimum(density, _convolution_measure(order + 1)[-1] * light_left)
     beside = np.sum(light * spread, axis=0) / np.maximum(spread.sum(axis=0), 1e-300)
-    return float(np.sum(met * above + beside * (rest - above)))
+    return float(np.sum(met * above)), float(np.sum(beside * aside))
+
+
+def own_energies_beyond(coefficients: BrdfCoefficients | TransferFunctions) -> tuple[float, float]:
+    """Estimate the BRDF's own energy at unknown degrees, and in unknown azimuthal orders."""
+    above, aside = _own_energies_beyond(coefficients)
+    return float(above.sum()), float(aside.sum())
+
+
+def _own_energies_beyond(
+    coefficients: BrdfCoefficients | TransferFunctions,
+) -> tuple[Array, Array]:
+    known = coefficients.degree_energy
+    rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
+    above = np.minimum(rest, energy_above(known))
+    above = np.where(coefficients.spread.any(axis=0), above, rest)
+    return above, rest - above
 
 
 def carried_order(

@@ -38,9 +38,10 @@ as far as the same cubes support it, with the same P: what it misses is the view
 {MAX_PRINCIPAL_MAPS} larger ones that take no more bytes."""
     errors = f"""RMS is the relative error over all mirror directions and views, or about the
 normal (`lambertian`, `oren-nayar`) over all normals and views above them, at {extent.seen_pairs}
-pairs that are drawn where the light and the error are, beside the predicted one. "On a GPU" are the same two with bilinear look-ups in half precision; what
-these do to a lamp is predicted as the mean over all places where it could lie on the cube. Seconds
-are those of this machine, for coefficients that an earlier row may have left in the cache."""
+pairs that are drawn where the light and the error are, beside the predicted one. "On a GPU" are
+the same two with bilinear look-ups in half precision; what these do to a lamp is predicted as the
+mean over all places where it could lie on the cube. Seconds are those of this machine, for
+coefficients that an earlier row may have left in the cache."""
     paragraphs = "\n\n".join(fill(each, 100) for each in (spheres, ways, errors))
     return f"# What is seen\n\n{paragraphs}\n{short_form(extent)}"
 

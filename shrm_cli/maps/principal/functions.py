@@ -29,7 +29,7 @@ Array = NDArray[np.floating]
 
 TABLE = 91
 """The entries of the table of a function: one for each degree of the angle of the view."""
-MAX_Q = 6
+MAX_Q = 12
 """The largest azimuthal order q that maps hold."""
 _MOST_FUNCTIONS = MAX_PRINCIPAL_MAPS
 """The most functions of an azimuthal order that a map may hold."""

@@ -27,7 +27,7 @@ from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.reflected import weighted_power
+from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -53,6 +53,10 @@ _PAIRS = 4096
 """The central directions and views at which it is measured how coherent the terms of a sum are."""
 _SMALL = 16
 """The texels along a face's edge of the maps that are made for that."""
+_FIRST_Q = 6
+"""The largest azimuthal order q that is computed first. Sharp lobes have more at grazing views."""
+_PART_ASIDE = 0.1
+"""The part of the BRDF's energy that higher q may have, in units of what higher degrees may."""
 _PART_BEYOND = 0.1
 """The part of the squared error that may lie beyond the transfer functions."""
 
@@ -194,27 +198,46 @@ def _planner(
     sampling: Sampling,
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
-    order = _FIRST_ORDER
+    order, max_q = _FIRST_ORDER, min(_FIRST_Q, MAX_Q)
     while True:
-        transfer = _transfer(brdf, order, light.progress)
+        transfer = _transfer(brdf, order, max_q, light.progress)
         lighting = light.to_order(order)
         spectrum = Spectrum.of(transfer, brdf.center, weighted_power(lighting, order), divide)
         planner = Planner(spectrum, lighting, sampling)
-        if order >= MAX_ORDER_F:
-            return planner
-        missing = 1 - spectrum.known.sum() / max(spectrum.total_energy, 1e-300)
-        beyond = planner.whole - spectrum.whole()
-        goal = tolerance if error is None else _PART_BEYOND * error**2
-        is_known = missing <= tolerance / 5 if error is None else beyond <= goal * planner.whole
-        if is_known:
+        above, aside = _unknown(planner, of_light=error is not None)
+        limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+        if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < MAX_Q:
+            max_q = MAX_Q
+            continue
+        if above <= limit or order >= MAX_ORDER_F:
             return planner
         # Sharp lobes need far more, and every try costs the time to sample the BRDF.
-        order = min((4 if missing > _SHARP else 2) * order, MAX_ORDER_F)
+        order = min((4 if above > _SHARP else 2) * order, MAX_ORDER_F)
 
 
-def _transfer(brdf: Brdf, order: int, progress: Progress | None) -> TransferFunctions:
-    """Compute transfer functions to an order, or take them from the cache."""
-    accuracy, max_q = _ACCURACY[brdf.is_measured], 0 if brdf.zonal else MAX_Q
+def _unknown(planner: Planner, of_light: bool) -> tuple[float, float]:
+    """Return the parts of the energy at unknown degrees, and in unknown azimuthal orders.
+
+    Parameters
+    ----------
+    planner : Planner
+    of_light : bool
+        Whether the energy is that of the reflected light, or else the BRDF's own.
+    """
+    transfer = planner.spectrum.transfer
+    if of_light:
+        energies = energies_beyond(planner.lighting, transfer)
+        whole = planner.whole / max(planner.spectrum.visible, 1e-300)
+    else:
+        energies = own_energies_beyond(transfer)
+        whole = float(transfer.total_energy.sum())
+    above, aside = (each / max(whole, 1e-300) for each in energies)
+    return above, aside
+
+
+def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
+    """Compute transfer functions to their orders, or take them from the cache."""
+    accuracy, max_q = _ACCURACY[brdf.is_measured], 0 if brdf.zonal else max_q
     return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
 
 
