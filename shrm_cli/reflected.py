@@ -281,7 +281,8 @@ def error_bound(
     the light and of the BRDF: ``Lambda_{F+1}^2 (eps_L L_tot) (eps_rho rho_tot)``. (Eq. 5.19 is
     printed with Lambda_{F+1}, but energies go with its square, ``|B_lmpq|^2 = Lambda_l^2 |L_lm|^2
     |rho_hat_lpq|^2``.) The part with l <= F and p > P does not occur in the radially symmetric
-    case of eq. 5.19. It is known for each degree, and is added as it is.
+    case of eq. 5.19. It is known for each degree, and is added as it is, but for azimuthal orders
+    that are not known, which are added as `energies_beyond` estimates them.
 
     Parameters
     ----------
@@ -299,7 +300,7 @@ def error_bound(
     light_left = np.maximum(lighting.energy - lighting.power()[: order_f + 1].sum(axis=0), 0)
     rho_left = np.maximum(coefficients.total_energy - low.sum(axis=0), 0)
     residual = _convolution_measure(order_f + 1)[-1] * np.sum(light_left * rho_left)
-    residual += np.sum(light * (low - kept))
+    residual += np.sum(light * (low - kept)) + energies_beyond(lighting, coefficients)[1]
     whole = np.sum(light * kept) + residual
     return float(np.sqrt(residual / whole)) if whole > 0 else 0.0
 

@@ -27,6 +27,7 @@ from shrm_cli.render.comparison import Difference, measure
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
 Array = NDArray[np.floating]
 
@@ -314,7 +315,9 @@ def _make(
     """
     given: dict[str, Any] = {}
     if representation.needs_brdf:
-        given = {"brdf": surfaces[0], "eps": plan.tolerance, "max_size": plan.memory.max_size}
+        given = {"brdf": surfaces[0], "eps": plan.tolerance}
+        if plan.memory.max_size < DEFAULT_MAX_SIZE:
+            given["max_size"] = plan.memory.max_size
     elif "roughness" in representation.arguments:
         given = {"roughness": (surfaces[0].number("roughness"), surfaces[-1].number("roughness"))}
     start = time.perf_counter()

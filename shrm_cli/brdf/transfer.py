@@ -108,12 +108,15 @@ class TransferFunctions:
 
     @property
     def spread(self) -> Array:
-        """How energy of unknown azimuthal orders is spread over l: that of the last two, (F+1, 3).
+        """How energy of unknown azimuthal orders is spread over l, (F+1, 3), in proportions.
 
-        Only its proportions mean something.
+        It is that of the next order, if that falls from the last one as the last one fell.
         """
-        last = self.values[-2:]
-        return np.asarray(np.einsum("qloc,qloc,o->lc", last, last, self.weights))
+        last = np.einsum("loc,loc,o->lc", self.values[-1], self.values[-1], self.weights)
+        if self.max_q == 0:
+            return last
+        before = np.einsum("loc,loc,o->lc", self.values[-2], self.values[-2], self.weights)
+        return last * np.minimum(last / np.maximum(before, 1e-300), 1.0)
 
     @property
     def converged(self) -> bool:

@@ -56,10 +56,15 @@ def folder(tmp_path, monkeypatch, request):
     return tmp_path
 
 
+def listen():
+    """Obey SIGHUP, also where the tests run under nohup, which ignores it."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def struck(folder, number, command=WRITE):
     """What a process said that was sent a signal in mid-write."""
     before = snapshot(folder)
-    with start(*command, code=HALF_WRITTEN) as child:
+    with start(*command, code=HALF_WRITTEN, preexec_fn=listen) as child:
         assert child.stdout.readline() == "half\n"
         (temporary,) = snapshot(folder).keys() - before.keys()
         assert temporary.startswith(".")

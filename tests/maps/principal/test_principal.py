@@ -244,7 +244,7 @@ def test_layouts(stored, tmp_path):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("shrm:degrees", "[9]"), ("shrm:degrees", "[0.5]"), ("shrm:degrees", "{}"),
+        ("shrm:degrees", "[13]"), ("shrm:degrees", "[0.5]"), ("shrm:degrees", "{}"),
         ("shrm:degrees", "[0, 0]"), ("shrm:functions", "{}"), ("shrm:functions", "[" * 5000),
         ("shrm:functions", '{"shape": [1, 91, 3], "values": [1]}'),
         ("shrm:functions", '{"shape": [99999999, 91, 3], "values": []}'),

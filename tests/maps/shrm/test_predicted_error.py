@@ -11,7 +11,7 @@ from shrm_cli.probe.probe import open_probe
 from tests import brute_force
 from tests.cli.helpers import ROOT
 
-PAIRS = 4000
+PAIRS = 8000
 HEIGHT = 128
 
 
