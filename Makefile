@@ -98,7 +98,7 @@ probes:
 
 # ---- batch ------------------------------------------------------------------------------------
 
-# batch.py writes the jobs as a makefile of their own, because make itself cannot handle spaces,
+# probes/batch.py writes the jobs as a makefile of their own, because make itself cannot handle spaces,
 # quotes, $ and % in names. The variables are handed over as they are, without being expanded.
 HANDED := PROBES BRDFS FORMS EPS PREFILTER_FLAGS RENDER_FLAGS $(filter FLAGS_%,$(.VARIABLES))
 $(foreach v,$(HANDED),$(eval export BATCH_$(v) := $$(value $(v))))
@@ -106,7 +106,7 @@ export BATCH_SHRM := $(SHRM)
 
 # -k: a job that fails does not stop the others, but the run fails.
 batch: $(VENV)/.installed
-	@$(PYTHON) -B batch.py
+	@$(PYTHON) -B probes/batch.py
 	@+$(MAKE) --no-print-directory -k -f build/.batch/jobs.mk || \
 	  { echo 'Some jobs failed, see above; the others are in build/'; exit 1; }
 	@echo 'Maps and pictures are in $(CURDIR)/build/'

@@ -57,9 +57,9 @@ class Project:
         self.folder = folder
         shutil.copy(ROOT / "Makefile", folder)
         shutil.copy(ROOT / "pyproject.toml", folder)
-        shutil.copy(ROOT / "batch.py", folder)
         for name in ("probes", "shrm_cli", "tests"):
             (folder / name).mkdir()
+        shutil.copy(ROOT / "probes" / "batch.py", folder / "probes")
         (folder / ".venv" / "bin").mkdir(parents=True)
         self.install(STAND_IN)
         for name in "ab":
