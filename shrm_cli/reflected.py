@@ -105,7 +105,7 @@ def energies_beyond(
         of ``|B|^2``, integrated over orientations and views, all channels together.
     """
     order = coefficients.order_f
-    above, aside = _own_energies_beyond(coefficients)
+    above, aside = own_energies_beyond(coefficients)
     light, spread = weighted_power(lighting, order), coefficients.spread
     density = light[max(order + 1 - _LAST_DEGREES, 0) :].mean(axis=0)
     light_left = np.maximum(lighting.energy - lighting.power()[: order + 1].sum(axis=0), 0.0)
@@ -114,15 +114,16 @@ def energies_beyond(
     return float(np.sum(met * above)), float(np.sum(beside * aside))
 
 
-def own_energies_beyond(coefficients: BrdfCoefficients | TransferFunctions) -> tuple[float, float]:
-    """Estimate the BRDF's own energy at unknown degrees, and in unknown azimuthal orders."""
-    above, aside = _own_energies_beyond(coefficients)
-    return float(above.sum()), float(aside.sum())
-
-
-def _own_energies_beyond(
+def own_energies_beyond(
     coefficients: BrdfCoefficients | TransferFunctions,
 ) -> tuple[Array, Array]:
+    """Estimate the BRDF's own energy beyond its coefficients.
+
+    Returns
+    -------
+    above, aside : ndarray, shape (3,)
+        What lies at higher degrees, and at higher azimuthal orders of known degrees.
+    """
     known = coefficients.degree_energy
     rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
     above = np.minimum(rest, energy_above(known))

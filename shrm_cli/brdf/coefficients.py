@@ -14,6 +14,7 @@ Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,7 @@ class BrdfCoefficients:
         """Whether the BRDF does not depend on the azimuth between light and view about C."""
         return not self.values[:, :, 1:].any()
 
-    @property
+    @cached_property
     def spread(self) -> Array:
         """How energy of unknown azimuthal orders is spread over l, (F+1, 3), in proportions.
 

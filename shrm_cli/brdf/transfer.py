@@ -11,6 +11,7 @@ Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ class TransferFunctions:
         squares = np.einsum("qloc,qloc,o->qlc", self.values, self.values, self.weights)
         return np.asarray(np.tensordot(both_signs(self.max_q), squares, 1) / (2 * np.pi))
 
-    @property
+    @cached_property
     def spread(self) -> Array:
         """How energy of unknown azimuthal orders is spread over l, (F+1, 3), in proportions.
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.errors import MapError, OutputError
+from shrm_cli.errors import MapError
+from shrm_cli.files.whole import kept
 
 if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe
@@ -96,13 +97,6 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     text = "" if stored is None else stored.first.text("shrm:recipe")
     if text != json.dumps(recipe):
         raise kept(target, "other inputs or options made it")
-
-
-def kept(target: str, why: str) -> OutputError:
-    """Return the error that refuses to replace a file."""
-    return OutputError(
-        f"{target}: exists, and {why}; give `force` to replace it, or name another `output`"
-    )
 
 
 def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

@@ -113,8 +113,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     ------
     OutputError
         If the target is not a regular file or is an input, if it is kept (see `keeping`) and the
-        new file differs from it, or if the block raises an OSError, such
-        as for a full disk.
+        new file differs from it, or if the block raises an OSError, such as for a full disk.
     """
     target = Path(target)
     # The prefix holds the machine's name, because machines that share a folder do not share
@@ -176,10 +175,14 @@ def together() -> Iterator[None]:
 
 def _check_same(temporary: Path, target: Path) -> None:
     if not filecmp.cmp(temporary, target, shallow=False):
-        raise OutputError(
-            f"{target}: exists, and other inputs or options made it; give `force` to replace it, "
-            "or name another `output`"
-        )
+        raise kept(target, "other inputs or options made it")
+
+
+def kept(target: str | os.PathLike[str], why: str) -> OutputError:
+    """Return the error that refuses to replace a file which others made."""
+    return OutputError(
+        f"{target}: exists, and {why}; give `force` to replace it, or name another `output`"
+    )
 
 
 def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:

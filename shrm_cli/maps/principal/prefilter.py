@@ -226,13 +226,12 @@ def _unknown(planner: Planner, of_light: bool) -> tuple[float, float]:
     """
     transfer = planner.spectrum.transfer
     if of_light:
-        energies = energies_beyond(planner.lighting, transfer)
+        above, aside = energies_beyond(planner.lighting, transfer)
         whole = planner.whole / max(planner.spectrum.visible, 1e-300)
     else:
-        energies = own_energies_beyond(transfer)
+        above, aside = (float(each.sum()) for each in own_energies_beyond(transfer))
         whole = float(transfer.total_energy.sum())
-    above, aside = (each / max(whole, 1e-300) for each in energies)
-    return above, aside
+    return above / max(whole, 1e-300), aside / max(whole, 1e-300)
 
 
 def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
