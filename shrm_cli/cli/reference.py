@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 @exposure_option
 @click.option(
     "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
-    help="Average the probe down to a lat-long of this height first.  [default: all its pixels]",
+    help="Average the probe down to a lat-long of this height first.  [default: all pixels "
+    "of probes of up to 2048 rows]",
 )  # fmt: skip
 @precision_option
 @probe_sampling_option

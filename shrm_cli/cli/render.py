@@ -94,9 +94,10 @@ def render(
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
+    from shrm_cli.probe.coarse import coarse_probe
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.progress import Stages
-    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.camera import Viewer, background_rows
     from shrm_cli.render.frames import frame_paths, turntable
     from shrm_cli.render.scene import Scene
 
@@ -108,7 +109,8 @@ def render(
     probe = None if background is None else open_probe(background, options)
     check_outputs(targets, files=maps)
     loaded, surface, warnings = shaded_maps([open_map(path) for path in maps], maps, roughness, f0)
-    scene = Scene(loaded, [map_stem(path) for path in maps], size, exposure, probe, columns)
+    behind = None if probe is None else coarse_probe(probe, background_rows(size))
+    scene = Scene(loaded, [map_stem(path) for path in maps], size, exposure, behind, columns)
     height, width = scene.shape
     settings = {
         "maps": list(maps),

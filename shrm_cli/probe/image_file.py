@@ -28,6 +28,8 @@ Array = NDArray[np.floating]
 MAX_PIXELS = 2**29
 """The most pixels that an image may have."""
 _FLOAT_FORMATS = ("half", "float", "double")
+MAX_TILE_PIXELS = 2**22
+"""The most pixels of a tile that is larger than its image: tiles are held as a whole."""
 _UPRIGHT = (0, 1)
 """Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
 
@@ -131,6 +133,12 @@ class ImageFile:
         if max(width * height, spec.width * spec.height) > MAX_PIXELS:
             raise ProbeError(
                 f"{path}: {width} x {height} pixels are more than {MAX_PIXELS:,}; scale it down"
+            )
+        tile = spec.tile_width * spec.tile_height
+        if tile > max(MAX_TILE_PIXELS, spec.width * spec.height):
+            raise ProbeError(
+                f"{path}: its tiles of {spec.tile_width} x {spec.tile_height} are larger than the "
+                "image; export it again"
             )
         channels = chosen.channels
         integers = {str(spec.channelformat(k)) for k in channels}.difference(_FLOAT_FORMATS)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, Layout, default_orientation, grid_name
+from shrm_cli.probe.coarse import coarse_probe
 from shrm_cli.probe.layout import arrange_faces
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -30,6 +31,9 @@ _FINER = 0.75
 
 Pixels of about the source's size could still miss its small lights; smaller ones cannot.
 """
+_KEPT = 2
+"""A large source is averaged down while it is read, to no less than this times the target's
+resolution."""
 _SAMPLES_AT_ONCE = 2**18
 _BRIGHT = 16.0
 """Times the mean radiance that is bright; at most 1 / 16 of the sphere is brighter."""
@@ -113,6 +117,7 @@ def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Arr
             f"{probe.name}: a {target.name} image of size {target.size} is out of range; give a "
             f"size of {target.smallest} to {target.largest}"
         )
+    probe = coarse_probe(probe, int(_KEPT * target.resolution))
     if (count := probe.width * probe.height) > MAX_PIXELS:
         raise ProbeError(
             f"{probe.name}: {count:,} pixels exceed {MAX_PIXELS:,}, what is kept in memory; scale "

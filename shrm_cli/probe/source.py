@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.probe.coarse import LEAST_ROWS, coarse_probe
 from shrm_cli.probe.lamps import lamps_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
@@ -53,10 +54,11 @@ class Source:
         probe : Probe
         height : int, optional
             Average the probe down to a lat-long of this many rows first. By default its own
-            pixels are taken.
+            pixels are taken, or those of no fewer than `LEAST_ROWS` rows of a large probe.
         dtype : float32 or float64
             Of the attributes, but for the angles.
         """
+        probe = coarse_probe(probe, LEAST_ROWS)
         directions, light = _pixels(probe) if height is None else _reduced(probe, height)
         pixels = light.shape[0] * light.shape[1]
         directions, light = _tiles(directions, "edge"), _tiles(light, "constant")

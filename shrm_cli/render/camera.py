@@ -128,6 +128,12 @@ def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> A
     return normalize(_in_world(viewer, x, y, -distance))
 
 
+def background_rows(size: int) -> int:
+    """Rows of a lat-long whose pixels are no larger than those of a picture of the surroundings."""
+    pixel = 2 * np.tan(np.radians(FIELD_OF_VIEW / 2)) / size
+    return int(np.ceil(np.pi / pixel))
+
+
 def _in_world(viewer: Viewer, x: Array, y: Array, z: Array | float) -> Array:
     """Return vectors with components along right, up and V in world axes, shape (..., 3)."""
     result = np.empty((*x.shape, 3))

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import resource
+import struct
 import subprocess
 import sys
 import time
@@ -334,6 +335,19 @@ def test_more_pixels_than_are_read(tmp_path, monkeypatch):
     with pytest.raises(ProbeError) as caught:
         open_probe(path)
     check_message(caught.value, path, "64 x 32 pixels are more than 2,047; scale it down")
+
+
+def test_tiles_much_larger_than_their_image(tmp_path):
+    """A file of a few kilobytes cannot ask for hundreds of megabytes."""
+    path = scenes.write(tmp_path / "bad.tif", noise(8, 16), tile=16)
+    data = path.read_bytes()
+    for tag in (322, 323):  # TileWidth and TileLength of TIFF, a short integer each
+        data = re.sub(struct.pack("<HHI", tag, 3, 1) + rb"\x10\x00", lambda found: (
+            found.group()[:-2] + struct.pack("<H", 8192)), data, flags=re.DOTALL)  # fmt: skip
+    path.write_bytes(data)
+    with pytest.raises(ProbeError) as caught:
+        open_probe(path)
+    check_message(caught.value, path, "its tiles of 8192 x 8192 are larger than the image; export")
 
 
 def test_more_pixels_than_are_kept_in_memory(tmp_path, monkeypatch):

@@ -208,6 +208,14 @@ class Grid(ABC):
         """
         return None
 
+    def joined(self, count: int) -> "Grid | None":
+        """The grid whose cells are `count` x `count` cells of this one each, if there is one."""
+        return None
+
+    def row_areas(self) -> Array:
+        """Solid angles of whole rows, shape (rows,), sr; only of a grid that can be `joined`."""
+        raise NotImplementedError(f"a {self.name} grid cannot be joined")
+
     # ---- images --------------------------------------------------------------------------------
 
     @abstractmethod

@@ -32,10 +32,17 @@ class LatLong(Grid):
         return colatitude_weights(self.size, self.sampling)[start:stop, None] * column
 
     def area_ratios(self) -> tuple[Array, Array]:
+        areas = self.row_areas()
+        return areas / (2 * np.pi * colatitude_weights(self.size, self.sampling)) - 1, areas
+
+    def row_areas(self) -> Array:
         edges = np.sin(cell_edges(self.size, self.sampling) * (np.pi / 2))
-        areas = np.diff(edges)
-        ratios = areas / colatitude_weights(self.size, self.sampling) - 1
-        return ratios, areas * (2 * np.pi)
+        return 2 * np.pi * np.diff(edges)
+
+    def joined(self, count: int) -> "LatLong | None":
+        if self.sampling == "border" or self.size % count or self.size < 2 * count:
+            return None
+        return LatLong(self.size // count)
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
         density = np.cos(down * (np.pi / 2)) * (np.pi**2 / 2)
