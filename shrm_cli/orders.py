@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
+from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.transfer import energy_above, next_octave
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
@@ -21,9 +22,13 @@ from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
-"""The order F to which coefficients are computed first; it doubles until it suffices."""
+"""The least order F to which coefficients are computed first; it doubles until it suffices."""
+_WAVES_A_LOBE = 4.0
+"""Few lobes have enough with an F below this over their width in radians. Most need more."""
 _MOST_OCTAVES = 3
 """The most octaves of degrees over which the fall of their energies is trusted."""
+_LOST = 4.0
+"""Where a P that cannot be raised misses this times what a higher F would find, F is enough."""
 _FIRST_ORDER_P = 8
 """The order P to which coefficients are computed first; it doubles until it suffices."""
 
@@ -287,7 +292,7 @@ def _sufficient_coefficients(
 
     Where the limits of the orders do not meet the tolerance, the coefficients reach the limits.
     """
-    f = max(_FIRST_ORDER_F, order_f)
+    f = max(_first_order_f(brdf), order_f)
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     largest = MAX_ORDER_P
     while True:
@@ -298,7 +303,7 @@ def _sufficient_coefficients(
         missing = 1 - coefficients.captured()[-1, -1]
         # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
         octaves = _octaves_to_come(coefficients, tolerance / 5)
-        if octaves > 0 and f < MAX_ORDER_F:
+        if octaves > 0 and f < MAX_ORDER_F and not _is_lost_to_p(coefficients, most_p):
             f = min(2**octaves * f, MAX_ORDER_F)
             continue
         if most_p is not None:
@@ -308,6 +313,36 @@ def _sufficient_coefficients(
             p = min(2 * p, largest)
         else:
             return coefficients
+
+
+def _first_order_f(brdf: Brdf) -> int:
+    """Return the order F to which coefficients are computed first.
+
+    A try that does not suffice is time lost, which for sharp measured lobes is several seconds.
+    """
+    f = _FIRST_ORDER_F
+    if brdf.zonal or brdf.center != "reflection":
+        return f
+    wanted = _WAVES_A_LOBE / lobe_width(brdf)
+    while f < min(wanted, MAX_ORDER_F):
+        f *= 2
+    return f
+
+
+def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:
+    """Tell whether the largest P that is allowed misses so much that no higher F is worth its time.
+
+    Parameters
+    ----------
+    coefficients : BrdfCoefficients
+    most_p : callable, optional
+        As `choose_orders` takes it.
+    """
+    if most_p is None or coefficients.order_p < most_p(coefficients.order_f):
+        return False
+    by_degree = coefficients.degree_energy.sum(axis=-1)
+    lost = by_degree.sum() - coefficients.captured()[-1, -1] * coefficients.total_energy.sum()
+    return bool(lost > _LOST * energy_above(by_degree))
 
 
 def _octaves_to_come(coefficients: BrdfCoefficients, tolerance: float) -> int:

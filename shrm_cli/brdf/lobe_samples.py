@@ -54,7 +54,9 @@ def transfer_samples(
     theta_i = rule.nodes(count)[0]
     # About the mirror direction the normal is half way between C and the view.
     tilt = theta_o / 2 if brdf.center == "reflection" else np.zeros_like(theta_o)
-    view = from_angles(theta_o - tilt, 0.0)[None, :, None]
+    # Tables are no more exact than single precision, in which they are interpolated faster.
+    dtype = np.float32 if brdf.is_measured else np.float64
+    view: Array = from_angles(theta_o - tilt, 0.0)[None, :, None].astype(dtype)
     horizon = np.pi / 2 + np.arctan(np.tan(tilt)[:, None] * np.cos(phi))
     ends = rule.parameter(horizon) * (count / np.pi)  # in cells
     step = 3 * max(1, _SAMPLES_AT_ONCE // (3 * phi.size))
@@ -63,13 +65,13 @@ def transfer_samples(
         cells = np.arange(start, rows.stop)[:, None, None]
         light = tilted_frame(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
         if not brdf.has_horizon or rows.stop <= ends.min() + _ROUNDING:
-            yield rows, brdf.transfer(light, view), None
+            yield rows, brdf.transfer(light.astype(dtype, copy=False), view), None
             continue
         coverage = np.clip(ends - cells, 0.0, 1.0)
         cut = np.nonzero((coverage > 0) & (coverage <= 0.5))
         edge = from_angles(horizon[cut[1:]] * _INSIDE, phi[cut[1:]])
         light[cut] = tilted_frame(edge, tilt[cut[1]])
-        yield rows, brdf.transfer(light, view), coverage
+        yield rows, brdf.transfer(light.astype(dtype, copy=False), view), coverage
 
 
 def every_third(samples: Array, coverage: Array | None) -> tuple[Array, Array | None]:
