@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions, energy_above
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.sphere.bilinear import bilinear_errors
+from shrm_cli.sphere.bilinear import bilinear_errors, energy_places
 from shrm_cli.sphere.clebsch_gordan import zonal_coupling
+from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 _LAST_DEGREES = 16
 """The number of the light's last known degrees whose mean density the unknown degrees take."""
+_PLACES_ORDER, _PLACES_SIZE = 24, 16
+"""The order of the light and the size of the cube that tell where its details are."""
 INVISIBLE = 1e-4
 """The RMS of a part of the reflected light, relative to the light's mean, that is never seen. It is
 half a per cent of the darkest places that `shrm compare` judges, those of 2 % of the mean."""
@@ -241,12 +244,39 @@ def filtering_error(
         The error of the map as it is made, without that of its orders; 0 for black light.
     """
     light = weighted_power(lighting, order_f)
-    errors = bilinear_errors(order_f + order_p, size, sampling)
+    places = fine_places(lighting, coefficients.values[: order_f + 1, 0, 0])
+    errors = bilinear_errors(order_f + order_p, size, sampling, places)
     lost = whole = 0.0
     for p in range(order_p + 1):
         energy = cube_energies(light, coefficients.values[: order_f + 1, p, : p + 1, None])
         lost, whole = lost + float(errors[: len(energy)] @ energy), whole + float(energy.sum())
     return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+
+
+def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
+    """Return where on the faces of a cube the finest details of the reflected light are.
+
+    Bilinear filtering loses what its second derivatives tell, which a small cube shows well enough.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    lobe : ndarray, shape (F+1, 3)
+        What the light of each degree is multiplied with: the coefficients rho_hat_l00.
+
+    Returns
+    -------
+    ndarray or None
+        The argument of `bilinear_errors`; None where there is no detail.
+    """
+    order = min(len(lobe) - 1, lighting.order, _PLACES_ORDER)
+    degree = np.arange(order + 1)
+    by_degree = lobe[: order + 1] * (degree * (degree + 1) / np.sqrt(2 * degree + 1))[:, None]
+    each = np.repeat(by_degree, 2 * degree + 1, axis=0)
+    series = lighting.coefficients[: (order + 1) ** 2] * each
+    if not series.any():
+        return None
+    return energy_places(synthesize_cube(series, _PLACES_SIZE, dtype=np.float32))
 
 
 def truncated_lobe_error(

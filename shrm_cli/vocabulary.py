@@ -69,7 +69,7 @@ MAX_SOURCE_HEIGHT = 8192
 """The most rows that a probe is averaged down to for integrals over its pixels."""
 MAX_CUBE_SIZE = 4096
 """The most texels along the edge of a map's face."""
-MAX_PRINCIPAL_MAPS = 64
+MAX_PRINCIPAL_MAPS = 128
 """The most cubes of one lobe of a map with a BRDF's own functions of the view."""
 MAX_EXPONENTIAL_ORDER = 16
 """The largest order of the factors P and Q of a spherical harmonic exponential."""

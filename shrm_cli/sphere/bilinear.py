@@ -7,23 +7,30 @@ one sample to the next is, interpolated linearly, correlated with itself by ``si
 the mean square ``(2 + cos a) / 3``; both are means over the positions between the samples. Along
 two axes both factors multiply. What is left is a mean over the face, where texels differ in size,
 and over the directions of the wave.
+
+Across an edge of a center-sampled cube the texels of the other face do not lie where the own grid
+would go on: at the position s along the edge they are nearly s / 2 texels off, so that the wave
+comes with a wrong phase.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
-_POSITIONS = 6
-"""Gauss's nodes over half a face along each of its axes."""
-_DIRECTIONS = 16
+_POSITIONS = 8
+"""Places over half a face along each of its axes."""
+_DIRECTIONS = 8
 """Directions of waves, over half a turn."""
+_BEYOND = 1 / 12
+"""The mean square of the weight of texels beyond an edge, within half a texel of it."""
 
 
-def bilinear_errors(order: int, size: int, sampling: Sampling = "center") -> Array:
+def bilinear_errors(
+    order: int, size: int, sampling: Sampling = "center", places: Array | None = None
+) -> Array:
     """Return the mean squared error of bilinear filtering, relative to the energy of each degree.
 
     Parameters
@@ -34,6 +41,9 @@ def bilinear_errors(order: int, size: int, sampling: Sampling = "center") -> Arr
         Texels along a face's edge.
     sampling : {"center", "border"}
         Where the edge texels lie.
+    places : ndarray, shape (n, n), optional
+        What `energy_places` returns for the function that is filtered. By default its energy is
+        the same everywhere.
 
     Returns
     -------
@@ -42,10 +52,10 @@ def bilinear_errors(order: int, size: int, sampling: Sampling = "center") -> Arr
         its error approaches 13/9: the wave is lost, and the values of single texels are left.
     """
     step = 2 / size if sampling == "center" or size == 1 else 2 / (size - 1)
-    nodes, weights = gauss_legendre(_POSITIONS)
-    s, t = np.meshgrid((nodes + 1) / 2, (nodes + 1) / 2, indexing="ij")
-    measure = np.outer(weights, weights) * (1 + s**2 + t**2) ** -1.5
-    measure /= measure.sum()
+    if places is None:
+        places = energy_places(np.ones((1, 12 * _POSITIONS, 2 * _POSITIONS)))
+    nodes = (np.arange(len(places)) + 0.5) / len(places)
+    t, s = np.meshgrid(nodes, nodes, indexing="ij")
     along_s, along_t = _advances(s, t)
     # Shape (positions, directions, degrees).
     degree = np.arange(order + 1)
@@ -53,7 +63,43 @@ def bilinear_errors(order: int, size: int, sampling: Sampling = "center") -> Arr
     a, b = along_s.reshape(-1, _DIRECTIONS, 1) * wave, along_t.reshape(-1, _DIRECTIONS, 1) * wave
     correlation = (np.sinc(a / (2 * np.pi)) * np.sinc(b / (2 * np.pi))) ** 2
     square = (2 + np.cos(a)) * (2 + np.cos(b)) / 9
-    return np.asarray(measure.reshape(-1) @ np.mean(1 - 2 * correlation + square, axis=1))
+    errors = np.mean(1 - 2 * correlation + square, axis=1)
+    if sampling == "center":
+        # Within half a texel of the edge at t = 1, and of the one at s = 1, which has as much.
+        last = np.arange(len(errors)) >= len(errors) - len(places)
+        strip = min(len(places) * step / 2, 1.0)
+        shift = s.reshape(-1, 1, 1)[last] / (2 + step)
+        errors[last] += 2 * strip * np.mean(_BEYOND * 2 * (1 - np.cos(shift * a[last])), axis=1)
+    return np.asarray(places.reshape(-1) @ errors)
+
+
+def energy_places(cubes: Array) -> Array:
+    """Return how the energy of functions is shared among the places of a face that differ in size.
+
+    Texels are larger in the middle of a face than at its corners, so that a lamp in the middle of a
+    face is filtered with several times the error of one at a corner. By symmetry a quarter of a
+    face tells all.
+
+    Parameters
+    ----------
+    cubes : ndarray, shape (n, 6 N, N)
+        Values of the functions at texels of center-sampled cubes, of an even number N.
+
+    Returns
+    -------
+    ndarray, shape (N/2, N/2)
+        The shares of the energy in the texels of a quarter of a face, from its middle outwards.
+    """
+    size = cubes.shape[-1]
+    half = size // 2
+    s = (np.arange(size) + 0.5) * 2 / size - 1
+    energy = np.sum(cubes.astype(float) ** 2, axis=0).reshape(6, size, size).sum(axis=0)
+    energy *= (1 + s[:, None] ** 2 + s**2) ** -1.5
+    energy = energy[half:] + energy[:half][::-1]
+    energy = energy[:, half:] + energy[:, :half][:, ::-1]
+    # The face's two axes can be exchanged, too.
+    energy = energy + energy.T
+    return np.asarray(energy / max(energy.sum(), 1e-300))
 
 
 def _advances(s: Array, t: Array) -> tuple[Array, Array]:

@@ -134,17 +134,18 @@ def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:
     extent : Extent
     """
     from tests.paper import page_seen, seen
-    from tests.paper.inputs import Page, equal_probes, say
+    from tests.paper.inputs import Page, equal_probes, say, small_probes
 
     written = Page(folder / _SEEN)
-    probes = equal_probes(files, extent.seen_rows)
+    probes = equal_probes(files, 2 * extent.seen_rows)
     names = [probe.name for probe in probes]
     rows: list[seen.Seen] = []
-    head = page_seen.introduction(names, probes[0].height, extent)
+    head = page_seen.introduction(names, min(probes[0].height, extent.seen_rows), extent)
     with settings.using(threads=os.cpu_count(), cache=folder / "coefficients"):
         say("Phong lobes beside cmft")
         chosen = probes[names.index("interior") if "interior" in names else 0]
-        found = seen.phong_cubes(chosen, extent.cube)
+        (small,) = small_probes([chosen], min(chosen.height, extent.seen_rows))
+        found = seen.phong_cubes(small, extent.cube)
         cubes = page_seen.beside_cmft(found, chosen.name, extent.cube)
         say(f"what is seen of {extent.seen[0]}")
         sections = []

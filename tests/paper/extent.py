@@ -34,8 +34,9 @@ class Extent:
         Width and height of these spheres: of the one from the front, of those from other sides,
         and of those that are shown.
     seen, seen_rows, seen_picture, seen_pairs
-        The BRDFs of the page on what is seen, the height of its probes, the width and height of its
-        spheres, and the number of pairs of a mirror direction and a view for predicted errors.
+        The BRDFs of the page on what is seen, the height of its probes (twice that for sharp
+        lobes), the width and height of its spheres, and the number of pairs of a mirror direction
+        and a view for predicted errors.
     cube : int
         Texels along a face's edge of the Phong cubes beside cmft.
     survey : tuple of str

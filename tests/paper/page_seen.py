@@ -26,7 +26,8 @@ from tests.paper.seen import (
 def introduction(probes: Sequence[str], rows: int, extent: Extent) -> str:
     """Write the title, and what is compared."""
     pixels = f"{extent.seen_picture} x {extent.seen_picture}"
-    spheres = f"""{_listed(probes)}, averaged down to {rows} rows for maps and truth alike. Median,
+    spheres = f"""{_listed(probes)}, averaged down to {rows} rows for maps and truth alike (twice
+that for sharp lobes with heavy tails, of which a sum over coarse pixels is no truth). Median,
 p95 and HDR-FLIP are those of spheres of {pixels} pixels from the three views of `shrm compare`,
 against the sum over all pixels of the probe: of the relative error of the luminance, pixel by
 pixel. Negative is the share of negative pixels."""
@@ -39,8 +40,7 @@ as far as the same cubes support it, with the same P: what it misses is the view
     errors = f"""RMS is the relative error over all mirror directions and views, or about the
 normal (`lambertian`, `oren-nayar`) over all normals and views above them, at {extent.seen_pairs}
 pairs that are drawn where the light and the error are, beside the predicted one. "On a GPU" are
-the same two with bilinear look-ups in half precision; what these do to a lamp is predicted as the
-mean over all places where it could lie on the cube. Seconds are those of this machine, for
+the same two with bilinear look-ups in half precision. Seconds are those of this machine, for
 coefficients that an earlier row may have left in the cache."""
     paragraphs = "\n\n".join(fill(each, 100) for each in (spheres, ways, errors))
     return f"# What is seen\n\n{paragraphs}\n{short_form(extent)}"

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from shrm_cli import settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
+from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.size import supported_order, total_error
@@ -36,6 +37,7 @@ from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 from tests.paper.extent import FULL, Extent
 from tests.paper.glossy_truth import Light, Sphere, light_of, sphere
+from tests.paper.inputs import small_probes
 from tests.paper.looked_up import looked_up
 from tests.paper.pairs import Pairs, bright_pairs
 
@@ -59,6 +61,8 @@ _AT_ONCE = 2**17
 """Pairs of a pixel and a light that are computed at a time."""
 _NEIGHBORS = 16
 """Pixels that are lit together; lights below the horizons of all of them are left out."""
+_LEAST_PIXELS = 3
+"""The pixels within which half of the energy of a lobe must lie."""
 _TEXELS = 1000
 """The texels of a cube that are compared with the truth."""
 
@@ -156,14 +160,17 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
     Parameters
     ----------
     probes : sequence of Probe
-        Lat-longs of one size; see `small_probes`.
+        Lat-longs of one size, which are averaged down to the rows that each lobe needs.
     extent : Extent
         Which BRDFs, which must be grey, and how large the pictures are.
     """
-    light = light_of(probes, probes[0].height)
     spheres = [sphere(viewer.direction, extent.seen_picture) for viewer in VIEWERS]
+    opened, rows_now, light = probes, 0, Light(np.zeros((0, 3)), np.zeros((0, 0)))
     for spec in extent.seen:
         brdf = parse_spec(spec)
+        if (wanted := min(_rows(brdf, extent), opened[0].height)) != rows_now:
+            probes, rows_now = small_probes(opened, wanted), wanted
+            light = light_of(probes, rows_now)
         truths = [lit(brdf, each.normals, each.views, light) for each in spheres]
         rows = []
         for k, probe in enumerate(probes):
@@ -178,6 +185,17 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
                 errors = _errors(each, pairs, truth)
                 rows.append(_row(spec, brdf, probe, way, each, seconds, spheres, pictures, errors))
         yield rows
+
+
+def _rows(brdf: Brdf, extent: Extent) -> int:
+    """Return the rows of probes whose pixels, as lights, are dense enough for a lobe.
+
+    The truth is a sum over points, whose light has waves of every length. A map has those that the
+    pixels resolve, and a lobe with heavy tails that is few pixels wide shows the difference.
+    """
+    pixel = np.pi / extent.seen_rows
+    is_sharp = not brdf.zonal and lobe_width(brdf) < _LEAST_PIXELS * pixel
+    return extent.seen_rows * (2 if is_sharp else 1)
 
 
 def make_maps(brdf: Brdf, probe: Probe) -> dict[str, tuple[Map, float]]:

@@ -17,7 +17,7 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.reflected import INVISIBLE, cube_energies, energy_beyond
+from shrm_cli.reflected import INVISIBLE, cube_energies, energy_beyond, fine_places
 from shrm_cli.sphere.bilinear import bilinear_errors
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
@@ -92,6 +92,11 @@ class Planner:
         most = 1 if self._is_zonal else MAX_PRINCIPAL_MAPS
         return best_counts(self.spectrum.energies, most)
 
+    @cached_property
+    def _places(self) -> Array | None:
+        """Where on the faces of a cube the finest details of the first function are."""
+        return fine_places(self.lighting, self.spectrum.light_parts(0, 0, 1)[0])
+
     @property
     def _is_zonal(self) -> bool:
         energies = self.spectrum.energies
@@ -116,7 +121,7 @@ class Planner:
     def _lost(self, counts: Counts, carried: int, size: int) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""
         degrees = bundle_degrees(counts)
-        errors = bilinear_errors(carried + max(degrees), size, self.sampling)
+        errors = bilinear_errors(carried + max(degrees), size, self.sampling, self._places)
         light, lost = self.spectrum.light[: carried + 1], 0.0
         for p in set(degrees):
             first, count = degrees.index(p), degrees.count(p)

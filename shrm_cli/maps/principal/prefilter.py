@@ -41,6 +41,8 @@ _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _NEARLY = 1.05
 """How much worse than the best map a smaller one may be, where no map meets the tolerance."""
+_TRIES = 3
+"""How often a form is sought that keeps an error."""
 _CHEAP = 0.25
 """The part of the error that goes to terms of a single cube."""
 _LARGEST_ERROR = 0.99
@@ -102,7 +104,7 @@ def prefilter(
     brdf, notes = centered(brdf, eps, center)
     parts = split(brdf) if isinstance(brdf, Sum) else [brdf]
     light = Projection(probe, progress)
-    planners = [_planner(light, part, eps, error, divide, sampling) for part in parts]
+    planners = [_planner(light, part, eps, error, divide, sampling, size) for part in parts]
     # Terms with a single cube take next to nothing of the budget.
     broad = max(sum(len(planner.choices) > 1 for planner in planners), 1)
     wanted = [_Wanted(eps, error, maps, max_size // broad, size) for _ in parts]
@@ -196,6 +198,7 @@ def _planner(
     error: float | None,
     divide: bool,
     sampling: Sampling,
+    size: int | None,
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
     order, max_q = _FIRST_ORDER, min(_FIRST_Q, MAX_Q)
@@ -209,10 +212,23 @@ def _planner(
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < MAX_Q:
             max_q = MAX_Q
             continue
-        if above <= limit or order >= MAX_ORDER_F:
+        if order >= MAX_ORDER_F:
             return planner
+        if above <= limit:
+            if error is not None or not _hides_visible(planner, tolerance, size):
+                return planner
+            order = 2 * order
+            continue
         # Sharp lobes need far more, and every try costs the time to sample the BRDF.
         order = min((4 if above > _SHARP else 2) * order, MAX_ORDER_F)
+
+
+def _hides_visible(planner: Planner, tolerance: float, size: int | None) -> bool:
+    """Tell whether the map that a tolerance asks for could carry light beyond the known degrees."""
+    counts, order_f, _ = planner.for_tolerance(tolerance)
+    known = planner.spectrum.transfer.order_f
+    form = planner.form(counts, choose_size(order_f) if size is None else size)
+    return form.carried == known < supported_order(form.size)
 
 
 def _unknown(planner: Planner, of_light: bool) -> tuple[float, float]:
@@ -246,7 +262,7 @@ def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
     size = choose_size(order_f) if want.size is None else want.size
     is_met = True
     if want.error is not None:
-        form, is_met = planner.within_error(want.error, want.max_size, want.size)
+        form, is_met = _within_error(planner, want)
     elif want.maps is not None:
         form = planner.with_maps(want.maps, size)
     else:
@@ -260,6 +276,18 @@ def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
     order_f = min(order_f, supported_order(form.size))
     captured = planner.captured(form.counts, form.carried)
     return _Term(brdf, planner, form, captured, order_f, is_met)
+
+
+def _within_error(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
+    """Find the least form that keeps an error with its tables, too, which the search leaves out."""
+    allowed = want.error or 0.0
+    for _ in range(_TRIES):
+        form, is_met = planner.within_error(allowed, want.max_size, want.size)
+        found = planner.form(form.counts, form.size, is_exact=True).total_error
+        if not is_met or found <= (want.error or 0.0):
+            break
+        allowed *= 0.999 * (want.error or 0.0) / found
+    return form, is_met
 
 
 def _lobe(term: _Term, sampling: Sampling) -> Lobe:

@@ -88,6 +88,18 @@ def test_measured_error_is_the_predicted_one(room, name, divide):
         assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
 
 
+@pytest.mark.parametrize("spec", ["phong:exponent=512", "microfacet:sigma=0.05"])
+def test_light_is_carried_as_far_as_in_an_shrm_of_its_size(spec):
+    """What the tolerance asks for is less than a cube of that size can show of a bare sun."""
+    pixels = np.full((256, 512, 3), 0.05, dtype=np.float32)
+    pixels[100, 300] = 3000
+    sun = Probe.from_array(pixels)
+    shrm = prefilter(sun, spec, size=96)
+    made = prefilter(sun, spec, to="principal", size=96)
+    assert made.info.order_f < made.info.order_carried
+    assert made.info.order_carried >= shrm.info.order_carried > 100
+
+
 def test_more_maps_are_better(room):
     errors = [
         prefilter(room, SPECS["plastic"], to="principal", maps=maps, size=64).info.predicted_error
