@@ -11,6 +11,7 @@ from shrm_cli.layouts import Layout
 from shrm_cli.probe.image import ProbeImage
 from shrm_cli.probe.layout import clear_unused, stack_faces
 from shrm_cli.probe.pixels import PixelReport, fill_nonfinite, find_nonfinite, refuse_nonfinite
+from shrm_cli.sphere.cube import reoriented
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import Orientation
 
@@ -20,6 +21,8 @@ Block = tuple[int, Array, Array]
 
 _BLOCK_PIXELS = 2**20
 _NOTHING_FINITE = "{}: nothing is finite to fill NaN or infinite pixels from; export it again"
+_SMALL_FACE = 1024
+"""Texels along the edge of the largest face of a cube that is read as a whole, which is faster."""
 _HOLE_ROWS = 32
 """Rows that are read before and behind a block with holes, at first."""
 
@@ -55,14 +58,33 @@ class BlockReader:
     report: PixelReport
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the image in blocks of rows, or as a whole where the grid cannot be cut.
+        """Yield the image in blocks of rows, by faces, or as a whole where it cannot be cut.
 
         Raises
         ------
         ProbeError
             If a file is damaged, or has NaN or infinite pixels that are not to be filled.
         """
-        return self._by_rows() if self.grid.most_pixels is None else self._whole()
+        if self.grid.most_pixels is None:
+            return self._by_rows()
+        if self.layout == "faces" and len(self.images) > 1 and self.grid.size > _SMALL_FACE:
+            return self._by_faces()
+        return self._whole()
+
+    def _by_faces(self) -> Iterator[Block]:
+        """Yield one face after the other, each from an image of its own."""
+        for face, image in enumerate(self.images):
+            pixels = image.read(0, image.height)
+            bad = find_nonfinite(pixels, 0, self.report)
+            if bad is not None and not self.fix_nonfinite:
+                refuse_nonfinite(image.name, self.report)
+            if bad is not None:
+                pixels = fill_nonfinite(pixels)
+                if not np.isfinite(pixels).all():
+                    raise ProbeError(_NOTHING_FINITE.format(image.name))
+            pixels = reoriented(pixels, face, self.orientation or "openexr")
+            start = face * self.grid.size
+            yield start, pixels, self.grid.weights(start, start + self.grid.size)
 
     def _by_rows(self) -> Iterator[Block]:
         """Yield blocks of rows of a single image.

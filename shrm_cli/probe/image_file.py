@@ -1,12 +1,13 @@
 """Image files of every type that OpenImageIO reads, opened lazily and read by rows."""
 
+import math
 import mmap
 import os
 import re
 import stat
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import is_zipfile
@@ -30,8 +31,18 @@ MAX_PIXELS = 2**29
 _FLOAT_FORMATS = ("half", "float", "double")
 MAX_TILE_PIXELS = 2**22
 """The most pixels of a tile that is larger than its image: tiles are held as a whole."""
+_BAND_PIXELS, _BAND_ROWS = 2**22, 128
+"""Rows of tiles with more pixels than this are not handed out at once, but by so many rows."""
 _UPRIGHT = (0, 1)
 """Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
+
+
+@dataclass
+class _Held:
+    """Decoded rows of tiles that are too tall to be decoded again for every block of rows."""
+
+    rows: tuple[int, int] | None = None
+    pixels: Any = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +80,7 @@ class ImageFile:
     notes: tuple[str, ...]
     _input: Any
     _offset: tuple[int, int]
+    _held: _Held = field(default_factory=_Held, compare=False, repr=False)
 
     @classmethod
     def open(
@@ -181,7 +193,8 @@ class ImageFile:
     @property
     def row_multiple(self) -> int:
         """Rows that are cheapest to read together start at multiples of this."""
-        return max(1, int(self._input.spec().tile_height))
+        height = max(1, int(self._input.spec().tile_height))
+        return height if height * self.width <= _BAND_PIXELS else math.gcd(height, _BAND_ROWS)
 
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1 of the canvas, float32 RGB, shape (rows, width, 3)."""
@@ -221,25 +234,45 @@ class ImageFile:
         channels = self.layer.channels
         begin, end = min(channels), max(channels) + 1
         if spec.tile_width:
-            low = start // spec.tile_height * spec.tile_height
-            high = min(-(-stop // spec.tile_height) * spec.tile_height, spec.height)
-            pixels = self._input.read_tiles(
-                self.layer.index, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
-                spec.z, spec.z + 1, begin, end, oiio.FLOAT,
-            )  # fmt: skip
-            pixels = None if pixels is None else pixels.reshape(high - low, spec.width, -1)
-            pixels = None if pixels is None else pixels[start - low : stop - low]
+            pixels = self._tile_rows(start, stop, begin, end)
         else:
             pixels = self._input.read_scanlines(
                 self.layer.index, 0, spec.y + start, spec.y + stop, spec.z, begin, end, oiio.FLOAT
             )
         if pixels is None:
             raise ProbeError(f"{self.path}: damaged or truncated; copy or export it again")
-        pixels = pixels.reshape(stop - start, spec.width, -1)
+        pixels = pixels.reshape(stop - start, spec.width, -1).astype(np.float32, copy=False)
         chosen = [channel - begin for channel in channels]
         if chosen != list(range(pixels.shape[-1])):
             pixels = pixels[..., chosen]
         return self.encoding.linear(pixels)
+
+    def _tile_rows(self, start: int, stop: int, begin: int, end: int) -> Array | None:
+        """Rows of a tiled image, (rows, width, channels); None where the file is damaged.
+
+        What has been decoded of tall tiles is held as it is stored, until the last row is read.
+        """
+        spec, held = self._input.spec(), self._held
+        low = start // spec.tile_height * spec.tile_height
+        high = min(-(-stop // spec.tile_height) * spec.tile_height, spec.height)
+        if held.rows == (low, high) and held.pixels is not None:
+            pixels = held.pixels
+        else:
+            held.rows, held.pixels = None, None
+            is_half = all(str(spec.channelformat(k)) == "half" for k in range(begin, end))
+            pixels = self._input.read_tiles(
+                self.layer.index, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
+                spec.z, spec.z + 1, begin, end, oiio.HALF if is_half else oiio.FLOAT,
+            )  # fmt: skip
+            if pixels is None:
+                return None
+            pixels = pixels.reshape(high - low, spec.width, -1)
+        is_tall = spec.tile_height * spec.width > _BAND_PIXELS
+        if is_tall and stop < high:
+            held.rows, held.pixels = (low, high), pixels
+        else:
+            held.rows, held.pixels = None, None
+        return np.asarray(pixels[start - low : stop - low])
 
 
 def check_file(name: str | os.PathLike[str]) -> Path:

@@ -83,8 +83,9 @@ def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
     """
     edges = cell_edges(size, sampling)
     x, y = edges[None, :], edges[:, None]
-    corner = np.arctan2(x * y, np.sqrt(x**2 + y**2 + 1))
-    return corner[1:, 1:] - corner[:-1, 1:] - corner[1:, :-1] + corner[:-1, :-1]
+    corner = np.sqrt(x**2 + y**2 + 1)
+    np.arctan2(x * y, corner, out=corner)
+    return np.diff(np.diff(corner, axis=0), axis=1)
 
 
 def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
@@ -103,11 +104,17 @@ def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
     """
     faces = np.asarray(faces)
     result = np.empty_like(faces)
-    for face, (source, target) in enumerate(zip(face_axes(orientation), face_axes(), strict=True)):
-        # Right and down are the same axes in both orientations, of the same or opposite sign.
-        horizontal, vertical = (int(source[k] @ target[k]) for k in (0, 1))
-        result[face] = faces[face, ::vertical, ::horizontal]
+    for face, image in enumerate(faces):
+        result[face] = reoriented(image, face, orientation)
     return result
+
+
+def reoriented(image: Array, face: int, orientation: Orientation) -> Array:
+    """One face of another orientation as an OpenEXR face: a view of the image, (N, N, ...)."""
+    source, target = face_axes(orientation)[face], face_axes()[face]
+    # Right and down are the same axes in both orientations, of the same or opposite sign.
+    horizontal, vertical = (int(source[k] @ target[k]) for k in (0, 1))
+    return image[::vertical, ::horizontal]
 
 
 def right_angles(matrix: Array) -> Array | None:

@@ -13,6 +13,8 @@ along z, those of +-Y and +-Z along x, so the series is used as it is and with x
 axis. Values are exact at each texel: no intermediate image is interpolated, and there is no pole.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -199,20 +201,50 @@ def integrate_cube(planes: Array, order: int, sampling: Sampling = "center") -> 
     ndarray, shape ((order+1)^2, maps)
     """
     maps, _, size = planes.shape
-    s = nodes(size, sampling)
     faces = planes.reshape(maps, 6, size, size)
-    along_z, along_x = (
-        harmonics_from_moments(_gather_faces(faces, part, s, order))
-        for part in (_ALONG_Z, _ALONG_X)
-    )
-    return along_z + transform_coefficients(along_x, _X_POLAR.T)
+    result = CubeIntegral(order, sampling)
+    result.add({name: faces[:, index] for index, name in enumerate(FACES)})
+    return result.coefficients()
+
+
+class CubeIntegral:
+    """The integrals of `integrate_cube`, of faces that arrive one after the other.
+
+    Parameters
+    ----------
+    order : int
+        Largest degree.
+    sampling : {"center", "border"}
+    """
+
+    def __init__(self, order: int, sampling: Sampling = "center") -> None:
+        self.order, self.sampling = order, sampling
+        self._along_z, self._along_x = np.zeros(()), np.zeros(())
+
+    def add(self, faces: Mapping[str, Array]) -> None:
+        """Add some of the faces by their names, each of shape (maps, N, N).
+
+        They take the more time the fewer of them arrive together.
+        """
+        s = nodes(next(iter(faces.values())).shape[-1], self.sampling)
+        if along_z := tuple(part for part in _ALONG_Z if part[1] in faces):
+            self._along_z = self._along_z + _gather_faces(faces, along_z, s, self.order)
+        if along_x := tuple(part for part in _ALONG_X if part[1] in faces):
+            self._along_x = self._along_x + _gather_faces(faces, along_x, s, self.order)
+
+    def coefficients(self) -> Array:
+        """The integrals, shape ((order+1)^2, maps), after all six faces were added."""
+        along_x = harmonics_from_moments(self._along_x)
+        along_z = harmonics_from_moments(self._along_z)
+        return along_z + transform_coefficients(along_x, _X_POLAR.T)
 
 
 def _gather_faces(
-    values: Array, faces: tuple[tuple[int, str, bool, bool], ...], s: Array, order: int
-) -> Array:
+    values: Mapping[str, Array], faces: tuple[tuple[int, str, bool, bool], ...], s: Array,
+    order: int,
+) -> Array:  # fmt: skip
     """Moments, shape (2, order+1, order+1, maps), of values: the transpose of `_fill_faces`."""
-    maps, size, count = len(values), len(s), order + 1
+    maps, size, count = len(values[faces[0][1]]), len(s), order + 1
     half = s[size // 2 :]
     # Where s = 0 is a sample, it stands on both sides of its mirror image.
     share = np.where((np.arange(len(half)) == 0) & (size % 2 == 1), 0.5, 1.0)
@@ -229,7 +261,7 @@ def _gather_faces(
         for k, (_, name, s_falls, t_falls) in enumerate(faces):
             for side, column in ((0, size // 2 + at), (1, len(half) - 1 - at)):
                 row = size - 1 - column if s_falls else column
-                source = values[:, FACES.index(name), _span(row)].transpose(1, 0, 2)
+                source = values[name][:, _span(row)].transpose(1, 0, 2)
                 if t_falls:
                     source = source[..., ::-1]
                 north, south = source[..., size // 2 :], source[..., len(half) - 1 :: -1]

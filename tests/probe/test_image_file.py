@@ -8,6 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.probe import image_file
 from shrm_cli.probe.image import digest
 from shrm_cli.probe.image_file import ImageFile
 from tests.probe import scenes
@@ -355,3 +356,18 @@ def test_digest(tmp_path, rng):
     first, second = (ImageFile.open(path) for path in paths)
     assert digest((first, second)) == hashlib.sha256(data).hexdigest()
     assert digest((second, first)) != hashlib.sha256(data).hexdigest()
+
+
+@pytest.mark.parametrize("kind", ["half", "float"])
+def test_tall_tiles_are_decoded_once_for_all_their_rows(tmp_path, monkeypatch, image, kind):
+    """They are held as they are stored, until their last row is read."""
+    monkeypatch.setattr(image_file, "_BAND_PIXELS", 100)
+    monkeypatch.setattr(image_file, "_BAND_ROWS", 4)
+    file = ImageFile.open(scenes.write(tmp_path / "a.exr", image, kind, tile=16))
+    expected = image.astype(np.float16) if kind == "half" else image
+    assert file.row_multiple == 4
+    for start in (*range(0, HEIGHT, 4), 8, 0, 20):
+        np.testing.assert_array_equal(file.read(start, start + 4), expected[start : start + 4])
+        is_held = (start + 4) % 16 and start + 4 < HEIGHT
+        assert (file._held.pixels is not None) == bool(is_held)
+    np.testing.assert_array_equal(file.read(13, 19), expected[13:19])

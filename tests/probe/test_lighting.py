@@ -4,6 +4,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from shrm_cli.errors import ProbeError
+from shrm_cli.probe import blocks
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import open_probe
@@ -295,3 +297,35 @@ def test_wrong_shapes_are_refused():
         Lighting(np.zeros((5, 3)), np.zeros(3))
     with pytest.raises(ValueError, match="shape"):
         Lighting(np.zeros((9, 3)), np.zeros(2))
+
+
+@pytest.mark.parametrize("orientation", ["openexr", "gl"])
+def test_large_faces_are_integrated_one_after_the_other(tmp_path, monkeypatch, rng, orientation):
+    """A hole, filled within its face, and negative pixels are the same as in a whole cube."""
+    for k, name in enumerate(scenes.FACES):
+        face = rng.lognormal(0, 1, (9, 9, 3)).astype(np.float32)
+        face[2, 3] = np.nan if k == 4 else -1
+        scenes.write(tmp_path / f"sky_{name}.exr", face)
+    options = {"orientation": orientation, "fix_nonfinite": True, "yaw": 20}
+    found = []
+    for size in (1024, 8):
+        monkeypatch.setattr(blocks, "_SMALL_FACE", size)
+        probe = open_probe(tmp_path / "sky_%.exr", **options)
+        found.append((project(probe, 6), probe.report, probe.image()))
+    (whole, report, image), (parts, again, same) = found
+    np.testing.assert_allclose(parts.coefficients, whole.coefficients, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(parts.energy, whole.energy, rtol=1e-12)
+    np.testing.assert_array_equal(same, image)
+    assert (again.nonfinite, again.negative) == (report.nonfinite, report.negative) == (1, 5)
+    assert again.energy == pytest.approx(report.energy)
+
+
+def test_large_faces_with_holes_are_refused_by_their_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(blocks, "_SMALL_FACE", 4)
+    for name in scenes.FACES:
+        face = np.full((8, 8, 3), np.nan if name == "+Z" else 1, dtype=np.float32)
+        scenes.write(tmp_path / f"sky_{name}.exr", face)
+    with pytest.raises(ProbeError, match=r"sky_\+Z\.exr: 64 pixels are NaN or infinite"):
+        project(open_probe(tmp_path / "sky_%.exr"), 2)
+    with pytest.raises(ProbeError, match=r"sky_\+Z\.exr: nothing is finite"):
+        project(open_probe(tmp_path / "sky_%.exr", fix_nonfinite=True), 2)

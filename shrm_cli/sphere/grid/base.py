@@ -267,6 +267,14 @@ class Grid(ABC):
         return None
 
 
+def channels_at_once(pixels: Array) -> int:
+    """How many channels of an image, shape (rows, columns, channels), are integrated together.
+
+    Their products with weights take twice as much memory as the pixels, but they share waves.
+    """
+    return pixels.shape[-1] if pixels[..., 0].size <= _ALL_CHANNELS else 1
+
+
 class WholeImageAnalysis:
     """An `Analysis` of an image that arrives in one block.
 
@@ -285,9 +293,7 @@ class WholeImageAnalysis:
         """Take in the whole image, as `Analysis` has it."""
         if start or self._coefficients is not None:
             raise ValueError("this grid is analyzed as a whole, not by blocks of rows")
-        channels = pixels.shape[-1]
-        # The products take twice as much memory as the pixels, but all channels share waves.
-        step = channels if pixels[..., 0].size <= _ALL_CHANNELS else 1
+        channels, step = pixels.shape[-1], channels_at_once(pixels)
         weights = weights[..., None]
         parts = [
             self._integrate(pixels[..., k : k + step] * weights) for k in range(0, channels, step)

@@ -11,9 +11,9 @@ from shrm_cli.sphere.cube import (
     right_angles,
     turned_face,
 )
-from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler, WholeImageAnalysis
+from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler, channels_at_once
 from shrm_cli.sphere.sampling import CubeSampler
-from shrm_cli.sphere.synthesis import integrate_cube
+from shrm_cli.sphere.synthesis import CubeIntegral
 
 
 class Cube(Grid):
@@ -24,14 +24,18 @@ class Cube(Grid):
     half_turn = 2.0
     smallest = 1
     largest = 4096
-    most_pixels = 2**27  # about 7 GB while they are read and projected
+    most_pixels = 2**27  # less than 1 GB as faces of their own, 4 GB otherwise
     faces = 6
 
     def directions(self) -> Array:
         return cube_directions(self.size, self.sampling)
 
     def weights(self, start: int = 0, stop: int | None = None) -> Array:
-        return np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))[start:stop]
+        angles = cube_solid_angles(self.size, self.sampling)
+        first, last, _ = slice(start, stop).indices(6 * self.size)
+        if first % self.size == 0 and last - first == self.size:
+            return angles
+        return np.tile(angles, (6, 1))[first:last]
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
         right, below, forward = np.moveaxis(face_axes()[rows // self.size], -2, 0)
@@ -45,10 +49,7 @@ class Cube(Grid):
         return CubeSampler(image, self.sampling)
 
     def analysis(self, order: int) -> Analysis:
-        def integrate(weighted: Array) -> Array:
-            return integrate_cube(weighted.transpose(2, 0, 1), order, self.sampling)
-
-        return WholeImageAnalysis(integrate)
+        return CubeAnalysis(order, self)
 
     def share_borders(self, image: Array) -> None:
         if self.size == 1:
@@ -78,3 +79,28 @@ class Cube(Grid):
             source = int(np.argmax(face_axes()[:, 2] @ axes[2]))
             result[face] = turned_face(faces[source], axes, source)
         return result.reshape(image.shape)
+
+
+class CubeAnalysis:
+    """An `Analysis` of a stacked cube, which arrives as a whole or face by face."""
+
+    def __init__(self, order: int, grid: Cube) -> None:
+        self._order, self._grid = order, grid
+        self._integrals: dict[int, CubeIntegral] = {}
+
+    def add(self, start: int, pixels: Array, weights: Array) -> None:
+        """Take in whole faces, as `Analysis` has it."""
+        size, channels = self._grid.size, pixels.shape[-1]
+        names = FACES[start // size :]
+        step = channels_at_once(pixels)
+        for first in range(0, channels, step):
+            if first not in self._integrals:
+                self._integrals[first] = CubeIntegral(self._order, self._grid.sampling)
+            part = pixels[..., first : first + step] * weights[..., None]
+            faces = part.reshape(-1, size, size, part.shape[-1]).transpose(0, 3, 1, 2)
+            self._integrals[first].add(dict(zip(names, faces, strict=False)))
+
+    def coefficients(self) -> Array:
+        """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
+        parts = [self._integrals[first].coefficients() for first in sorted(self._integrals)]
+        return np.concatenate(parts, axis=-1)
