@@ -127,6 +127,13 @@ def _is_one_file(spec: str) -> bool:
     return is_code or os.path.isfile(spec)
 
 
+def is_measured_file(name: str) -> bool:
+    """Tell whether a file has a name that only measured BRDFs have, and no image."""
+    suffix = Path(name).suffix.lower()
+    # Tables are images or archives, and are told from others by their content.
+    return suffix not in (".exr", ".npz") and os.path.isfile(name) and _is_measured_suffix(suffix)
+
+
 def _is_measured_suffix(suffix: str) -> bool:
     if not suffix:
         return False

@@ -26,9 +26,10 @@ _MOST_ROWS, _MOST_NUMBERS = 9, 16
 @read_options
 @report_options
 def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
-    """Print what FILE is: a map or a table that shrm wrote, or a light probe."""
+    """Print what FILE is: a map or a table that shrm wrote, a light probe or a measured BRDF."""
     from shrm_cli.brdf.environment.file import read_table_facts
     from shrm_cli.brdf.measured.reading.table_file import is_table
+    from shrm_cli.brdf.spec import is_measured_file
     from shrm_cli.maps.file import is_map
 
     warnings: list[str] = []
@@ -41,6 +42,9 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
         what = "to probes; FILE is an environment-BRDF table"
         refuse_inapplicable(reading_rules(False, what))
         values = {"kind": "environment-BRDF table", **table}
+    elif is_measured_file(file):
+        refuse_inapplicable(reading_rules(False, "to probes; FILE is a measured BRDF"))
+        values = _describe_measured(file)
     else:
         values, found = _describe_probe(file, make_read_options(sampling, reading))
         warnings = [f"{file}: {line}" for line in found]
@@ -63,6 +67,13 @@ def _describe_table(file: str) -> dict[str, Any]:
         "includes_cosine": table.includes_cosine,
         "see": f"shrm brdf {file}",
     }
+
+
+def _describe_measured(file: str) -> dict[str, Any]:
+    from shrm_cli.brdf.measured import open_measured
+
+    found = open_measured(file)
+    return {"kind": "measured BRDF", "format": found.name, "see": f"shrm brdf {file}"}
 
 
 def _describe_map(file: str) -> dict[str, Any]:

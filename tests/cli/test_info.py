@@ -7,6 +7,8 @@ import struct
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.measured.goniometer import write_goniometer
+from shrm_cli.brdf.spec import parse_spec
 from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
 from tests.fuzz.exr_header import Attribute, parse
 
@@ -172,6 +174,14 @@ def test_a_table_of_a_brdf(folder):
     packed = json.loads(done("info", "matte.npz", "--json"))
     assert {**packed, "file": "matte.exr", "see": values["see"]} == values
     assert packed["see"] == "shrm brdf matte.npz"
+
+
+def test_a_measured_brdf(folder):
+    write_goniometer("paint.brdf", parse_spec("microfacet:sigma=0.5"), 4, 4)
+    values = json.loads(done("info", "paint.brdf", "--json"))
+    assert (values["kind"], values["format"]) == ("measured BRDF", "goniometer")
+    assert values["see"] == "shrm brdf paint.brdf"
+    assert_refused(process("info", "paint.brdf", "--yaw", "5"), 2, "measured BRDF")
 
 
 def test_archives_that_are_no_table(folder):
