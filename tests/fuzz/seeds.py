@@ -55,7 +55,7 @@ _ARGUMENTS = (
     "brdf WORD --quiet --eps 0.5",
     "cache WORD",
     "probe WORD",
-    "dfg --size WORD",
+    "dfg --size WORD -o OUT.exr",
     "prefilter FILE --brdf WORD --size 4 --order-f 2 --order-p 0 -o OUT.exr",
     "prefilter FILE --brdf ggx:roughness=WORD -o OUT.exr",
     "prefilter FILE --brdf WORD*lambertian -o OUT.exr",

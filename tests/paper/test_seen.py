@@ -161,5 +161,5 @@ def test_principal_maps_that_may_not_be_as_many_are_larger():
         cube_count, size = 196, 64
 
     _, options = seen.principal(Default())
-    assert options == {"maps": 64, "size": 112}
+    assert options == {"maps": 128, "size": 79}
     assert options["maps"] * options["size"] ** 2 <= Default.cube_count * Default.size**2
