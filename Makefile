@@ -23,6 +23,8 @@ TABLES_FLAGS ?=
 MEASURED ?=
 PREFILTER_FLAGS ?=
 RENDER_FLAGS ?=
+# make demo DEMO_FLAGS="--size 256": a larger picture, which takes longer
+DEMO_FLAGS ?=
 
 # The material of `make demo`: red paint under clear lacquer.
 LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
@@ -71,7 +73,7 @@ demo: $(VENV)/.installed
 	$(SHRM) probe sky --size 64 -o build/demo/sky.exr
 	$(SHRM) prefilter build/demo/sky.exr --brdf '$(LACQUER)' -o build/demo/lacquer.shrm.exr
 	$(SHRM) compare build/demo/lacquer.shrm.exr --probe build/demo/sky.exr --view 110,15 \
-	  --exposure -4 --no-flip -o build/demo/lacquer.png
+	  --exposure -4 --no-flip -o build/demo/lacquer.png $(DEMO_FLAGS)
 	@echo 'The picture is $(CURDIR)/build/demo/lacquer.png: truth, map, difference'
 
 test: $(VENV)/.dev

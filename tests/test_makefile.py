@@ -406,6 +406,7 @@ def test_an_old_python_is_refused_with_what_to_do(project):
     assert not (project.folder / ".venv").exists()
 
 
+@pytest.mark.slow
 def test_demo_and_batch_with_the_real_command(project):
     project.install(REAL)
     light = np.random.default_rng(0).uniform(0, 1, (8, 16)).astype(np.float32)
@@ -413,7 +414,7 @@ def test_demo_and_batch_with_the_real_command(project):
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         path = project.folder / "probes" / f"{name}.exr"
         OpenEXR.File(header, dict.fromkeys("RGB", light)).write(str(path))
-    demo = project.make("demo")
+    demo = project.make("demo", "DEMO_FLAGS=--size 32")
     assert (demo.returncode, demo.stderr) == (0, "")
     picture = project.folder / "build" / "demo" / "lacquer.png"
     assert f"The picture is {picture}" in demo.stdout

@@ -91,6 +91,7 @@ def test_energy_beyond_is_never_more_than_the_light_has():
     assert energy_beyond(lit(power, power.sum(axis=0) + 1e-3), known) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ["ggx:roughness=0.5", "ggx:roughness=0.5,f0=0.04"])
 @pytest.mark.parametrize("fall", [0, 1])
 def test_azimuthal_orders_that_are_not_known_meet_the_light_of_known_degrees(spec, fall):

@@ -22,6 +22,8 @@ from shrm_cli.render.shading import ggx_surface
 from tests.brute_force import latlong_samples
 from tests.oracles import latlong_pixels
 
+pytestmark = pytest.mark.slow
+
 ROUGHNESS = (0.6, 1.0)
 F0 = (1.0, 0.5, 0.1)
 VIEW = (40.0, 20.0)

@@ -59,6 +59,7 @@ def subprocess_in(folder, command, code=MAIN, **changes):
     return Run(found.returncode, found.stdout, found.stderr)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 @pytest.mark.parametrize("name", COMMANDS)
 def test_killed_at_any_moment(prepared, tmp_path, name, number):

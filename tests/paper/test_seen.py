@@ -17,7 +17,10 @@ from tests.paper.glossy_truth import light_of, sphere
 from tests.paper.looked_up import looked_up
 from tests.paper.pairs import bright_pairs
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning"),
+    pytest.mark.slow,
+]
 
 ROWS = 64
 SPECS = ("phong:exponent=64", "microfacet:sigma=0.2")

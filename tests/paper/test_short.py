@@ -11,6 +11,8 @@ from tests.paper import page_survey, survey
 from tests.paper.extent import SHORT
 from tests.paper.inputs import NAMES, Page, equal_probes, probe_files
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

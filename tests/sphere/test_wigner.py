@@ -64,6 +64,7 @@ def test_every_degree_up_to_40():
         )
 
 
+@pytest.mark.slow
 def test_order_512_every_element(eigenvectors_512):
     at = 4
     np.testing.assert_allclose(

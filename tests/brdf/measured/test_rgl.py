@@ -132,6 +132,7 @@ def moments(brdf, light, weights, view):
     )
 
 
+@pytest.mark.slow
 def test_the_warp_is_the_integral_of_the_density(rng):
     density = rng.uniform(0, 1, (2, 5, 6))
     nodes = np.array([0.2, 1.2])

@@ -303,6 +303,7 @@ def test_narrow_valleys_are_found(order, seed):
     assert (samples >= found - 1e-12 * series[0]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [9, 24])
 def test_higher_orders(rng, order):
     """The cuts converge where a ring of light turns negative on many rings."""

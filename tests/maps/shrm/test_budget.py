@@ -84,6 +84,7 @@ def test_it_says_what_the_bytes_cost(probe):
     assert not [each for each in make(probe, max_size=enough).warnings if "hold" in each]
 
 
+@pytest.mark.slow
 def test_a_lobe_that_no_order_holds_is_made_and_named(probe):
     made = make(probe, brdf="phong:exponent=1e5")
     assert made.map.info.captured < 0.97
