@@ -14,7 +14,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.lobe_expansion import lobe_width
-from shrm_cli.brdf.transfer import energy_above, next_octave
+from shrm_cli.brdf.transfer import energy_above, next_octave, power_of_two_times
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
@@ -320,13 +320,9 @@ def _first_order_f(brdf: Brdf) -> int:
 
     A try that does not suffice is time lost, which for sharp measured lobes is several seconds.
     """
-    f = _FIRST_ORDER_F
     if brdf.zonal or brdf.center != "reflection":
-        return f
-    wanted = _WAVES_A_LOBE / lobe_width(brdf)
-    while f < min(wanted, MAX_ORDER_F):
-        f *= 2
-    return f
+        return _FIRST_ORDER_F
+    return power_of_two_times(_FIRST_ORDER_F, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
 
 
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:

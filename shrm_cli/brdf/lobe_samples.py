@@ -64,14 +64,15 @@ def transfer_samples(
         rows = slice(start, min(start + step, count))
         cells = np.arange(start, rows.stop)[:, None, None]
         light = tilted_frame(from_angles(theta_i[rows, None, None], phi), tilt[:, None])
+        light = light.astype(dtype, copy=False)
         if not brdf.has_horizon or rows.stop <= ends.min() + _ROUNDING:
-            yield rows, brdf.transfer(light.astype(dtype, copy=False), view), None
+            yield rows, brdf.transfer(light, view), None
             continue
         coverage = np.clip(ends - cells, 0.0, 1.0)
         cut = np.nonzero((coverage > 0) & (coverage <= 0.5))
         edge = from_angles(horizon[cut[1:]] * _INSIDE, phi[cut[1:]])
         light[cut] = tilted_frame(edge, tilt[cut[1]])
-        yield rows, brdf.transfer(light.astype(dtype, copy=False), view), coverage
+        yield rows, brdf.transfer(light, view), coverage
 
 
 def every_third(samples: Array, coverage: Array | None) -> tuple[Array, Array | None]:

@@ -265,8 +265,8 @@ class _Sampling:
         azimuths = max(_AZIMUTHS[0], 3 * (max_q + 1))
         while True:
             self._first = (
-                _power_of_two_times(_LIGHTS[0], max(per_order * order_f, cells), _LIGHTS[1]),
-                _power_of_two_times(azimuths, cells, _AZIMUTHS[1]),
+                power_of_two_times(_LIGHTS[0], max(per_order * order_f, cells), _LIGHTS[1]),
+                power_of_two_times(azimuths, cells, _AZIMUTHS[1]),
             )
             if cells < _LIGHTS[0] or _VIEWS[0] * np.prod(self._first) <= self._budget // 8:
                 break
@@ -435,7 +435,7 @@ def _without_rounding(values: Array) -> Array:
     return np.where(nothing[:, None, None, None], 0.0, values)
 
 
-def _power_of_two_times(least: int, wanted: float, most: int) -> int:
+def power_of_two_times(least: int, wanted: float, most: int) -> int:
     """`least`, doubled until it is at least `wanted`, or to double it would exceed `most`."""
     while least < wanted and 2 * least <= most:
         least *= 2

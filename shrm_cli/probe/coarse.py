@@ -39,18 +39,20 @@ def coarse_probe(probe: Probe, rows: int) -> Probe:
     ProbeError
         If the file is damaged, or has NaN or infinite pixels that are not to be filled.
     """
+    found = probe.grid.area_ratios()
     for count in range(probe.height // max(rows, LEAST_ROWS), 1, -1):
         grid = probe.grid.joined(count)
-        if grid is not None:
-            image = ArrayImage(_means(probe, grid, count), probe.name)
+        if grid is not None and found is not None:
+            image = ArrayImage(_means(probe, grid, found[1]), probe.name)
             return replace(probe, grid=grid, images=(image,), report=replace(probe.report))
     return probe
 
 
-def _means(probe: Probe, grid: Grid, count: int) -> NDArray[np.float32]:
-    """Means over `count` x `count` pixels of a probe, which are a pixel of the grid each."""
+def _means(probe: Probe, grid: Grid, areas: Array) -> NDArray[np.float32]:
+    """Means over the pixels of a probe that are a pixel of the grid; `areas` are of its rows."""
     height, width = grid.shape
-    areas = probe.grid.row_areas().reshape(height, count)
+    count = len(areas) // height
+    areas = areas.reshape(height, count)
     shares = (areas / areas.sum(axis=1, keepdims=True) / count).ravel().astype(np.float32)
     means = np.zeros((height, width, 3), dtype=np.float32)
     for start, pixels, _ in probe.blocks():

@@ -255,10 +255,9 @@ class ImageFile:
         spec, held = self._input.spec(), self._held
         low = start // spec.tile_height * spec.tile_height
         high = min(-(-stop // spec.tile_height) * spec.tile_height, spec.height)
-        if held.rows == (low, high) and held.pixels is not None:
-            pixels = held.pixels
-        else:
-            held.rows, held.pixels = None, None
+        pixels = held.pixels if held.rows == (low, high) else None
+        held.rows, held.pixels = None, None  # or two of them would be in memory
+        if pixels is None:
             is_half = all(str(spec.channelformat(k)) == "half" for k in range(begin, end))
             pixels = self._input.read_tiles(
                 self.layer.index, 0, spec.x, spec.x + spec.width, spec.y + low, spec.y + high,
@@ -267,11 +266,8 @@ class ImageFile:
             if pixels is None:
                 return None
             pixels = pixels.reshape(high - low, spec.width, -1)
-        is_tall = spec.tile_height * spec.width > _BAND_PIXELS
-        if is_tall and stop < high:
+        if spec.tile_height * spec.width > _BAND_PIXELS and stop < high:
             held.rows, held.pixels = (low, high), pixels
-        else:
-            held.rows, held.pixels = None, None
         return np.asarray(pixels[start - low : stop - low])
 
 

@@ -165,12 +165,14 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
         Which BRDFs, which must be grey, and how large the pictures are.
     """
     spheres = [sphere(viewer.direction, extent.seen_picture) for viewer in VIEWERS]
-    opened, rows_now, light = probes, 0, Light(np.zeros((0, 3)), np.zeros((0, 0)))
+    opened, lights = probes, dict[int, tuple[Sequence[Probe], Light]]()
     for spec in extent.seen:
         brdf = parse_spec(spec)
-        if (wanted := min(_rows(brdf, extent), opened[0].height)) != rows_now:
-            probes, rows_now = small_probes(opened, wanted), wanted
-            light = light_of(probes, rows_now)
+        height = min(_rows(brdf, extent), opened[0].height)
+        if height not in lights:
+            small = small_probes(opened, height)
+            lights[height] = small, light_of(small, height)
+        probes, light = lights[height]
         truths = [lit(brdf, each.normals, each.views, light) for each in spheres]
         rows = []
         for k, probe in enumerate(probes):

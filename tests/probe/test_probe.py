@@ -435,7 +435,9 @@ def in_a_process(program, *arguments):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory: needs /proc")
-@pytest.mark.parametrize(("tile", "envmap"), [(64, ""), (0, "LatLong Environment")], ids=str)
+@pytest.mark.parametrize(
+    ("tile", "envmap"), [(0, ""), (64, ""), (0, "LatLong Environment")], ids=str
+)
 def test_memory_of_a_large_probe(tmp_path, tile, envmap):
     """8192 x 4096 half: 200 MB as it is, 400 MB as float32."""
     path = tmp_path / "large.exr"

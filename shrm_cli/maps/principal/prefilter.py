@@ -262,7 +262,7 @@ def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
     size = choose_size(order_f) if want.size is None else want.size
     is_met = True
     if want.error is not None:
-        form, is_met = _within_error(planner, want)
+        form, is_met = _within_error(planner, want.error, want)
     elif want.maps is not None:
         form = planner.with_maps(want.maps, size)
     else:
@@ -278,15 +278,15 @@ def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
     return _Term(brdf, planner, form, captured, order_f, is_met)
 
 
-def _within_error(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
+def _within_error(planner: Planner, error: float, want: _Wanted) -> tuple[Form, bool]:
     """Find the least form that keeps an error with its tables, too, which the search leaves out."""
-    allowed = want.error or 0.0
+    allowed = error
     for _ in range(_TRIES):
         form, is_met = planner.within_error(allowed, want.max_size, want.size)
         found = planner.form(form.counts, form.size, is_exact=True).total_error
-        if not is_met or found <= (want.error or 0.0):
+        if not is_met or found <= error:
             break
-        allowed *= 0.999 * (want.error or 0.0) / found
+        allowed *= 0.999 * error / found
     return form, is_met
 
 

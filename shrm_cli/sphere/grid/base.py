@@ -209,12 +209,11 @@ class Grid(ABC):
         return None
 
     def joined(self, count: int) -> "Grid | None":
-        """The grid whose cells are `count` x `count` cells of this one each, if there is one."""
-        return None
+        """The grid whose cells are `count` x `count` cells of this one each, if there is one.
 
-    def row_areas(self) -> Array:
-        """Solid angles of whole rows, shape (rows,), sr; only of a grid that can be `joined`."""
-        raise NotImplementedError(f"a {self.name} grid cannot be joined")
+        Only grids that have `area_ratios` can be joined.
+        """
+        return None
 
     # ---- images --------------------------------------------------------------------------------
 

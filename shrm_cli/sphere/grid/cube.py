@@ -102,5 +102,5 @@ class CubeAnalysis:
 
     def coefficients(self) -> Array:
         """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
-        parts = [self._integrals[first].coefficients() for first in sorted(self._integrals)]
+        parts = [each.coefficients() for each in self._integrals.values()]
         return np.concatenate(parts, axis=-1)

@@ -32,12 +32,10 @@ class LatLong(Grid):
         return colatitude_weights(self.size, self.sampling)[start:stop, None] * column
 
     def area_ratios(self) -> tuple[Array, Array]:
-        areas = self.row_areas()
-        return areas / (2 * np.pi * colatitude_weights(self.size, self.sampling)) - 1, areas
-
-    def row_areas(self) -> Array:
         edges = np.sin(cell_edges(self.size, self.sampling) * (np.pi / 2))
-        return 2 * np.pi * np.diff(edges)
+        areas = np.diff(edges)
+        ratios = areas / colatitude_weights(self.size, self.sampling) - 1
+        return ratios, areas * (2 * np.pi)
 
     def joined(self, count: int) -> "LatLong | None":
         if self.sampling == "border" or self.size % count or self.size < 2 * count:
