@@ -103,6 +103,27 @@ class Reference:
         centers = central_directions(self.brdf.center, normals, views)
         return self._radiance(centers if self.brdf.center == "tangent" else normals, centers, views)
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Reflected radiance of a surface whose tangents are known.
+
+        Parameters
+        ----------
+        normals, tangents, views : array_like, shape (..., 3), broadcastable
+            Unit, world axes. The tangents are perpendicular to the normals and run along the x
+            axis of the BRDF's own frame; the y axis is N x T.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., 3)
+        """
+        normals, tangents, views = (
+            each.astype(float) for each in np.broadcast_arrays(normals, tangents, views)
+        )
+        if self.brdf.center == "tangent":
+            return self._radiance(tangents, tangents, views)
+        centers = central_directions(self.brdf.center, normals, views)
+        return self._radiance(normals, centers, views, tangents)
+
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
         """Reflected radiance, from central directions instead of normals.
 
@@ -120,19 +141,23 @@ class Reference:
         is_mirror = self.brdf.center == "reflection"
         return self._radiance(bisector(centers, views) if is_mirror else centers, centers, views)
 
-    def _radiance(self, axes: Array, centers: Array, views: Array) -> Array:
+    def _radiance(
+        self, axes: Array, centers: Array, views: Array, tangents: Array | None = None
+    ) -> Array:
         """Reflected radiance of points, all arrays of one shape (..., 3).
 
         `axes` are the z axes of the frames that the BRDF is evaluated in: the normals, or the
-        tangents of a BRDF that is central about them.
+        tangents of a BRDF that is central about them. `tangents` are their x axes; anisotropic
+        BRDFs are brushed along the horizontal tangent by default, and the others do not care.
         """
         brdf, truncated = self.brdf, self.angle < np.pi
         shape = axes.shape
         normals, views, centers = (each.reshape(-1, 3) for each in (axes, views, centers))
         if brdf.zonal:  # it depends on C.L alone, so N and V may be C
             normals = views = centers
-        # Anisotropic BRDFs are brushed along the horizontal tangent; the others do not care.
-        tangents = horizontal_tangents(normals)
+        if tangents is None or brdf.zonal:
+            tangents = horizontal_tangents(normals)
+        tangents = tangents.reshape(-1, 3)
         rows = np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
         local_views = np.einsum("nij,nj->ni", rows, views).astype(self.dtype)
         if truncated and not brdf.zonal:  # the last row is C

@@ -214,6 +214,43 @@ def test_shapes_are_broadcast(probe, pairs):
     assert made.zonal_radiance(normals[:6].reshape(2, 3, 3), 0.4).shape == (2, 3, 3)
 
 
+def brushed_ward(tangent, normal, light, view, ax, ay):
+    """Ward's lobe times the cosine, from vectors in world axes, of lights (n, 3) and one view."""
+    across = np.cross(normal, tangent)
+    x, y, z = (light @ axis + view @ axis for axis in (tangent, across, normal))
+    slope = ((x / ax) ** 2 + (y / ay) ** 2) / z**2
+    lobe = np.exp(-slope) * (x * x + y * y + z * z) / (np.pi * ax * ay * z**4)
+    cosine = light @ normal
+    return np.where((cosine > 0) & (view @ normal > 0), lobe * cosine, 0.0)
+
+
+def test_brush_marks_follow_the_tangents(probe, lights, pairs):
+    _, views, normals = pairs
+    tangents = np.cross(brute_force.unit(np.random.default_rng(21), POINTS), normals)
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    directions, light = lights
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        expected = np.array(
+            [
+                np.nan_to_num(brushed_ward(tangent, normal, directions, view, 0.5, 0.2)) @ light
+                for tangent, normal, view in zip(tangents, normals, views, strict=True)
+            ]
+        )
+    made = Reference(probe, parse_spec("ward:ax=0.5,ay=0.2"), dtype=np.float64)
+    found = made.brushed_radiance(normals, tangents, views)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert relative_rms(made.radiance(normals, views), expected) > 0.05
+
+
+def test_fibres_run_along_the_tangents(probe, pairs):
+    _, views, normals = pairs
+    made = Reference(probe, parse_spec("kajiya-kay"), dtype=np.float64)
+    tangents = np.cross(normals, [0.6, 0.0, 0.8])
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    expected = made.central_radiance(tangents, views)
+    np.testing.assert_array_equal(made.brushed_radiance(normals, tangents, views), expected)
+
+
 @pytest.mark.parametrize("tolerance", [None, 0.05])
 @pytest.mark.parametrize("theta_o", [0.6, 2.4])
 @pytest.mark.parametrize("spec", ["microfacet:sigma=0.3", "phong:exponent=8", "lambertian"])

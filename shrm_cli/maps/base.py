@@ -109,6 +109,24 @@ class Map(ABC):
         ndarray, shape (..., 3)
         """
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance that a surface reflects whose tangents are known.
+
+        Maps of isotropic BRDFs about the normal or the mirror direction do not care for tangents,
+        so that this is `radiance` here.
+
+        Parameters
+        ----------
+        normals, tangents, views : array_like, shape (..., 3), broadcastable
+            Unit vectors in world axes. Tangents are perpendicular to the normals and run along the
+            x axis of the BRDF's own frame; the y axis is N x T.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        return self.radiance(normals, views)
+
     def glimpse(self, reflections: Array, views: Array) -> Array:
         """Evaluate the reflected radiance roughly, but fast, without preparing any filter.
 
