@@ -30,6 +30,9 @@ _GROUP_ANGLE = 0.5
 """How wide a group of directions is, as a part of the core's angle, if they fill the sphere."""
 _GROUP_SIZES = 16, 256
 """Fewest and most directions of a group. Fewer take longer to prepare than to sum."""
+_STEPS = 1000
+"""Steps of a core's table for each width of its lobe, between which it is linear. It is exact to a
+millionth of the peak."""
 _SAME = 2.0**-29
 """Directions whose angles agree to this many radians are one."""
 
@@ -61,11 +64,12 @@ def sum_core(
     size = int(np.clip((_GROUP_ANGLE * core.angle) ** 2 / solid_angle, *_GROUP_SIZES))
     bands = (folded.polar / np.sqrt(size * solid_angle)).astype(np.intp)
     light = light.astype(np.float32)
+    table = _Table.of(core)
     sums = np.empty((count, _IMAGES, 3))
     for members in np.split(np.arange(count), np.nonzero(np.diff(bands))[0] + 1):
         ordered = members[np.argsort(folded.turn[members])]
         groups = np.split(ordered, range(size, len(ordered), size))
-        for group, values in zip(groups, _sum_band(core, light, folded, groups), strict=True):
+        for group, values in zip(groups, _sum_band(table, light, folded, groups), strict=True):
             sums[group] = values
         if progress is not None:
             progress(int(members[-1]) + 1, count)
@@ -96,15 +100,57 @@ def _fold(directions: Array) -> _Folded:
     polar, turn = np.arctan2(np.hypot(across, along), np.abs(y)), np.arctan2(across, along)
     # The keys are sorted, and so are the angles from the pole.
     steps = [np.rint(angle / _SAME).astype(np.int64) for angle in (polar, turn)]
-    _, first, source = np.unique((steps[0] << 32) + steps[1], return_index=True, return_inverse=True)
+    _, first, source = np.unique(
+        (steps[0] << 32) + steps[1], return_index=True, return_inverse=True
+    )
     around = np.arctan2(x, z)
     quarter = np.rint(around / (np.pi / 2))
     image = 4 * (quarter.astype(np.intp) % 4) + 2 * (around < quarter * (np.pi / 2)) + (y < 0)
     return _Folded(polar[first], turn[first], source, image)
 
 
+@dataclass(frozen=True)
+class _Table:
+    """The values of a core, tabulated, which takes a third of the time.
+
+    Attributes
+    ----------
+    angle : float
+        Where the core ends, radians.
+    scale : float
+        Steps for each unit of the sine of half the angle.
+    starts, slopes : ndarray of float32, shape (steps + 1,)
+        The value at the start of each step, and by how much it grows to the next. The last ones
+        are 0.
+    """
+
+    angle: float
+    scale: float
+    starts: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, core: LobeCore) -> "_Table":
+        end = np.sin(core.angle / 2)
+        steps = int(np.ceil(_STEPS * end / core.ggx_alpha))
+        values = core.radial(np.linspace(0, end, steps + 1) ** 2)
+        slopes = np.append(np.diff(values), 0)
+        return cls(core.angle, steps / end, values.astype(np.float32), slopes.astype(np.float32))
+
+    def values(self, square: Array) -> Array:
+        """Return the core, from the squared sines of half the angles to its axis, in float32."""
+        place = np.sqrt(square)
+        place *= np.float32(self.scale)
+        np.minimum(place, np.float32(len(self.starts) - 1), out=place)
+        step = place.astype(np.intp)
+        place -= step
+        place *= self.slopes.take(step)
+        place += self.starts.take(step)
+        return place
+
+
 def _sum_band(
-    core: LobeCore, light: Array, folded: _Folded, groups: list[Indices]
+    core: "_Table", light: Array, folded: _Folded, groups: list[Indices]
 ) -> Iterator[Array]:
     """Sum the core about the members of each group: shape (members, 16, 3)."""
     step = np.pi / len(light)
@@ -130,7 +176,7 @@ def _sum_band(
         for start in range(0, len(group), count):
             part = slice(start, start + count)
             square = apart[part, None] + joint[part, None] * around[part, :, None]
-            result[part] = core.radial(square).reshape(-1, len(seen)) @ seen
+            result[part] = core.values(square).reshape(-1, len(seen)) @ seen
         yield result.reshape(-1, _IMAGES, 3)
 
 
