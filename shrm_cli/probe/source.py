@@ -79,8 +79,30 @@ def _pixels(probe: Probe) -> tuple[Array, Array]:
 
 def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
     """The same of the lat-long that a probe is averaged down to."""
+    return LatLong(height).directions(), latlong_light(probe, height)
+
+
+def latlong_light(probe: Probe, height: int) -> Array:
+    """Return radiance times solid angle of a probe's pixels on a lat-long in world axes.
+
+    Parameters
+    ----------
+    probe : Probe
+        It is averaged down, or interpolated, if it is no such lat-long itself.
+    height : int
+        Rows of the lat-long.
+
+    Returns
+    -------
+    ndarray, shape (height, 2 height, 3)
+
+    Raises
+    ------
+    ProbeError
+        If the probe cannot be read.
+    """
     grid = LatLong(height)
-    return grid.directions(), _light(grid, to_grid(probe, grid))
+    return _light(grid, to_grid(probe, grid))
 
 
 def _light(grid: Grid, image: Array) -> Array:

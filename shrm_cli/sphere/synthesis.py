@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.layouts import FACES
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
-from shrm_cli.sphere.harmonics import order_of
+from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Sampling
@@ -67,19 +67,64 @@ def synthesize_cube(
     ndarray, shape (maps, 6 size, size)
         Planes in OpenEXR's face order and orientation.
     """
-    maps = coefficients.shape[1]
-    result: Array = np.empty((maps, 6, size, size), dtype=dtype)
-    turned = transform_coefficients(coefficients, _X_POLAR)
-    order = order_of(len(coefficients))
-    step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 8 * size * (order + 1)))
-    for start in range(0, maps, step):
-        part = slice(start, start + step)
-        fourier: list[Array] = [
-            fourier_from_harmonics(series[:, part]).astype(dtype)
-            for series in (coefficients, turned)
-        ]
-        _fill_faces(fourier, nodes(size, sampling), result[part])
-    return result.reshape(maps, 6 * size, size)
+    return CubeSeries(coefficients).planes(size, sampling, dtype)
+
+
+class CubeSeries:
+    """Series that are synthesized on several cubes, each with its own factors of their degrees.
+
+    They are turned once, because turning does not mix degrees.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape ((order+1)^2, maps)
+        One series a column, index l(l+1)+m.
+    """
+
+    def __init__(self, coefficients: Array) -> None:
+        turned = transform_coefficients(coefficients, _X_POLAR)
+        self._both = np.stack([coefficients, turned], axis=1)
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the series."""
+        return order_of(len(self._both))
+
+    def planes(
+        self,
+        size: int,
+        sampling: Sampling = "center",
+        dtype: type = np.float64,
+        factors: Array | None = None,
+    ) -> Array:
+        """Values at the texels of a cube.
+
+        Parameters
+        ----------
+        size, sampling, dtype
+            As of `synthesize_cube`.
+        factors : ndarray, shape (degrees,), optional
+            What the degrees are multiplied with, no more of them than the series have. Further
+            degrees are left out. By default the series are taken as they are.
+
+        Returns
+        -------
+        ndarray, shape (maps, 6 size, size)
+        """
+        both = self._both
+        if factors is not None:
+            degree = degrees(len(factors) - 1)
+            both = both[: len(degree)] * factors[degree, None, None]
+        count, maps = order_of(len(both)) + 1, both.shape[2]
+        result: Array = np.empty((maps, 6, size, size), dtype=dtype)
+        step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count))
+        for start in range(0, maps, step):
+            part = slice(start, start + step)
+            waves = fourier_from_harmonics(both[:, :, part].reshape(len(both), -1))
+            halves = waves.reshape(2, count, count, 2, -1)
+            fourier: list[Array] = [halves[..., which, :].astype(dtype) for which in (0, 1)]
+            _fill_faces(fourier, nodes(size, sampling), result[part])
+        return result.reshape(maps, 6 * size, size)
 
 
 def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.sphere import synthesis
-from shrm_cli.sphere.synthesis import integrate_cube, synthesize_cube
+from shrm_cli.sphere.synthesis import CubeSeries, integrate_cube, synthesize_cube
 from tests import oracles
 from tests.oracles import tolerance
 
@@ -26,6 +26,21 @@ def test_every_texel_against_the_harmonics(rng, order, size, sampling):
     assert found.shape == (2, 6 * size, size)
     expected = truth(coefficients, size, sampling)
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance(order) * 2 * (order + 1))
+
+
+@pytest.mark.parametrize(("order", "known"), [(7, 7), (4, 7), (0, 3)])
+def test_factors_multiply_degrees_and_cut_the_rest_off(rng, order, known):
+    coefficients, factors = (
+        rng.standard_normal(((known + 1) ** 2, 2)),
+        rng.standard_normal(order + 1),
+    )
+    degree = np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
+    expected = truth(coefficients[: len(degree)] * factors[degree, None], 5, "center")
+    series = CubeSeries(coefficients)
+    found = series.planes(5, factors=factors)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance(order) * 10 * (order + 1))
+    again = series.planes(5)
+    np.testing.assert_allclose(again, truth(coefficients, 5, "center"), atol=tolerance(known) * 80)
 
 
 @pytest.mark.parametrize("basis", range(9))

@@ -8,9 +8,9 @@ whose expansion rings about lamps, far into dark places.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Value, grey
+from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe, square_half_sine
+from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.maps.splitsum.expansion import DARK_ERROR, multipliers, unknown_light
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.directions import from_angles
@@ -46,11 +46,10 @@ class LobeCore(GgxLobe):
         values: dict[str, Value] = {"roughness": lobe.number("roughness")}
         super().__init__(**values)
         self.angle = angle
-        self._end = np.sin(angle / 2)
+        self._end = float(np.sin(angle / 2))
 
-    def evaluate(self, light: Array, view: Array) -> Array:
-        square_sine = square_half_sine(light, view)
-        x = np.minimum(np.sqrt(square_sine) / light.dtype.type(self._end), 1)
+    def radial(self, square_sine: Array) -> Array:
+        x = np.minimum(np.sqrt(square_sine) / self._end, 1)
         x4 = (x * x) * (x * x)
         # In powers of 1 - x, which do not cancel where the core is small.
         y = 1 - x
@@ -58,7 +57,8 @@ class LobeCore(GgxLobe):
         kept = (
             y2 * y2 * (1 + x * (4 + x * (10 + 20 * x)) + x4 * (35 + x * (56 + x * (84 + 120 * x))))
         )
-        return grey(self.radial(square_sine) * kept)
+        value: Array = super().radial(square_sine) * kept
+        return value
 
     def multipliers(self) -> Array:
         """Compute what the core multiplies the light's degrees with: shape (513,)."""

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.sphere.harmonics import degrees
-from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
 Array = NDArray[np.floating]
@@ -129,11 +128,10 @@ def multipliers(coefficients: BrdfCoefficients) -> Array:
     return values / np.sqrt(2 * np.arange(len(values)) + 1)
 
 
-def synthesized(lighting: Lighting, passed: Array, size: int, sampling: Sampling) -> Array:
+def synthesized(light: CubeSeries, passed: Array, size: int, sampling: Sampling) -> Array:
     """Synthesize light with its degrees multiplied, to the lower of both orders: (6N, N, 3)."""
-    degree = degrees(min(lighting.order, len(passed) - 1))
-    series = lighting.coefficients[: len(degree)] * passed[degree, None]
-    return np.ascontiguousarray(synthesize_cube(series, size, sampling).transpose(1, 2, 0))
+    planes = light.planes(size, sampling, factors=passed[: light.order + 1])
+    return np.ascontiguousarray(planes.transpose(1, 2, 0))
 
 
 def _energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
+from shrm_cli.maps.splitsum.core_sum import sum_core
 from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
@@ -23,11 +24,12 @@ from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
+from shrm_cli.probe.source import latlong_light
 from shrm_cli.progress import Progress
-from shrm_cli.reference import Reference
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
+from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
@@ -36,10 +38,12 @@ LARGEST_SIZE = 256
 """The most texels along an edge that the first level has by default. Engines use this size."""
 
 # Seconds, measured on one core. The time of projection and synthesis grows with the cube of the
-# order, that of direct integration with the pairs of a texel and a pixel within its lobe.
+# order, that of direct integration with the texels, and with the pairs of a texel and a pixel
+# within its lobe.
 _SECONDS_A_CUBED_ORDER = 3e-8
 _SECONDS_A_TEXEL_AND_ORDER = 3e-9
-_SECONDS_A_PAIR = 2e-8
+_SECONDS_A_TEXEL = 1e-6
+_SECONDS_A_PAIR = 2e-9
 _SOON = 1.0
 """Seconds that an expansion may always take, because it is exact and the levels share it."""
 _ACCURACY = 1e-5
@@ -50,10 +54,9 @@ _KINK = 1e-3
 """A lobe that lacks no more than this beyond `LEAST_ORDER`, as relative RMS error in white light,
 is expanded no further. Broad lobes are not smooth where the light grazes, so that their
 coefficients fall slowly beyond that order, and direct integration costs most for broad lobes."""
-_CORE_ANGLE = np.radians(4)
-"""The angle at which the core of a lobe typically ends, from which its time is estimated."""
-_TILE_ROWS = 9
-"""Rows of pixels that a sum goes on beyond that angle, because it takes pixels by whole tiles."""
+_CORE_ANGLE = np.radians(5)
+"""The angle at which the core of a lobe ends that either way would do for. Sharper ones end at 3.5
+degrees and more. From it the time is estimated."""
 _ROWS_A_LOBE = 1.5
 """The least number of rows of pixels, from pole to pole, that a lobe is summed over, times its
 ggx_alpha. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
@@ -119,13 +122,14 @@ def prefilter(
         roughness = level_roughnesses(levels, mapping)
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
-    rows = min(default_size(probe, LatLong), LatLong.largest)
+    rows = _rows(probe)
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
     lobes = [level_lobe(value, error, rows, largest) if value > 0 else None for value in roughness]
     wanted = (
         faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
     )
     lighting = project(probe, max(wanted, default=0), progress)
+    light = CubeSeries(lighting.coefficients)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     cubes: list[Array] = []
     infos: list[MapInfo] = []
@@ -133,9 +137,11 @@ def prefilter(
         if lobe is None:
             cube, info = mirror(probe, known, largest, sampling, progress)
         elif lobe.in_frequency:
-            cube, info = expanded(lobe, lighting, known, largest, sampling)
+            cube, info = expanded(lobe, lighting, light, known, largest, sampling)
         else:
-            cube, info = integrated(probe, lobe, lighting, known, largest, sampling, rows, progress)
+            cube, info = integrated(
+                probe, lobe, lighting, light, known, largest, sampling, rows, progress
+            )
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
@@ -203,9 +209,9 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     texels = 6 * min(choose_size(order), largest) ** 2
     expansion = _SECONDS_A_CUBED_ORDER * order**3 + _SECONDS_A_TEXEL_AND_ORDER * texels * order
     source_rows = _source_rows(rows, alpha)
-    angle = min(_CORE_ANGLE + _TILE_ROWS * np.pi / source_rows, np.pi)
-    pixels = 2 * source_rows**2 * np.sin(angle / 2) ** 2
-    return bool(expansion <= max(_SECONDS_A_PAIR * texels * pixels, _SOON))
+    pixels = 2 * source_rows**2 * np.sin(_CORE_ANGLE / 2) ** 2
+    integration = texels * (_SECONDS_A_TEXEL + _SECONDS_A_PAIR * pixels)
+    return bool(expansion <= max(integration, _SOON))
 
 
 def level_lobe(roughness: float, error: float, rows: int, largest: int) -> LevelLobe:
@@ -234,12 +240,17 @@ def mirror(
 
 
 def expanded(
-    lobe: LevelLobe, lighting: Lighting, known: MapInfo, largest: int, sampling: Sampling
+    lobe: LevelLobe,
+    lighting: Lighting,
+    light: CubeSeries,
+    known: MapInfo,
+    largest: int,
+    sampling: Sampling,
 ) -> tuple[Array, MapInfo]:
     """Make a level by multiplying the coefficients of light and lobe, and one synthesis."""
     expansion = expand(lighting, lobe.coefficients, known.tolerance)
     size = min(choose_size(expansion.order), largest)
-    cube = synthesized(lighting, expansion.multipliers, size, sampling)
+    cube = synthesized(light, expansion.multipliers, size, sampling)
     info = replace(
         known,
         order_f=expansion.order,
@@ -258,6 +269,7 @@ def integrated(
     probe: Probe,
     lobe: LevelLobe,
     lighting: Lighting,
+    light: CubeSeries,
     known: MapInfo,
     largest: int,
     sampling: Sampling,
@@ -269,21 +281,34 @@ def integrated(
     resolved = min(lighting.order, probe.grid.resolved_order)
     lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
     core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
-    wanted = _source_rows(rows, lobe.brdf.ggx_alpha)
-    height = None if wanted == rows else wanted
-    integral = Reference(probe, core, height, progress=progress)
     order = min(lobe.order, MAX_ORDER_F)
     size = min(choose_size(order), largest)
-    directions = cube_directions(size, sampling)
-    cube = integral.radiance(directions, directions) + synthesized(lighting, tail, size, sampling)
+    pixels = latlong_light(probe, _source_rows(rows, lobe.brdf.ggx_alpha))
+    cube = sum_core(core, pixels, cube_directions(size, sampling), progress)
+    cube += synthesized(light, tail[: resolved + 1], size, sampling)
     brdf = _named(lobe.brdf.number("roughness"))
     info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
     return cube, info
 
 
+def _rows(probe: Probe) -> int:
+    """Return the rows of a lat-long in world axes that holds a probe for sums over its pixels.
+
+    A probe that is no such lat-long itself is interpolated, which blurs less on twice the rows.
+    """
+    rows = min(default_size(probe, LatLong), LatLong.largest)
+    own = probe.grid == LatLong(rows) and np.array_equal(probe.matrix, np.eye(3))
+    return rows if own else min(2 * rows, LatLong.largest)
+
+
 def _source_rows(rows: int, alpha: float) -> int:
-    """Choose the height of the lat-long that a lobe is summed over, from that of the probe."""
+    """Choose the height of the lat-long that a lobe is summed over, from that of the probe.
+
+    It is even, as the sum asks for, so that a probe of an odd number of rows has twice as many.
+    """
     least = int(np.ceil(_ROWS_A_LOBE / alpha))
     if rows < least:
-        return min(rows * -(-least // rows), LatLong.largest)
-    return min(rows, max(2 * least, _MOST_ROWS))
+        height = min(rows * -(-least // rows), LatLong.largest)
+    else:
+        height = min(rows, max(2 * least, _MOST_ROWS))
+    return height * (1 + height % 2)

@@ -429,7 +429,8 @@ def test_light_beyond_the_expansion_is_not_forgotten(tmp_path):
 def test_what_pays():
     assert frequency_pays(200, 0.02, 512, 256)
     assert not frequency_pays(400, 0.01, 512, 16)
-    assert frequency_pays(400, 0.01, 512, 256)
+    assert not frequency_pays(400, 0.01, 512, 256)
+    assert frequency_pays(400, 0.01, 1024, 256)
     assert frequency_pays(100, 0.04, 64, 4)
 
 
