@@ -15,7 +15,7 @@ import OpenEXR
 
 from tests.benchmarks.table import Row, measure
 
-_SHRM = [sys.executable, "-c", "from shrm_cli.cli.main import main; main()"]
+_SHRM = [sys.executable, "-c", "from shrm_cli.__main__ import main; main()"]
 
 # Any tool in Python with these libraries must do this: start, read the probe, write the arrays.
 _FLOOR = """
