@@ -1,9 +1,27 @@
 """Progress reports: how a long computation tells how far it has come."""
 
 from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 Progress = Callable[[int, int], object]
 """A callable that takes the amount done and the amount in all, in whatever unit suits the work."""
+
+
+@runtime_checkable
+class Foretold(Protocol):
+    """A progress callable that can also be told how long the work will take from now on."""
+
+    def __call__(self, done: int, total: int) -> object: ...
+
+    def foretell(self, seconds: float) -> None:
+        """Tell about how many seconds the rest of the work will take."""
+
+
+def foretell(progress: Progress | None, seconds: float) -> None:
+    """Tell about how long the work will take from now on, if the progress is `Foretold`."""
+    if isinstance(progress, Foretold):
+        progress.foretell(seconds)
+
 
 _STEPS = 1000
 """The number of steps in which the progress within one stage is reported."""
@@ -72,6 +90,10 @@ class Rising:
             self._before = self._told
         self._within = within
         self._tell(max(self._told, self._before + _SHARE * (1 - self._before) * within))
+
+    def foretell(self, seconds: float) -> None:
+        """Hand on about how long the rest of the work will take."""
+        foretell(self._progress, seconds)
 
     def end(self) -> None:
         """Report that all work is done."""

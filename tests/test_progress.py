@@ -2,7 +2,7 @@
 
 import pytest
 
-from shrm_cli.progress import Rising, Stages
+from shrm_cli.progress import Rising, Stages, foretell
 
 
 def test_stages_are_of_equal_length():
@@ -55,3 +55,23 @@ def test_what_has_an_unknown_number_of_stages_never_falls_back():
     assert 0.7 < told[-1] < 1
     rising.end()
     assert told[-1] == 1
+
+
+class Listener:
+    def __init__(self):
+        self.told, self.foretold = [], []
+
+    def __call__(self, done, total):
+        self.told.append((done, total))
+
+    def foretell(self, seconds):
+        self.foretold.append(seconds)
+
+
+def test_what_is_left_is_foretold_to_those_who_show_it():
+    listener = Listener()
+    foretell(Rising(listener), 12.5)
+    assert (listener.foretold, listener.told) == ([12.5], [])
+    foretell(lambda done, total: None, 12.5)
+    foretell(Rising(lambda done, total: None), 12.5)
+    foretell(None, 12.5)

@@ -9,9 +9,10 @@ import re
 from typing import TYPE_CHECKING
 
 import click
-from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from shrm_cli.brdf.base import Brdf
 
 _WEIGHT = re.compile(r"[0-9.eE+-]*\*")
@@ -30,6 +31,8 @@ class Spec(click.ParamType):  # type: ignore[type-arg]  # click's type is generi
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Return how the last term may go on, and files where no model is called so."""
+        from click.shell_completion import CompletionItem  # slow to load, and rarely needed
+
         start, last = _last_term(incomplete)
         endings = _endings(last)
         if endings:

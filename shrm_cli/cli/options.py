@@ -23,9 +23,13 @@ from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, SAMPLINGS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from tqdm import tqdm
+
     from shrm_cli.probe.options import ReadOptions
     from shrm_cli.progress import Progress
 
+_LONG = 3.0
+"""Seconds of work that are foretold; what takes less is hardly waited for."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 _READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize", "part", "layer")
@@ -233,9 +237,21 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
     from tqdm import tqdm
 
     with tqdm(desc=label, delay=1.0, leave=False, file=sys.stderr) as bar:
+        yield _Bar(bar)
 
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
 
-        yield show
+class _Bar:
+    """Progress on a terminal, and one line about how long it will take where that is long."""
+
+    def __init__(self, bar: tqdm[Any]) -> None:
+        self._bar = bar
+
+    def __call__(self, done: int, total: int) -> None:
+        self._bar.total = total
+        self._bar.update(done - self._bar.n)
+
+    def foretell(self, seconds: float) -> None:
+        if seconds >= _LONG:
+            self._bar.write(
+                f"{self._bar.desc.rstrip(': ')} takes about {seconds:.0f} s more", sys.stderr
+            )

@@ -7,7 +7,6 @@ reads, what it prints goes to a file without a name, and may be used for the mes
 import contextlib
 import os
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from functools import wraps
@@ -92,5 +91,7 @@ def last_noise() -> str:
 def _nameless_file() -> int:
     if hasattr(os, "memfd_create"):
         return os.memfd_create("noise", os.MFD_CLOEXEC)
+    import tempfile  # slow to load, and rarely needed
+
     with tempfile.TemporaryFile() as stream:
         return os.dup(stream.fileno())

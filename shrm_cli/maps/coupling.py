@@ -89,13 +89,12 @@ def _add_real(result: Array, modes: ComplexArray, scale: float) -> None:
         The function's complex coefficients, indexed [J, M + band].
     """
     band = len(modes) - 1
-    for total in range(band + 1):
-        middle, at = total * (total + 1), band
-        order = np.arange(1, total + 1)
-        result[middle] += scale * modes[total, at].real
-        signs = ((-1.0) ** order).reshape(-1, *[1] * (modes.ndim - 2))
-        positive = modes[total, at + 1 : at + total + 1]
-        negative = signs * np.conj(modes[total, at - total : at][::-1])
-        both = scale * signs * (positive + negative) / np.sqrt(2)
-        result[middle + 1 : middle + total + 1] += both.real
-        result[middle - total : middle] -= both.imag[::-1]
+    total = np.arange(band + 1)
+    result[total * (total + 1)] += scale * modes[:, band].real
+    total, order = (1 + each for each in np.tril_indices(band))  # all m = 1 .. J
+    signs = ((-1.0) ** order).reshape(-1, *[1] * (modes.ndim - 2))
+    positive, negative = modes[total, band + order], signs * np.conj(modes[total, band - order])
+    both = scale * signs * (positive + negative) / np.sqrt(2)
+    middle = total * (total + 1)
+    result[middle + order] += both.real
+    result[middle - order] -= both.imag

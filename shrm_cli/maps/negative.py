@@ -10,14 +10,13 @@ import numpy as np
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
 _LARGEST = 1e-3
 """The share of negative luminance that nobody needs to be told of."""
-_SEED = 5
 
 
 def negative_share(map_: Map) -> float:
@@ -36,7 +35,7 @@ def negative_share(map_: Map) -> float:
         In 0 .. 1, to about 0.001 where it is small.
     """
     directions = spiral_directions(_PAIRS)
-    views = directions[np.random.default_rng(_SEED).permutation(_PAIRS)]
+    views = directions[scrambled(_PAIRS)]
     shown = map_.glimpse(directions, views)
     return float(np.mean(shown @ LUMINANCE < 0))
 

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from zipfile import is_zipfile
 
 import numpy as np
 import OpenImageIO as oiio
@@ -112,6 +111,8 @@ class ImageFile:
         with caught():
             source = oiio.ImageInput.open(str(path), _reading_hints())
         if source is None:
+            from zipfile import is_zipfile  # slow to load, and rarely needed
+
             why = _reason(_last_error(), path)  # an error that is not fetched is printed
             if is_zipfile(path):  # of which that reason says nothing
                 raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")

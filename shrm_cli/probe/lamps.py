@@ -94,10 +94,11 @@ class PolarRows:
             if self._ratios is None or not cap.any():
                 continue
             ratios, areas = (each[start : start + self._count] for each in self._ratios)
-            brightest = cap.max(axis=-1)
+            # Numpy takes several times as long for the maximum along an axis of three.
+            brightest = np.maximum(np.maximum(cap[..., 0], cap[..., 1]), cap[..., 2])
             limit = _STANDS_OUT * float(areas @ brightest.mean(axis=1) / areas.sum())
-            excess = cap * (1 - limit / np.maximum(brightest, limit))[..., None]
-            if excess.any():
+            if brightest.max() > limit:
+                excess = cap * (1 - limit / np.maximum(brightest, limit))[..., None]
                 yield Lamps(start, excess, cap - excess, ratios[:, None, None])
 
 

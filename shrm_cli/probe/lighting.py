@@ -13,6 +13,9 @@ from shrm_cli.sphere.rotation import transform_coefficients
 
 Array = NDArray[np.floating]
 
+_ROWS_AT_ONCE = 16
+"""The rows whose squares are summed at a time, which stay in the processor's cache."""
+
 
 @dataclass(frozen=True)
 class Lighting:
@@ -125,5 +128,9 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
 def _squared(pixels: Array, weights: Array) -> Array:
     """Integral of the squared radiance of each channel, shape (3,)."""
     if weights.shape[1] == 1:
-        return np.asarray(weights[:, 0] @ np.einsum("ijc,ijc->ic", pixels, pixels, dtype=float))
+        sums, ones = np.empty((len(pixels), 3)), np.ones(pixels.shape[1])
+        for start in range(0, len(pixels), _ROWS_AT_ONCE):
+            rows = slice(start, start + _ROWS_AT_ONCE)
+            sums[rows] = ones @ pixels[rows].astype(float) ** 2
+        return np.asarray(weights[:, 0] @ sums)
     return np.asarray(np.einsum("ijc,ijc,ij->c", pixels, pixels, weights, dtype=float))

@@ -177,14 +177,13 @@ def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloa
     """
     tail = coefficients.shape[1:]
     result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)
-    for degree in range(order + 1):
-        center = index(degree, 0)
-        cosine = coefficients[center + 1 : center + degree + 1]
-        sine = coefficients[center - degree : center][::-1]
-        signs = ((-1.0) ** np.arange(1, degree + 1)).reshape(-1, *[1] * len(tail))
-        # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
-        positive = (cosine - 1j * sine) / np.sqrt(2)
-        result[degree, order] = coefficients[center]
-        result[degree, order + 1 : order + degree + 1] = signs * positive
-        result[degree, order - degree : order] = np.conj(positive)[::-1]
+    degree = np.arange(order + 1)
+    result[:, order] = coefficients[degree * (degree + 1)]
+    degree, m = (1 + each for each in np.tril_indices(order))  # all m = 1 .. l
+    center = degree * (degree + 1)
+    signs = ((-1.0) ** m).reshape(-1, *[1] * len(tail))
+    # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
+    positive = (coefficients[center + m] - 1j * coefficients[center - m]) / np.sqrt(2)
+    result[degree, order + m] = signs * positive
+    result[degree, order - m] = np.conj(positive)
     return result

@@ -1,8 +1,9 @@
 """Rotating the coefficients of functions on the sphere."""
 
+import itertools
 import math
+import threading
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,13 +91,8 @@ def _azimuthal_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def _tilts(order: int, beta: float) -> Iterable[Array]:
     """Yield the matrices of Ry(b) between real harmonics, degree by degree."""
     if beta == np.pi / 2:  # axes are exchanged, as for every lat-long and every cube
-        return _cached_tilts(order) if order <= _CACHED_ORDER else _right_angle_tilts(order)
+        return _known_tilts.up_to(order) if order <= _CACHED_ORDER else _right_angle_tilts(order)
     return (_real_tilt(d, degree) for degree, d in small_d_degrees(order, beta))
-
-
-@lru_cache(maxsize=4)
-def _cached_tilts(order: int) -> list[Array]:
-    return list(_right_angle_tilts(order))
 
 
 def _right_angle_tilts(order: int) -> Iterator[Array]:
@@ -118,6 +114,26 @@ def _right_angle_tilts(order: int) -> Iterator[Array]:
             quadrant[:0:-1, :0:-1], sine[degree:0:-1, degree:0:-1], out=result[:degree, :degree]
         )
         yield result
+
+
+class _KnownTilts:
+    """The matrices of `_right_angle_tilts`, which are the same for all orders; kept for good.
+
+    Those of higher degrees are added when they are first asked for.
+    """
+
+    def __init__(self) -> None:
+        self._found: list[Array] = []
+        self._more = _right_angle_tilts(_CACHED_ORDER)
+        self._lock = threading.Lock()
+
+    def up_to(self, order: int) -> list[Array]:
+        with self._lock:
+            self._found += itertools.islice(self._more, max(order + 1 - len(self._found), 0))
+        return self._found[: order + 1]
+
+
+_known_tilts = _KnownTilts()
 
 
 def rotate_to_frames(

@@ -12,6 +12,9 @@ from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
+_ROWS_AT_ONCE = 64
+"""The rows that are folded at a time, which stay in the processor's cache."""
+
 
 class LatLongAnalysis:
     """Analysis of a lat-long whose rows arrive in blocks.
@@ -73,14 +76,15 @@ class LatLongAnalysis:
         count, width, channels = pixels.shape
         planes = np.moveaxis(pixels, -1, 0)
         left, right = planes[..., : width // 2], planes[..., : width // 2 - 1 : -1]
-        folded = np.empty(left.shape, self._column_waves[0].dtype)
+        dtype = self._column_waves[0].dtype
         rings = np.empty((channels, count, 2, self.order + 1))
-        for k, (fold, wave) in enumerate(
-            zip((np.add, np.subtract), self._column_waves, strict=True)
-        ):
-            fold(left, right, out=folded, dtype=folded.dtype)  # half would overflow
-            product = folded.reshape(-1, width // 2) @ wave
-            rings[:, :, k] = product.reshape(channels, count, -1)
+        for first in range(0, count, _ROWS_AT_ONCE):
+            rows = slice(first, first + _ROWS_AT_ONCE)
+            for k, (fold, wave) in enumerate(
+                zip((np.add, np.subtract), self._column_waves, strict=True)
+            ):
+                folded = fold(left[:, rows], right[:, rows], dtype=dtype)  # half would overflow
+                rings[:, rows, k] = folded @ wave
         if self._moments is None:
             self._moments = np.zeros((2, self.order + 1, self.order + 1, channels))
         for parity, waves in enumerate(self._row_waves):

@@ -15,7 +15,7 @@ import OpenEXR
 
 from tests.benchmarks.table import Row, measure
 
-_SHRM = [sys.executable, "-c", "from shrm_cli.cli.main import main; main()"]
+_SHRM = [sys.executable, "-c", "from shrm_cli.__main__ import main; main()"]
 
 # Any tool in Python with these libraries must do this: start, read the probe, write the arrays.
 _FLOOR = """
@@ -48,18 +48,20 @@ def rows() -> Iterator[Row]:
 def _prefilter_rows(folder: Path) -> Iterator[Row]:
     probe = folder / "probe.exr"
     _write_probe(probe, 1024, np.float32)
-    for spec in ("microfacet", "phong:exponent=32"):
+    cases = ("microfacet", 1.5), ("phong:exponent=32", 1.5), ("microfacet --to principal", 2.0)
+    for made, bar in cases:
         target, planes = folder / "map.exr", folder / "planes.npy"
-        ours = [*_SHRM, "prefilter", str(probe), "--brdf", spec, "-o", str(target), "--quiet"]
+        ours = [*_SHRM, "prefilter", str(probe), "--brdf", *made.split(), "-o", str(target)]
+        ours += ["--quiet"]
         _run(ours)
         channels = OpenEXR.File(str(target), separate_channels=True).channels()
         np.save(planes, np.stack([channels[name].pixels for name in sorted(channels)]))
         floor = [sys.executable, "-c", _FLOOR, str(probe), str(planes), str(folder / "floor.exr")]
         yield measure(
-            f"shrm prefilter 1024x512 {spec}",
+            f"shrm prefilter 1024x512 {made}",
             lambda ours=ours: _run(ours),
             lambda floor=floor: _run(floor),
-            bar=1.5,
+            bar=bar,
             note="against a process that imports the same, reads the probe, writes the arrays",
             pairs=15,
         )

@@ -60,3 +60,19 @@ def test_gauss_legendre_against_numpy(count):
         quadrature.gauss_legendre(count), np.polynomial.legendre.leggauss(count), strict=True
     ):
         np.testing.assert_allclose(found, expected, rtol=0, atol=4e-15)
+
+
+@pytest.mark.parametrize("count", [1, 2, 97, 4096])
+def test_scrambled_numbers_are_all_there(count):
+    assert sorted(quadrature.scrambled(count)) == list(range(count))
+
+
+def test_scrambled_numbers_have_no_pattern():
+    # Independent numbers are correlated by less than 4 / sqrt(n) nearly always.
+    number, mixed = np.arange(4096), quadrature.scrambled(4096)
+    limit = 4 / np.sqrt(4096)
+    assert abs(np.corrcoef(number, mixed)[0, 1]) < limit
+    assert abs(np.corrcoef(mixed[1:], mixed[:-1])[0, 1]) < limit
+    for wave in (2, 3, 64, 1000):
+        turns = np.exp(2j * np.pi * wave / 4096 * (mixed - number))
+        assert abs(turns.mean()) < limit

@@ -14,13 +14,14 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.budget import Choice, affordable, fitting, most_order_p, shortfall
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
+from shrm_cli.maps.shrm.seconds import making_seconds
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm, joint_error
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, foretell
 from shrm_cli.reflected import predicted_error, reflected_rms
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
 
@@ -338,6 +339,7 @@ def from_expansion(
         The same.
     """
     orders, brdf = expansion.orders, expansion.brdf
+    foretell(progress, making_seconds(expansion.carried, orders.order_p, expansion.size))
     info = replace(
         provenance(probe, brdf, orders),
         predicted_error=expansion.error,
