@@ -99,7 +99,8 @@ def _lights(theta: Array, phi: Array, tilt: Array, dtype: type) -> Array:
         Of the result.
     """
     theta, tilt = theta[:, None, None], tilt[:, None]
-    sine, cosine = np.sin(theta).astype(dtype), np.cos(theta)
+    sine: Array = np.sin(theta).astype(dtype)
+    cosine = np.cos(theta)
     lights = np.empty((3, len(theta), *phi.shape), dtype)
     along = np.cos(phi)
     np.multiply(sine, (np.cos(tilt) * along).astype(dtype), out=lights[0])
