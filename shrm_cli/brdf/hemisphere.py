@@ -29,10 +29,14 @@ def evaluate_above(kernel: Callable[[Array, Array], Array], light: Array, view: 
     dtype = np.result_type(light, view, np.float32)
     above = (light[..., 2] > 0) & (view[..., 2] > 0)
     shape = above.shape
-    lights, views = (np.broadcast_to(v, (*shape, 3)).reshape(-1, 3) for v in (light, view))
+    lights, views = (
+        [np.broadcast_to(v[..., k], shape).reshape(-1) for k in range(3)] for v in (light, view)
+    )
     values = np.zeros((above.size, 3), dtype=dtype)
     found = np.flatnonzero(above)
     for start in range(0, len(found), _PAIRS_AT_ONCE):
         part = found[start : start + _PAIRS_AT_ONCE]
-        values[part] = kernel(lights[part].astype(dtype), views[part].astype(dtype))
+        # Kernels compute with whole components, so that each of them is gathered on its own.
+        pair = (np.stack([x.take(part) for x in xyz]).astype(dtype) for xyz in (lights, views))
+        values[part] = kernel(*(xyz.T for xyz in pair))
     return values.reshape(*shape, 3)

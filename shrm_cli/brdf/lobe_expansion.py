@@ -95,10 +95,20 @@ class LobeExpander:
         The rule for the angle of the light from C.
     order_f, max_q : int
         The largest l and q.
+    is_single : bool
+        Whether the BRDF is evaluated in single precision.
     """
 
-    def __init__(self, brdf: Brdf, rule: PolarRule | SplitRule, order_f: int, max_q: int) -> None:
+    def __init__(
+        self,
+        brdf: Brdf,
+        rule: PolarRule | SplitRule,
+        order_f: int,
+        max_q: int,
+        is_single: bool = False,
+    ) -> None:
         self.brdf, self.rule, self.order_f, self.max_q = brdf, rule, order_f, max_q
+        self._is_single = is_single
         self._tables: OrderedDict[int, tuple[Array, Array]] = OrderedDict()
         self._sign = np.where(np.arange(max_q + 1) == 0, 1.0, 2.0)
 
@@ -121,48 +131,41 @@ class LobeExpander:
         # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the
         # factor of eq. 5.22 of Ramamoorthi's thesis.
         phi, phi_weights = squeezed_azimuths(azimuth_count, self._squeeze(theta_o))
-        phi_weights *= 4 * np.pi
-        waves = phi_weights[..., None] * np.cos(phi[..., None] * np.arange(self.max_q + 1))
-        # Samples by q: from all of them, from a third in phi, and from a third in theta_i.
-        parts: tuple[list[Array], ...] = [], [], []
-        energies = np.zeros((3, len(theta_o), 1))
-        for rows, samples, coverage in transfer_samples(self.brdf, self.rule, count, theta_o, phi):
+        phi_weights = _with_thirds(4 * np.pi * phi_weights[..., None])
+        orders = np.arange(self.max_q + 1)
+        waves = (phi_weights[..., None] * np.cos(phi[..., None] * orders)[:, :, None]).reshape(
+            *phi.shape, -1
+        )
+        sums: _Sums | None = None
+        for rows, samples, coverage in transfer_samples(
+            self.brdf, self.rule, count, theta_o, phi, self._is_single
+        ):
             if samples.strides[-1] == 0:
                 samples = samples[..., :1]
-            thirds = slice(rows.start // 3, rows.stop // 3)
-            blocks: tuple[list[Array], ...] = [], [], []
-            energy = np.zeros((3, len(theta_o), samples.shape[-1]))
+            if sums is None:
+                sums = _Sums.zeros(count, len(theta_o), samples.shape[-1], len(orders))
+                waves = waves.astype(samples.dtype)
+                phi_weights = phi_weights.astype(samples.dtype)
             for channel in range(samples.shape[-1]):
                 values = np.ascontiguousarray(samples[..., channel])
-                covered = values if coverage is None else values * coverage
-                middle, part = every_third(values, coverage)
-                middle_covered = middle if part is None else middle * part
-                blocks[0].append(_waved(covered, waves))
-                blocks[1].append(_waved(covered[..., 1::3], 3 * waves[:, 1::3]))
-                blocks[2].append(_waved(middle_covered, waves))
-                squares = covered * values * phi_weights
-                energy[0, :, channel] = weights[rows] @ squares.sum(axis=2)
-                energy[1, :, channel] = weights[rows] @ squares[..., 1::3].sum(axis=2) * 3
-                squares = (middle_covered * middle * phi_weights).sum(axis=2)
-                energy[2, :, channel] = coarse_weights[thirds] @ squares
-            energies = energies + energy
-            for whole, block in zip(parts, blocks, strict=True):
-                whole.append(np.stack(block, axis=2))
-        if not np.isfinite(energies.sum()):
+                sums.add(rows, channel, values, coverage, waves, phi_weights)
+        assert sums is not None
+        energy = np.tensordot(weights, sums.squares, 1)
+        energies = energy[..., 0], np.tensordot(coarse_weights, sums.coarse_squares, 1)
+        if not np.isfinite(energies[0].sum() + energies[1].sum()):
             raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
         table, coarse_table = self._table(count)
-        fine, thin, coarse = (np.concatenate(part) for part in parts)
-        values = self._projected(table, fine)
-        by_theta = values - self._projected(coarse_table, coarse)
+        values = self._projected(table, sums.waved[..., : len(orders)])
+        by_theta = values - self._projected(coarse_table, sums.coarse)
         # By Parseval all l together have the energy of the integral over theta_i.
-        thin -= fine
-        by_phi = np.einsum("i,ivcq,ivcq,q->v", weights, thin, thin, self._sign) / (2 * np.pi)
-        by_theta = np.einsum("q,qlvc,qlvc->v", self._sign, by_theta, by_theta)
+        thin = sums.waved[..., len(orders) :]
+        by_phi = np.einsum("i,ivcq,q->v", weights, thin**2, self._sign) / (2 * np.pi)
+        by_theta = np.einsum("q,qlvc->v", self._sign, by_theta**2)
         return Expansion(
             values,
             energies[0],
-            _error(by_theta / (2 * np.pi), energies[0] - energies[2]),
-            _error(by_phi / (2 * np.pi), energies[0] - energies[1]),
+            _error(by_theta / (2 * np.pi), energies[0] - energies[1]),
+            _error(by_phi / (2 * np.pi), energy[..., 1]),
         )
 
     def _squeeze(self, theta_o: Array) -> Array:
@@ -211,6 +214,71 @@ def _error(squares: Array, energy: Array) -> Array:
     return np.asarray(np.maximum(squares / FINER**2, np.abs(energy).sum(axis=1) / FINER))
 
 
-def _waved(samples: Array, waves: Array) -> Array:
-    """Integrate samples [row, view, azimuth] with waves [view, azimuth, q]: [row, view, q]."""
-    return np.moveaxis(np.moveaxis(samples, 0, 1) @ waves, 0, 1)
+def _with_thirds(weights: Array) -> Array:
+    """Add to weights [view, azimuth, 1] what changes if only every third azimuth counts."""
+    thirds = -weights
+    thirds[:, 1::3] += 3 * weights[:, 1::3]
+    return np.append(weights, thirds, axis=2)
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Integrals of samples over the azimuth, as far as they are known; 0 elsewhere.
+
+    The second half of the last axis of `waved` and `squares` is what changes if only every third
+    azimuth counts.
+
+    Attributes
+    ----------
+    waved : ndarray, shape (count, n, channels, 2 (max_q+1))
+        The integrals with waves, at all nodes of theta_i.
+    coarse : ndarray, shape (count / 3, n, channels, max_q+1)
+        Those of the rule with a third of the nodes in theta_i.
+    squares : ndarray, shape (count, n, channels, 2)
+        The integrals of the squares.
+    coarse_squares : ndarray, shape (count / 3, n, channels)
+    """
+
+    waved: Array
+    coarse: Array
+    squares: Array
+    coarse_squares: Array
+
+    @classmethod
+    def zeros(cls, count: int, views: int, channels: int, waves: int) -> "_Sums":
+        return cls(
+            np.zeros((count, views, channels, 2 * waves)),
+            np.zeros((count // 3, views, channels, waves)),
+            np.zeros((count, views, channels, 2)),
+            np.zeros((count // 3, views, channels)),
+        )
+
+    def add(
+        self,
+        rows: slice,
+        channel: int,
+        values: Array,
+        coverage: Array | None,
+        waves: Array,
+        phi_weights: Array,
+    ) -> None:
+        """Integrate samples [row, view, azimuth] with waves and weights [view, azimuth, ...]."""
+        thirds = slice(rows.start // 3, rows.stop // 3)
+        covered = values if coverage is None else values * coverage
+        waved, squares = _integrated(covered, waves), _integrated(covered * values, phi_weights)
+        self.waved[rows, :, channel], self.squares[rows, :, channel] = waved, squares
+        if coverage is None:
+            self.coarse[thirds, :, channel] = waved[1::3, :, : self.coarse.shape[-1]]
+            self.coarse_squares[thirds, :, channel] = squares[1::3, :, 0]
+            return
+        middle, part = every_third(values, coverage)
+        covered = middle * part
+        waves, phi_weights = waves[..., : self.coarse.shape[-1]], phi_weights[..., :1]
+        self.coarse[thirds, :, channel] = _integrated(covered, waves)
+        squares = _integrated(covered * middle, phi_weights)
+        self.coarse_squares[thirds, :, channel] = squares[..., 0]
+
+
+def _integrated(samples: Array, weights: Array) -> Array:
+    """Integrate samples [row, view, azimuth] with [view, azimuth, k]: [row, view, k]."""
+    return np.moveaxis(np.moveaxis(samples, 0, 1) @ weights, 0, 1)

@@ -36,7 +36,7 @@ def lobe_harmonics(
         with m < 0 vanish, because the lobe is even in the azimuth.
     """
     count, azimuth_count = samples
-    by_m = np.empty((count, len(view_theta), 3, max_m + 1))
+    by_m = np.zeros((count, len(view_theta), 3, max_m + 1))
     phi = azimuths(azimuth_count)
     waves = np.cos(np.outer(phi, np.arange(max_m + 1)))
     waves *= 2 * np.pi / azimuth_count

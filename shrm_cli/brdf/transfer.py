@@ -37,8 +37,11 @@ _LIGHTS = 48, 12288
 """The fewest and the most nodes in theta_i."""
 _AZIMUTHS = 12, 3072
 """The fewest and the most nodes over half a turn in phi."""
-_ROUNDING = 1e-24
-"""The part of the energy that is taken for rounding errors."""
+_SINGLE = 5e-5
+"""The accuracy from which on BRDFs are evaluated in single precision, which has a part of 1e-13 of
+the energy for its rounding errors."""
+_ROUNDING = 1e-24, 1e-12
+"""The part of the energy that is taken for rounding errors, in double and in single precision."""
 _FALLING = 0.8
 """The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 _ZONAL_NODES = 2**7, 2**15
@@ -255,7 +258,8 @@ class _Sampling:
         self.brdf, self.accuracy, self.max_q = brdf, accuracy, max_q
         self.center, self._progress, self._shown = brdf.center, progress, 0
         rule = light_rule(brdf)
-        self._expander = LobeExpander(brdf, rule, order_f, max_q)
+        self._is_single = brdf.is_measured or accuracy >= _SINGLE
+        self._expander = LobeExpander(brdf, rule, order_f, max_q, self._is_single)
         self._budget = _MOST_SAMPLES[brdf.is_measured]
         self._spent = 0
         # A sharp lobe that lies elsewhere than about C must not fall between the nodes.
@@ -290,7 +294,7 @@ class _Sampling:
         lights, phis = (int(n) for n in views.levels.max(axis=0))
         values = np.broadcast_to(views.values, (*views.values.shape[:3], 3))
         return TransferFunctions(
-            _without_rounding(values),
+            _without_rounding(values, _ROUNDING[self._is_single]),
             views.theta_o,
             views.weights,
             np.array(np.broadcast_to(total, 3)),
@@ -428,10 +432,10 @@ def _projected(values: Array, theta_o: Array, weights: Array, order_p: int) -> A
     return result
 
 
-def _without_rounding(values: Array) -> Array:
-    """Set the azimuthal orders that hold nothing but rounding errors to exactly 0."""
+def _without_rounding(values: Array, rounding: float) -> Array:
+    """Set the azimuthal orders that hold no more than a part of the energy to exactly 0."""
     energy = np.sum(values**2, axis=(1, 2, 3))
-    nothing = energy <= _ROUNDING * energy.sum()
+    nothing = energy <= rounding * energy.sum()
     return np.where(nothing[:, None, None, None], 0.0, values)
 
 

@@ -23,9 +23,10 @@ def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:
     -------
     ndarray, shape (..., 3)
     """
-    theta, phi = np.broadcast_arrays(theta, phi)
+    # Angles of a grid are few before they are broadcast, and their functions take the time.
     sine = np.sin(theta)
-    return np.stack([sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)], axis=-1)
+    parts = sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
 def to_angles(directions: ArrayLike) -> tuple[Array, Array]:

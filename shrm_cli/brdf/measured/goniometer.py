@@ -29,7 +29,7 @@ _LOG_OFFSET = 0.03  # times the median; of smaller values the difference counts,
 
 _NODES = (64, 64, 16)  # of the table, in theta_h, theta_d and phi_d
 _NODES_AT_ONCE = 512
-_ROWS_AT_ONCE = 64
+_ROWS_AT_ONCE = 16
 _RECORD = 4  # floats of a node in memory, of which three are used: four are fetched faster
 _LARGEST = 1e30  # a larger number in a file is an error
 _WAVELENGTHS = np.arange(400, 701, 10)
@@ -186,15 +186,15 @@ def _positions(unit_angles: tuple[Array, ...]) -> Array:
 def _kernel(at: Array, samples: Array) -> Array:
     """The mean of -r^1.5 over the four places of each sample, shape (n, samples)."""
     total = np.zeros((len(at), len(samples)))
-    norms = (samples**2).sum(axis=1)
+    # One product of matrices gives squared distances: |a|^2 - 2 a.b + |b|^2.
+    places = np.column_stack([-2 * samples, np.ones(len(samples)), (samples**2).sum(axis=1)])
+    rows = np.column_stack([at, (at**2).sum(axis=1), np.ones(len(at))])
     # So few rows at a time stay in the processor's cache.
     for start in range(0, len(at), _ROWS_AT_ONCE):
-        rows, sums = at[start : start + _ROWS_AT_ONCE], total[start : start + _ROWS_AT_ONCE]
-        squares = (rows**2).sum(axis=1)[:, None] + norms
-        for mirror in ((1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)):
-            distance = -2 * (rows * mirror) @ samples.T
-            distance += squares
-            np.sqrt(np.maximum(distance, 0, out=distance), out=distance)
+        sums = total[start : start + _ROWS_AT_ONCE]
+        for mirror in ((1, 1, 1, 1, 1), (1, -1, 1, 1, 1), (-1, 1, 1, 1, 1), (-1, -1, 1, 1, 1)):
+            distance = (rows[start : start + _ROWS_AT_ONCE] * mirror) @ places.T
+            np.sqrt(np.abs(distance, out=distance), out=distance)
             distance *= np.sqrt(distance)
             sums -= distance
     return total / 4

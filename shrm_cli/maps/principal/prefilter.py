@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
+from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.sums import Sum, split
-from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
+from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer, power_of_two_times
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo
@@ -36,7 +37,9 @@ from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, MAX_ORDER_F, Samp
 Array = NDArray[np.floating]
 
 _FIRST_ORDER = 64
-"""The order F to which transfer functions are computed first; it doubles until it suffices."""
+"""The least order F to which transfer functions are computed first; it grows until it suffices."""
+_WAVES_A_LOBE = 3.0
+"""Few lobes have enough with an F below this over their width in radians. Most need more."""
 _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _NEARLY = 1.05
@@ -201,7 +204,7 @@ def _planner(
     size: int | None,
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
-    order, max_q = _FIRST_ORDER, min(_FIRST_Q, MAX_Q)
+    order, max_q = _first_order(brdf), min(_FIRST_Q, MAX_Q)
     while True:
         transfer = _transfer(brdf, order, max_q, light.progress)
         lighting = light.to_order(order)
@@ -211,8 +214,9 @@ def _planner(
         limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < MAX_Q:
             max_q = MAX_Q
-            continue
-        if order >= MAX_ORDER_F:
+            if above <= limit or order >= MAX_ORDER_F:
+                continue
+        elif order >= MAX_ORDER_F:
             return planner
         if above <= limit:
             if error is not None or not _hides_visible(planner, tolerance, size):
@@ -221,6 +225,13 @@ def _planner(
             continue
         # Sharp lobes need far more, and every try costs the time to sample the BRDF.
         order = min((4 if above > _SHARP else 2) * order, MAX_ORDER_F)
+
+
+def _first_order(brdf: Brdf) -> int:
+    """Return the order F to which transfer functions are computed first."""
+    if brdf.zonal or brdf.center != "reflection":
+        return _FIRST_ORDER
+    return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
 
 
 def _hides_visible(planner: Planner, tolerance: float, size: int | None) -> bool:
