@@ -28,8 +28,11 @@ _KNOWN_ORDER = 32
 """The degree to which the product functions of some views are known, for errors."""
 _LAST = 8
 """Degrees of the light, the last ones, that tell how dense it is beyond them."""
-_VIEWS = 48
+_VIEWS = 128
 """Views that errors are estimated from, spread evenly over the hemisphere."""
+_LEAST_COSINE = 0.02
+"""The least N.V of these views. Textures are not filtered well within a degree of the horizon, of
+which nobody sees much."""
 
 
 def product_texture(
@@ -145,7 +148,7 @@ def _texture(
         )
     functions = ProductFunctions.of(brdf, order)
     table = product_table(brdf, functions, order, texels, progress)
-    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
+    views = _views()
     exact, energy = functions.expanded(views, max(_KNOWN_ORDER, order))
     starts = np.arange(max(_KNOWN_ORDER, order) + 1) ** 2
     power = np.add.reduceat(exact**2, starts, axis=1).mean(axis=0)
@@ -163,6 +166,14 @@ def _texture(
     texture = replace(texture, info=replace(info, filter_error=filtered))
     facts = {"residual": functions.residual, "nodes": functions.most_nodes}
     return Prefiltered(texture, facts), power, energy
+
+
+def _views() -> Array:
+    """Directions all over the hemisphere, but not quite at the horizon, shape (n, 3)."""
+    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
+    z = _LEAST_COSINE + (1 - _LEAST_COSINE) * views[:, 2:]
+    sine = np.sqrt((1 - z**2) / (1 - views[:, 2:] ** 2))
+    return np.concatenate([views[:, :2] * sine, z], axis=1)
 
 
 def _reflected(lighting: Lighting, power: Array, energy: Array) -> tuple[Array, float]:

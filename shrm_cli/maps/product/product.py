@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.base import Map, no_way, refuse_arguments
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.sphere.harmonics import order_of
@@ -133,6 +133,24 @@ class ProductTexture(Map):
     def needs_light(self) -> bool:  # type: ignore[override]
         """Whether the map holds no light."""
         return self.lighting is None
+
+    def converted(
+        self,
+        to: str,
+        size: int | None = None,
+        sampling: Sampling | None = None,
+        **options: Any,
+    ) -> Map:
+        """Return the map itself, since other representations are made from the probe.
+
+        Raises
+        ------
+        ArgumentError
+            If another representation is asked for, or an argument does not apply.
+        """
+        if to != self.representation:
+            raise no_way(self, to)
+        return super().converted(to, size, sampling, **options)
 
     # ---- shading -----------------------------------------------------------------------------
 
