@@ -77,9 +77,7 @@ class ProductQuadrature:
     residual: float
 
     @classmethod
-    def converged(
-        cls, brdf: Brdf, views: Array, order: int, accuracy: float = ACCURACY
-    ) -> Self:
+    def converged(cls, brdf: Brdf, views: Array, order: int, accuracy: float = ACCURACY) -> Self:
         """Double the nodes until the coefficients of some views do not change any more.
 
         Parameters
@@ -161,10 +159,11 @@ class ProductQuadrature:
 
     def _block(self, views: Array, order: int) -> tuple[Array, Array]:
         light, weights = self.rule.nodes(views, self.along, self.around)
-        dtype = np.float32 if self.brdf.is_measured else np.float64
+        # Tables are no more exact than single precision, in which they are interpolated faster.
+        dtype: type = np.float32 if self.brdf.is_measured else np.float64
         values = self.brdf.transfer(
-            own_frame(self.brdf, light).astype(dtype, copy=False),
-            own_frame(self.brdf, views).astype(dtype, copy=False)[:, None],
+            own_frame(self.brdf, light.astype(dtype)),
+            own_frame(self.brdf, views[:, None].astype(dtype)),
         )
         if values.strides[-1] == 0:
             values = values[..., :1]
@@ -284,9 +283,7 @@ class ProductFunctions:
             beyond[part, 0] += weight * np.sqrt(rest)
         return coefficients, np.sum(coefficients**2, axis=1) + beyond[:, 0] ** 2
 
-    def _jobs(
-        self, views: Array
-    ) -> list[tuple[float, ProductQuadrature, Indices]]:
+    def _jobs(self, views: Array) -> list[tuple[float, ProductQuadrature, Indices]]:
         """List what is to be computed: for each job a weight, a rule, and indices of views."""
         radius = np.hypot(*project(views))
         band = np.searchsorted(_BANDS[1:-1], radius, side="right")

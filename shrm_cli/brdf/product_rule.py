@@ -1,11 +1,11 @@
 """Quadrature over the directions of the light, with nodes where a BRDF's lobe is.
 
 Lobes about the mirror direction are functions of the half vector H between light and view, which
-is near the normal in all of a lobe however the view grazes. So the rule for them is one in the polar
-angle eta and the azimuth psi of H, and ``dL = 4 (V.H) dH``. With the view at the angle theta from
-the normal, and psi counted from its azimuth, the light is above the horizon where ``eta < pi/4 +
-atan(tan(theta) cos(psi)) / 2``. The radii of each azimuth end there, so that no sample is beyond the
-horizon and the integrand is smooth on all of its domain, for which rules of Gauss and Legendre
+is near the normal in all of a lobe however the view grazes. So the rule for them is one in the
+polar angle eta and the azimuth psi of H, and ``dL = 4 (V.H) dH``. With the view at the angle theta
+from the normal, and psi counted from its azimuth, the light is above the horizon where ``eta < pi/4
++ atan(tan(theta) cos(psi)) / 2``. The radii of each azimuth end there, so that no sample is beyond
+the horizon and the integrand is smooth on all of its domain, for which rules of Gauss and Legendre
 converge exponentially. That bound rises steeply where psi is a right angle and the view grazes;
 azimuths crowd there.
 

@@ -1,7 +1,7 @@
 """The parabolic map of the hemisphere about +Z: a square image over directions of the view.
 
-A direction d has the place ``(x, y) = (d_x, d_y) / (1 + d_z)`` in the square -1 .. 1. The horizon is
-the circle of radius 1 in it, and what lies outside the circle is no direction of the hemisphere.
+A direction d has the place ``(x, y) = (d_x, d_y) / (1 + d_z)`` in the square -1 .. 1. The horizon
+is the circle of radius 1 in it, and what lies outside the circle is no direction of the hemisphere.
 Texel (row i, column j) of an image of size N has its centre at ``x = (2 j + 1) / N - 1`` and ``y =
 (2 i + 1) / N - 1``, so that a graphics API whose first row is at v = 0 looks it up at ``(u, v) =
 ((x, y) + 1) / 2``.

@@ -206,7 +206,9 @@ class ProductTexture(Map):
         MapError
             If the map holds no light.
         """
-        return self.brushed_radiance(normals, horizontal_tangents(np.asarray(normals, float)), views)
+        return self.brushed_radiance(
+            normals, horizontal_tangents(np.asarray(normals, float)), views
+        )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the reflected radiance; see `Map.brushed_radiance`.
@@ -255,4 +257,6 @@ def shade(values: Array, light: Array) -> Array:
     ndarray, shape (n, 3)
     """
     values = np.broadcast_to(values, (*values.shape[:2], 3))
-    return np.asarray(np.einsum("nkc,...kc->nc" if light.ndim == 2 else "nkc,nkc->nc", values, light))
+    return np.asarray(
+        np.einsum("nkc,...kc->nc" if light.ndim == 2 else "nkc,nkc->nc", values, light)
+    )

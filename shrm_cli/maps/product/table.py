@@ -1,8 +1,8 @@
 """Filling a product texture: the coefficients of all its views, by as few of them as suffice.
 
-Turning light and view of an isotropic BRDF together changes nothing, so the coefficients of one view
-are those of another at the same angle from the normal, turned. A BRDF that a mirror leaves as it is
-needs the views on one side of the mirror only.
+Turning light and view of an isotropic BRDF together changes nothing, so the coefficients of one
+view are those of another at the same angle from the normal, turned. A BRDF that a mirror leaves as
+it is needs the views on one side of the mirror only.
 """
 
 import numpy as np

@@ -209,9 +209,7 @@ def test_fibres_along_the_tangent(hemisphere):
     light_x, view_x = sphere[:, 0], view[0, 0]
     turned = np.stack([sphere[:, 1], sphere[:, 2], light_x], axis=-1)
     own = np.array([view[0, 1], view[0, 2], view_x])
-    expected = oracles.real_harmonics(ORDER, sphere).T @ (
-        around * brdf.transfer(turned, own)[:, 0]
-    )
+    expected = oracles.real_harmonics(ORDER, sphere).T @ (around * brdf.transfer(turned, own)[:, 0])
     found = functions.coefficients(view, ORDER)[0, :, 0]
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
@@ -298,7 +296,9 @@ def test_a_uniform_light_is_multiplied_by_the_albedo():
     texture = product_texture(parse_spec("lambertian:albedo=0.6/0.3/0.1"), 2, 16).map
     light = np.zeros((9, 3))
     light[0] = np.sqrt(4 * np.pi)
-    shown = texture.lit(light).radiance([[0.6, 0.8, 0.0], [0, -1.0, 0]], [[0.0, 1, 0], [0, -1.0, 0]])
+    shown = texture.lit(light).radiance(
+        [[0.6, 0.8, 0.0], [0, -1.0, 0]], [[0.0, 1, 0], [0, -1.0, 0]]
+    )
     np.testing.assert_allclose(shown, [[0.6, 0.3, 0.1]] * 2, rtol=1e-6)
 
 
@@ -314,6 +314,6 @@ def test_what_is_not_finite_or_does_not_apply_is_refused():
     texture = product_texture(parse_spec("lambertian"), 1, 8).map
     with pytest.raises(ArgumentError, match="size"):
         texture.resampled(4)
-    with pytest.raises(ArgumentError, match="product texture|made from the probe"):
+    with pytest.raises(ArgumentError, match="made from the probe"):
         texture.converted("shrm")
     assert replace(texture).order == 1
