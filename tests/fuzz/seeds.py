@@ -70,6 +70,12 @@ _ARGUMENTS = (
     "render sound.shrm.exr --size 16 --background WORD -o OUT.png",
     "compare sound.shrm.exr WORD --size 16 --no-flip --no-picture",
 )
+_PRODUCT = (
+    "info FILE --json",
+    "render FILE --probe sound.exr --size 16 -o OUT.png",
+    "compare FILE --probe sound.exr --size 16 --no-flip --view 0,0 --no-picture",
+    "convert FILE --to shrm -o OUT.exr",
+)
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -101,10 +107,12 @@ def make_seeds(folder: Path) -> list[Seed]:
         brdfs = _brdfs(folder)
         _shrm("dfg", "--size", "4", "-o", "dfg.exr")
         _shrm("dfg", "--size", "4", "--moments", "-o", "moments.exr")
+        _shrm("product", "lambertian", "--size", "8", "--order", "1", "-o", "product.exr")
     return [
         *(Seed(kind, name, _PROBE) for kind, name in probes),
         *(Seed(kind, name, _MAP) for kind, name in maps),
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
+        Seed("product texture", "product.exr", _PRODUCT),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]

@@ -1,0 +1,111 @@
+"""`shrm product`, and what other commands do with its textures."""
+
+import json
+
+import numpy as np
+import pytest
+
+from shrm_cli.maps.file import open_map
+from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
+
+BRUSHED = "ward:ax=0.5,ay=0.2"
+SMALL = ("--size", "16", "--order", "2")
+
+
+@pytest.fixture
+def probe(tmp_path):
+    image = np.random.default_rng(1).uniform(0, 1, (16, 32, 3)).astype(np.float32)
+    image[4, 9] = 60, 50, 40
+    return write_exr(tmp_path / "probe.exr", image)
+
+
+@pytest.fixture
+def texture(tmp_path):
+    path = tmp_path / "brushed.exr"
+    done("product", BRUSHED, *SMALL, "-o", path)
+    return path
+
+
+def test_a_texture_of_a_brushed_metal(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = json.loads(done("product", BRUSHED, *SMALL, "--json"))
+    assert result["file"].endswith(".product.exr")
+    assert (result["order"], result["size"], result["channels"]) == (2, 16, 1)
+    assert result["lit"] is False
+    assert 0 < result["residual"] <= 1e-4
+    header, planes = read_exr(tmp_path / result["file"])
+    assert header["shrm:representation"] == "product"
+    assert sorted(planes) == [f"sh{k:03d}" for k in range(9)]
+    text = done("product", BRUSHED, *SMALL)
+    assert "9 coefficients, grey" in text
+
+
+def test_another_texture_of_that_name_is_kept(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done("product", BRUSHED, *SMALL)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert_refused(run("product", BRUSHED, "--size", "8"), 1, "it has order 2 and 16 texels")
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    done("product", BRUSHED, "--size", "8", "--force")
+
+
+def test_pictures_need_the_light_of_a_probe(tmp_path, texture, probe):
+    picture = tmp_path / "x.exr"
+    assert_refused(run("render", texture, "-o", picture), 1, "holds no light", "--probe")
+    assert not picture.exists()
+    done("render", texture, "--probe", probe, "--size", "32", "-o", picture)
+    _, planes = read_exr(picture)
+    assert planes["G"][16, 16] > 0
+    lit = tmp_path / "lit.exr"
+    done("prefilter", probe, "--brdf", BRUSHED, "--to", "product", "--order", "2", "--texels", "16",
+         "-o", lit)  # fmt: skip
+    done("render", lit, "--size", "32", "-o", tmp_path / "y.exr")
+    _, again = read_exr(tmp_path / "y.exr")
+    np.testing.assert_allclose(again["G"], planes["G"], rtol=2e-3, atol=1e-4)
+    assert_refused(run("render", lit, "--probe", probe, "-o", picture), 2, "no MAP is one")
+
+
+def test_the_truth_of_a_texture(tmp_path, texture, probe):
+    """Light of order 2 is all that this probe has, so that the texture shows the truth."""
+    image = np.zeros((16, 32, 3), np.float32)
+    y = np.cos(np.pi * (np.arange(16) + 0.5) / 16)
+    image[:] = (1 + y + y**2)[:, None, None]
+    smooth = write_exr(tmp_path / "smooth.exr", image)
+    out = done("compare", texture, "--probe", smooth, "--size", "32", "--no-flip", "--no-picture",
+               "--json")  # fmt: skip
+    summary = json.loads(out)["summary"][0]
+    assert summary["relative_rmse"] < 0.02
+
+
+def test_info_tells_what_a_texture_is(texture):
+    values = json.loads(done("info", texture, "--json"))
+    assert values["representation"] == "product"
+    assert values["lit"] is False
+    assert values["brdf"]["name"] == "ward"
+
+
+def test_what_takes_no_brushed_metal_names_what_does(tmp_path, probe):
+    target = tmp_path / "x.exr"
+    for to in ("shrm", "principal", "cabral"):
+        result = run("prefilter", probe, "--brdf", BRUSHED, "--to", to, "-o", target)
+        assert_refused(result, 1, "anisotropic", "--to product")
+        assert not target.exists()
+    for to in ("shrm", "irradiance"):
+        done("product", "lambertian", *SMALL, "-o", tmp_path / "t.exr")
+        result = run("convert", tmp_path / "t.exr", "--to", to, "-o", target)
+        assert_refused(result, 2, "made from the probe")
+
+
+def test_options_of_the_form(tmp_path, probe):
+    target = tmp_path / "x.exr"
+    for given, words in (
+        (["--order", "17"], ["17"]),
+        (["--eps", "0.1"], ["--eps", "applies"]),
+        (["--size", "8"], ["--size", "applies"]),
+    ):
+        result = run("prefilter", probe, "--brdf", BRUSHED, "--to", "product", *given, "-o", target)
+        assert_refused(result, 2, *words)
+    out = done("prefilter", probe, "--brdf", BRUSHED, "--to", "product", "--texels", "16",
+               "--window", "hann", "-o", target)  # fmt: skip
+    assert "window         hann" in out
+    assert open_map(target).lighting.shape == (25, 3)
