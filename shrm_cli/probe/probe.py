@@ -74,6 +74,8 @@ class Probe:
         orientation: Orientation | None = None,
         sampling: Sampling | None = None,
         yaw: float = 0.0,
+        pitch: float = 0.0,
+        roll: float = 0.0,
         mirror: bool = False,
         up: Literal["y", "z"] = "y",
         clamp: float | None = None,
@@ -91,7 +93,7 @@ class Probe:
             stacked.
         name : str
             What messages and maps call the probe.
-        orientation, sampling, yaw, mirror, up
+        orientation, sampling, yaw, pitch, roll, mirror, up
             As `ReadOptions` has them.
         clamp, fix_nonfinite
             As `PixelPolicy` has them.
@@ -105,7 +107,9 @@ class Probe:
             a value that it cannot have.
         """
         policy = PixelPolicy(fix_nonfinite, clamp)
-        options = ReadOptions(layout, orientation, sampling, yaw, mirror, up, pixels=policy)
+        options = ReadOptions(
+            layout, orientation, sampling, yaw, mirror, up, pixels=policy, pitch=pitch, roll=roll
+        )
         if chromaticities is not None and np.shape(chromaticities) != (8,):
             raise ProbeError(f"{name}: `chromaticities` must be 8 numbers, not {chromaticities!r}")
         image = ArrayImage.copy_of(array, name)
