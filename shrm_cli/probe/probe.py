@@ -213,7 +213,8 @@ def open_probe(
     Parameters
     ----------
     path : path-like
-        An image file, or six of them with ``%`` in place of ``+X``, ``-X``, ...
+        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., or a light file
+        (``.toml``), which names probes and circular lights.
     options : ReadOptions, optional
         How the file is to be understood.
     **keywords
@@ -227,6 +228,10 @@ def open_probe(
     """
     options = with_keywords(options or ReadOptions(), keywords)
     name = str(path)
+    if is_light_file(name):
+        from shrm_cli.probe.light_file import open_light_file
+
+        return open_light_file(name, options)
     if "%" in os.path.basename(name) and not os.path.exists(name):
         if options.layout not in (None, "faces"):
             raise ProbeError(f"{name}: six files are not {options.layout}; leave `layout` out")
@@ -240,6 +245,11 @@ def open_probe(
     first = files[0]
     sampling: Sampling = "border" if first.border_sampled else "center"
     return _make_probe(name, files, layout, sampling, options, first.chromaticities)
+
+
+def is_light_file(name: str) -> bool:
+    """Whether a name is that of a light file, by its suffix."""
+    return name.lower().endswith(".toml")
 
 
 def _make_probe(
