@@ -183,8 +183,9 @@ class LightSum(Probe):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the lat-long in blocks of rows, as `Probe.blocks` does."""
-        yield from super().blocks()
+        self.image_of_sum.read(0, 0)  # this reads the probes
         self.tell_warnings()
+        yield from super().blocks()
 
     def tell_warnings(self) -> None:
         """Take what the pixels of the probes needed, which have been read, into the report."""
