@@ -1,6 +1,6 @@
 """How the images of a probe are to be understood, and how arguments that cannot be are refused."""
 
-import math
+import sys
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, TypedDict
 
@@ -78,14 +78,14 @@ class ReadOptions:
         _check_text("layer", self.layer)
         for name in ("yaw", "pitch", "roll"):
             angle = getattr(self, name)
-            if not (_is_number(angle) and math.isfinite(angle)):
-                raise ProbeError(f"`{name}` must be a finite number of degrees, not {angle!r}")
+            if not _is_finite(angle):
+                raise ProbeError(f"`{name}` must be a finite number of degrees, not {angle!r:.60}")
         if not isinstance(self.pixels, PixelPolicy):
             raise ProbeError(f"`pixels` must be a PixelPolicy, not {self.pixels!r}")
         clamp = self.pixels.clamp
         _check_flag("fix_nonfinite", self.pixels.fix_nonfinite)
-        if clamp is not None and not (_is_number(clamp) and math.isfinite(clamp) and clamp > 0):
-            raise ProbeError(f"`clamp` must be a positive number, not {clamp!r}")
+        if clamp is not None and not (_is_finite(clamp) and clamp > 0):
+            raise ProbeError(f"`clamp` must be a positive number, not {clamp!r:.60}")
 
     def matrix(self) -> Array:
         """Orthogonal matrix from the file's axes to world axes, shape (3, 3)."""
@@ -156,5 +156,7 @@ def _check_text(argument: str, value: object) -> None:
         raise ProbeError(f"`{argument}` must be a name, not {value!r}")
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+def _is_finite(value: Any) -> bool:
+    """Whether a value is a number that a float can hold; whole numbers may be too large for it."""
+    is_number = isinstance(value, int | float | np.integer | np.floating)
+    return is_number and not isinstance(value, bool) and abs(value) <= sys.float_info.max

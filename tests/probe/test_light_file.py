@@ -261,6 +261,12 @@ WRONG = {
     "itself": ('[[probe]]\nfile = "lights.toml"\n', "is a light file; name images"),
     "key of a probe": ('[[probe]]\nfile = "a.exr"\npixels = 3\n', "unknown key 'pixels'"),
     "value of a key": ('[[probe]]\nfile = "a.exr"\nyaw = nan\n', "probe 1: `yaw` must be a finite"),
+    "huge value": (
+        f'[[probe]]\nfile = "a.exr"\nroll = 1{"0" * 400}\n', "`roll` must be a finite number",
+    ),
+    "huge clamp": (
+        f'[[probe]]\nfile = "a.exr"\nclamp = 1{"0" * 400}\n', "`clamp` must be a positive",
+    ),
     "unhashable": ('[[probe]]\nfile = "a.exr"\nlayout = [1]\n', r"`layout` \[1\] is not known"),
     "scale": ('[[probe]]\nfile = "a.exr"\nscale = -1\n', "`scale` must be a number from 0"),
 }  # fmt: skip
