@@ -1,6 +1,6 @@
 """How the images of a probe are to be understood, and how arguments that cannot be are refused."""
 
-import sys
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, TypedDict
 
@@ -159,4 +159,7 @@ def _check_text(argument: str, value: object) -> None:
 def _is_finite(value: Any) -> bool:
     """Whether a value is a number that a float can hold; whole numbers may be too large for it."""
     is_number = isinstance(value, int | float | np.integer | np.floating)
-    return is_number and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    try:
+        return is_number and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        return False
