@@ -150,6 +150,27 @@ def project(function: Callable[[Array], Array], order: int, degree: int) -> Arra
     return real_harmonics(order, directions).T @ (weights * function(directions))
 
 
+def disc_rule(direction: Array, radius: float, count: int = 16) -> tuple[Array, Array]:
+    """Return directions (n, 3) and weights (n,) for integrals within an angle of a direction.
+
+    Gauss in the cosine times evenly spaced azimuths.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    span = 2 * np.sin(radius / 2) ** 2  # 1 - cos(radius), with all digits
+    below = (nodes + 1) / 2 * span
+    cosine, sine = 1 - below, np.sqrt(below * (2 - below))
+    phi = np.pi * np.arange(2 * count) / count
+    side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    side /= np.linalg.norm(side)
+    frame = np.stack([side, np.cross(direction, side), direction])
+    local = np.stack(
+        [np.outer(sine, np.cos(phi)), np.outer(sine, np.sin(phi)), np.outer(cosine, 1 + 0 * phi)],
+        axis=-1,
+    )
+    areas = np.outer(weights / 2 * span, np.full(len(phi), np.pi / count))
+    return (local @ frame).reshape(-1, 3), areas.ravel()
+
+
 def random_directions(rng: np.random.Generator, *shape: int) -> Array:
     """Return uniformly distributed unit vectors, shape (*shape, 3)."""
     vectors = rng.standard_normal((*shape, 3))

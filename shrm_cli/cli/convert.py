@@ -9,6 +9,7 @@ import click
 
 from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import (
+    TURNS,
     conclude,
     make_read_options,
     precision_option,
@@ -92,12 +93,14 @@ def convert(
     A map becomes another representation, exactly at its samples; an SHRM is fitted to explicit
     maps, and what the fit leaves is told. What engines use (irradiance, splitsum, she) is made
     from the probe alone, and converted to itself: other precision, other size of irradiance.
-    Maps and probes are laid out anew. The options from --sampling to --clamp say how a probe is
-    to be read.
+    Irradiance and SH exponentials are turned by --yaw, --pitch and --roll, exactly and without
+    their probe. Maps and probes are laid out anew. The options from --sampling to --clamp say how a
+    probe is to be read.
 
     \b
       shrm convert probe.microfacet.shrm.exr --to cabral
       shrm convert probe.exr --to hcross --size 256
+      shrm convert probe.irradiance.exr --to irradiance --yaw 30 -o turned.exr
     """
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
@@ -105,7 +108,9 @@ def convert(
     result_path = output or _default_name(source, target)
     reading = make_read_options(sampling, values)
     found = is_map(source)
-    refuse_inapplicable({**_rules(target), **reading_rules(not found, "to probes; IN is a map")})
+    of_probes = reading_rules(not found, "to probes; IN is a map")
+    of_probes |= dict.fromkeys(TURNS, Applies(True, "to probes and maps"))
+    refuse_inapplicable({**_rules(target), **of_probes})
     if not (output or force):
         from shrm_cli.probe.probe import face_paths
 
@@ -115,8 +120,9 @@ def convert(
         given = {name: values[name] for name in given_options() if name in values}
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)
         result, warnings = _convert_map(
-            source, result_path, target, given, size, to_orientation, to_sampling, precision
-        )
+            source, result_path, target, given, size, to_orientation, to_sampling, precision,
+            reading.matrix(),
+        )  # fmt: skip
     else:
         if target in REPRESENTATIONS:
             open_probe(source, reading)  # raises what is wrong with a file that is no image
@@ -155,11 +161,16 @@ def _convert_map(
     orientation: str | None,
     sampling: str | None,
     precision: Precision,
+    turn: Any,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Write a map in another representation, or in another layout of the same one."""
+    """Write a map in another representation, or in another layout of the same one, or turned."""
+    import numpy as np
+
     from shrm_cli.maps.file import open_map, store
 
     found = open_map(source)
+    if not np.array_equal(turn, np.eye(3)):
+        found = found.turned(turn)
     is_layout = target not in REPRESENTATIONS
     layout = target if is_layout else "openexr"
     if is_layout and not found.cube_count:

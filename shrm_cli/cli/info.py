@@ -26,7 +26,7 @@ _MOST_ROWS, _MOST_NUMBERS = 9, 16
 @read_options
 @report_options
 def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
-    """Print what FILE is: a map or a table that shrm wrote, a light probe or a measured BRDF."""
+    """Print what FILE is: a map or table of shrm, a light probe, light file or measured BRDF."""
     from shrm_cli.brdf.environment.file import read_table_facts
     from shrm_cli.brdf.measured.reading.table_file import is_table
     from shrm_cli.brdf.spec import is_measured_file
@@ -111,7 +111,7 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
         total += np.einsum("ijc,ij->c", lamps.light, np.broadcast_to(weights, lamps.shape))
     first = probe.images[0]
     values = {
-        "kind": "probe",
+        "kind": "light file" if first.file_format == "light file" else "probe",
         "layout": probe.layout,
         "width": first.width,
         "height": first.height,
@@ -146,5 +146,5 @@ def _text(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_text(item) for item in value)
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_text(item)}" for key, item in value.items())
+        return ", ".join(f"{key.replace('_', ' ')} {_text(item)}" for key, item in value.items())
     return str(value)

@@ -32,7 +32,9 @@ _LONG = 3.0
 """Seconds of work that are foretold; what takes less is hardly waited for."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_READING = ("layout", "orientation", "yaw", "mirror", "up", "linearize", "part", "layer")
+TURNS = ("yaw", "pitch", "roll")
+"""The names of the options that turn light; they apply to some maps, too."""
+_READING = ("layout", "orientation", *TURNS, "mirror", "up", "linearize", "part", "layer")
 _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
@@ -111,6 +113,12 @@ def read_options(command: Command) -> Command:
             click.option(
                 "--yaw", type=float, default=0.0, help="Turn it about +Y, degrees, +Z towards +X."
             ),
+            click.option(
+                "--pitch", type=float, default=0.0, help="Before that, about +X, +Y towards +Z."
+            ),
+            click.option(
+                "--roll", type=float, default=0.0, help="And before that, about +Z, +X towards +Y."
+            ),
             click.option("--mirror", is_flag=True, help="Mirror it, x -> -x."),
             click.option(
                 "--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."
@@ -140,7 +148,7 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
     Raises
     ------
     click.BadParameter
-        If --clamp is not positive, or --yaw is not finite.
+        If --clamp is not positive, or an angle is not finite.
     """
     import math
 
@@ -150,8 +158,9 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
     clamp = values.pop("clamp")
     if clamp is not None and not (math.isfinite(clamp) and clamp > 0):
         raise click.BadParameter("must be a positive number", param_hint="'--clamp'")
-    if not math.isfinite(values["yaw"]):
-        raise click.BadParameter("must be a finite number of degrees", param_hint="'--yaw'")
+    for name in TURNS:
+        if not math.isfinite(values[name]):
+            raise click.BadParameter("must be a finite number of degrees", param_hint=f"'--{name}'")
     policy = PixelPolicy(values.pop("fix_nonfinite"), clamp)
     others = {name: values.pop(name) for name in _READING}
     return ReadOptions(sampling=sampling, pixels=policy, **others)  # type: ignore[arg-type]

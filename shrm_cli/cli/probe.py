@@ -140,6 +140,11 @@ def impulse(
     show_default=True,
     help="Diffuse reflectance of the ground.",
 )
+@click.option(
+    "--no-sun",
+    is_flag=True,
+    help="Leave the sun's disc out, and print it as light files have it.",
+)
 def sky(
     output: str,
     size: int,
@@ -148,14 +153,18 @@ def sky(
     sun: tuple[float, float],
     turbidity: float,
     ground_albedo: float,
+    no_sun: bool,
 ) -> None:
     """Make a clear sky with its sun, in kcd/m^2.
 
     Preetham, Shirley & Smits 1999. The sun has its real radiance.
     """
+    import numpy as np
+
+    from shrm_cli.probe.sky import SUN_RADIUS, sun_radiance
     from shrm_cli.probe.sky import sky as make_sky
 
-    pixels = make_sky(size, *sun, turbidity, ground_albedo)
+    pixels = make_sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
     _write(
         output,
         pixels,
@@ -164,7 +173,15 @@ def sky(
         sun=sun,
         turbidity=turbidity,
         ground_albedo=ground_albedo,
+        **({"no_sun": True} if no_sun else {}),
     )
+    if no_sun and not quiet:
+        azimuth, elevation = sun
+        radiance = ", ".join(f"{channel:.6g}" for channel in sun_radiance(elevation, turbidity))
+        echo(
+            f"[[disc]]\nazimuth = {azimuth:g}\nelevation = {elevation:g}\n"
+            f"radius = {np.degrees(SUN_RADIUS):.6g}\nradiance = [{radiance}]"
+        )
 
 
 @probe.command()

@@ -350,6 +350,25 @@ class Map(ABC):
         """
         return registry.map_class(to).from_map(self.resampled(size, sampling), **options)
 
+    def turned(self, matrix: ArrayLike) -> "Map":
+        """Return the map of the same light turned.
+
+        Parameters
+        ----------
+        matrix : array_like, shape (3, 3)
+            Orthogonal; what came from a direction d comes from ``matrix @ d``.
+
+        Raises
+        ------
+        MapError
+            If the map is no map of light alone that consists of coefficients. Other maps would
+            have to be filtered again, which their probe need not.
+        """
+        raise MapError(
+            f"{self.what} cannot be turned without loss; prefilter its probe with `yaw`, `pitch` "
+            "and `roll`"
+        )
+
     @classmethod
     def from_map(cls, source: "Map", **options: Any) -> "Map":
         """Make a map of this representation from another map; see `converted`."""

@@ -1,7 +1,10 @@
 """How a map was made: a record that travels in the attributes of the map's file."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.vocabulary import Domain
 
@@ -74,6 +77,30 @@ class MapInfo:
         """The largest order of the light that the map keeps."""
         return self.order_f if self.carried is None else self.carried
 
+    def turned(self, matrix: ArrayLike) -> "MapInfo":
+        """Return the record of the same light turned, as if the probe had been read so.
+
+        Parameters
+        ----------
+        matrix : array_like, shape (3, 3)
+            Orthogonal; what came from a direction d comes from ``matrix @ d``.
+        """
+        reading = self.options.get("reading")
+        reading = dict(reading) if isinstance(reading, dict) else {}
+        axes = np.asarray(matrix) @ _axes(reading.pop("axes", None))
+        if not np.array_equal(axes, np.eye(3)):
+            reading["axes"] = np.round(axes, 9).tolist()
+        return replace(self, options={**self.options, "reading": reading})
+
     def origin(self) -> dict[str, Any]:
         """Return the BRDF and the probe that the map was made from, as reports name them."""
         return {"brdf": self.brdf, "probe": self.probe, "probe_sha256": self.probe_sha256}
+
+
+def _axes(recorded: Any) -> NDArray[np.floating]:
+    """Return the axes that a map records; those of the world where it records anything else."""
+    try:
+        axes = np.array(recorded, dtype=float)
+    except (TypeError, ValueError):
+        return np.eye(3)
+    return axes if axes.shape == (3, 3) else np.eye(3)

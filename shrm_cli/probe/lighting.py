@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.probe.disc import disc_coefficients
 from shrm_cli.probe.lamps import PolarRows
+from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import order_of
@@ -92,7 +94,7 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
         A lat-long is integrated by Fejer's or Clenshaw and Curtis's rule, which is exact for
         images band-limited below half its height, but small lamps near its poles by the solid
         angles of their pixels (see `probe.lamps`), as other grids are. Degrees that are finer
-        than the pixels are 0.
+        than the pixels are 0. Of a sum each light is projected by itself: discs have closed forms.
 
     Raises
     ------
@@ -103,6 +105,8 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     ----------
     Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
+    if isinstance(probe, LightSum):
+        return _project_sum(probe, order, progress)
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
     analysis = probe.grid.analysis(resolved)
@@ -123,6 +127,20 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     result = np.zeros(((order + 1) ** 2, 3))
     result[: (resolved + 1) ** 2] = coefficients
     return Lighting(result, energy)
+
+
+def _project_sum(light: LightSum, order: int, progress: Progress | None) -> Lighting:
+    """Project each light of a sum; only products of two lights are integrated over pixels."""
+    coefficients = disc_coefficients(light.discs, order)
+    energy = sum((disc.energy for disc in light.discs), np.zeros(3))
+    for term in light.terms:
+        part = project(term.probe, order, progress)
+        coefficients += term.scale * part.coefficients
+        energy += term.scale**2 * part.energy
+    energy += light.image_of_sum.overlaps()
+    light.report.energy = float(coefficients[0].sum() * np.sqrt(4 * np.pi))
+    light.tell_warnings()
+    return Lighting(transform_coefficients(coefficients, light.matrix), energy)
 
 
 def _squared(pixels: Array, weights: Array) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import LAYOUTS, Layout
 from shrm_cli.probe.pixels import PixelPolicy
+from shrm_cli.sphere.directions import turn_matrix
 from shrm_cli.vocabulary import ORIENTATIONS, SAMPLINGS, Orientation, Sampling
 
 Array = NDArray[np.floating]
@@ -31,7 +32,7 @@ class ReadOptions:
     yaw : float
         Turn about +Y, degrees, from +Z towards +X.
     mirror : bool
-        Mirror x -> -x (before the yaw).
+        Mirror x -> -x, before all turns.
     up : {"y", "z"}
         ``z`` means that the file's +Z is up; it is turned to +Y first of all.
     linearize : bool
@@ -42,6 +43,10 @@ class ReadOptions:
         Name or number, from 0, of the part of a file with several that is the light.
     layer : str, optional
         Name of the layer or view that is the light.
+    pitch : float
+        Turn about +X, degrees, from +Y towards +Z, before the yaw.
+    roll : float
+        Turn about +Z, degrees, from +X towards +Y, before the pitch.
 
     Raises
     ------
@@ -59,6 +64,8 @@ class ReadOptions:
     pixels: PixelPolicy = field(default_factory=PixelPolicy)
     part: str | None = None
     layer: str | None = None
+    pitch: float = 0.0
+    roll: float = 0.0
 
     def __post_init__(self) -> None:
         _check_name("layout", self.layout, (None, *LAYOUTS))
@@ -69,24 +76,24 @@ class ReadOptions:
         _check_flag("linearize", self.linearize)
         _check_text("part", self.part)
         _check_text("layer", self.layer)
-        if not (_is_number(self.yaw) and math.isfinite(self.yaw)):
-            raise ProbeError(f"`yaw` must be a finite number of degrees, not {self.yaw!r}")
+        for name in ("yaw", "pitch", "roll"):
+            angle = getattr(self, name)
+            if not _is_finite(angle):
+                raise ProbeError(f"`{name}` must be a finite number of degrees, not {angle!r:.60}")
         if not isinstance(self.pixels, PixelPolicy):
             raise ProbeError(f"`pixels` must be a PixelPolicy, not {self.pixels!r}")
         clamp = self.pixels.clamp
         _check_flag("fix_nonfinite", self.pixels.fix_nonfinite)
-        if clamp is not None and not (_is_number(clamp) and math.isfinite(clamp) and clamp > 0):
-            raise ProbeError(f"`clamp` must be a positive number, not {clamp!r}")
+        if clamp is not None and not (_is_finite(clamp) and clamp > 0):
+            raise ProbeError(f"`clamp` must be a positive number, not {clamp!r:.60}")
 
     def matrix(self) -> Array:
         """Orthogonal matrix from the file's axes to world axes, shape (3, 3)."""
-        a = np.radians(self.yaw)
-        turn = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
         mirror = np.diag([-1.0 if self.mirror else 1.0, 1.0, 1.0])
         up = np.eye(3)
         if self.up == "z":
             up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        return turn @ mirror @ up
+        return turn_matrix(self.yaw, self.pitch, self.roll) @ mirror @ up
 
 
 class ReadKeywords(TypedDict, total=False):
@@ -96,6 +103,8 @@ class ReadKeywords(TypedDict, total=False):
     orientation: Orientation | None
     sampling: Sampling | None
     yaw: float
+    pitch: float
+    roll: float
     mirror: bool
     up: Literal["y", "z"]
     linearize: bool
@@ -147,5 +156,10 @@ def _check_text(argument: str, value: object) -> None:
         raise ProbeError(f"`{argument}` must be a name, not {value!r}")
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+def _is_finite(value: Any) -> bool:
+    """Whether a value is a number that a float can hold; whole numbers may be too large for it."""
+    is_number = isinstance(value, int | float | np.integer | np.floating)
+    try:
+        return is_number and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        return False

@@ -74,6 +74,8 @@ class Probe:
         orientation: Orientation | None = None,
         sampling: Sampling | None = None,
         yaw: float = 0.0,
+        pitch: float = 0.0,
+        roll: float = 0.0,
         mirror: bool = False,
         up: Literal["y", "z"] = "y",
         clamp: float | None = None,
@@ -91,7 +93,7 @@ class Probe:
             stacked.
         name : str
             What messages and maps call the probe.
-        orientation, sampling, yaw, mirror, up
+        orientation, sampling, yaw, pitch, roll, mirror, up
             As `ReadOptions` has them.
         clamp, fix_nonfinite
             As `PixelPolicy` has them.
@@ -105,7 +107,9 @@ class Probe:
             a value that it cannot have.
         """
         policy = PixelPolicy(fix_nonfinite, clamp)
-        options = ReadOptions(layout, orientation, sampling, yaw, mirror, up, pixels=policy)
+        options = ReadOptions(
+            layout, orientation, sampling, yaw, mirror, up, pixels=policy, pitch=pitch, roll=roll
+        )
         if chromaticities is not None and np.shape(chromaticities) != (8,):
             raise ProbeError(f"{name}: `chromaticities` must be 8 numbers, not {chromaticities!r}")
         image = ArrayImage.copy_of(array, name)
@@ -209,7 +213,8 @@ def open_probe(
     Parameters
     ----------
     path : path-like
-        An image file, or six of them with ``%`` in place of ``+X``, ``-X``, ...
+        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., or a light file
+        (``.toml``), which names probes and circular lights.
     options : ReadOptions, optional
         How the file is to be understood.
     **keywords
@@ -223,6 +228,10 @@ def open_probe(
     """
     options = with_keywords(options or ReadOptions(), keywords)
     name = str(path)
+    if is_light_file(name):
+        from shrm_cli.probe.light_file import open_light_file
+
+        return open_light_file(name, options)
     if "%" in os.path.basename(name) and not os.path.exists(name):
         if options.layout not in (None, "faces"):
             raise ProbeError(f"{name}: six files are not {options.layout}; leave `layout` out")
@@ -236,6 +245,11 @@ def open_probe(
     first = files[0]
     sampling: Sampling = "border" if first.border_sampled else "center"
     return _make_probe(name, files, layout, sampling, options, first.chromaticities)
+
+
+def is_light_file(name: str) -> bool:
+    """Whether a name is that of a light file, by its suffix."""
+    return name.lower().endswith(".toml")
 
 
 def _make_probe(

@@ -49,6 +49,7 @@ def sky(
     sun_elevation: float,
     turbidity: float = 3.0,
     ground_albedo: float = 0.2,
+    has_disc: bool = True,
 ) -> Image:
     """Clear sky, sun, and ground that they light.
 
@@ -63,6 +64,8 @@ def sky(
         Haziness, 1.7 (pure air) to 10 (haze); 3 is a clear day.
     ground_albedo : float
         Diffuse reflectance of the ground, grey, 0 to 1.
+    has_disc : bool
+        Whether the sun's disc is in the image. The sun lights the sky and the ground in any case.
 
     Returns
     -------
@@ -110,7 +113,8 @@ def sky(
     image[len(upper) :] = ground
     if size % 2:  # the horizon cuts the middle row into halves
         image[size // 2] = (image[size // 2] + ground) / 2
-    _add_beams(image, disc, beam)
+    if has_disc:
+        _add_beams(image, disc, beam)
     return image
 
 

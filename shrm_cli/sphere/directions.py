@@ -46,6 +46,20 @@ def from_azimuth_elevation(azimuth: float, elevation: float) -> Array:
     return np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
 
 
+def turn_matrix(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Array:
+    """Matrix of a rotation given in degrees, as users give it, shape (3, 3).
+
+    Roll comes first, about +Z from +X towards +Y; then pitch, about +X from +Y towards +Z; last
+    yaw, about the up axis +Y from +Z towards +X, as azimuths turn. All axes are those of the world.
+    """
+    (sy, sp, sr), (cy, cp, cr) = (f(np.radians([yaw, pitch, roll])) for f in (np.sin, np.cos))
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    matrix: Array = about_y @ about_x @ about_z
+    return matrix
+
+
 def normalize(vectors: ArrayLike) -> Array:
     """Vectors, shape (..., 3), divided by their lengths."""
     vectors = np.asarray(vectors)

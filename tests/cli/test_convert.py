@@ -271,7 +271,7 @@ def test_a_map_is_no_probe(folder, arguments):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["convert", "m.shrm.exr", "--to", "cabral", "--yaw", "90"], "--yaw applies to probes"),
+        (["convert", "m.shrm.exr", "--to", "cabral", "--mirror"], "--mirror applies to probes"),
         (["info", "m.shrm.exr", "--mirror"], "--mirror applies to probes"),
         (["render", "m.shrm.exr", "--clamp", "3", "-o", "x.exr"], "--clamp applies with --back"),
     ],
@@ -393,6 +393,35 @@ def test_what_engines_use_becomes_itself(engines, kind):
         assert file.parts[0].channels["RGB"].pixels.dtype == np.float16
 
 
+@pytest.mark.parametrize("to", ["irradiance", "openexr"])
+def test_irradiance_is_turned_without_its_probe(engines, to):
+    """In two steps, which is the same as reading the probe so."""
+    angles = "--yaw", 30, "--pitch", -20, "--roll", 70
+    done("convert", "probe.irradiance.exr", "--to", to, "--roll", 70, "-o", "rolled.exr")
+    done("convert", "rolled.exr", "--to", to, *angles[:4], "-o", "turned.exr")
+    done("prefilter", "probe.exr", "--to", "irradiance", *ENGINES["irradiance"], *angles,
+         "-o", "direct.exr")  # fmt: skip
+    maps = [open_map(name) for name in ("probe.irradiance.exr", "turned.exr", "direct.exr")]
+    before, turned, direct = (each.coefficients for each in maps)
+    scale = abs(direct).max()
+    assert abs(before - direct).max() > 0.05 * scale
+    np.testing.assert_allclose(turned, direct, rtol=0, atol=1e-6 * scale)
+    readings = [each.info.options["reading"] for each in maps]
+    assert "axes" not in readings[0]
+    np.testing.assert_allclose(readings[1].pop("axes"), readings[2].pop("axes"), atol=3e-9)
+    assert readings[1] == readings[2] == readings[0]
+
+
+def test_what_is_no_light_alone_cannot_be_turned(engines):
+    for name in ("m.shrm.exr", "probe.splitsum.exr"):
+        kind = name.split(".")[1]
+        before = snapshot(engines)
+        result = run("convert", name, "--to", kind, "--pitch", 5, "-o", "x.exr")
+        assert_refused(result, 1, f"representation {kind} cannot be turned", "prefilter its probe")
+        assert "--yaw, --pitch and --roll" in result.err
+        assert snapshot(engines) == before
+
+
 @pytest.mark.parametrize("kind", list(ENGINES))
 @pytest.mark.parametrize("target", ["shrm", "cabral", "irradiance", "splitsum", "she"])
 def test_what_engines_use_becomes_nothing_else(engines, kind, target):
@@ -455,7 +484,7 @@ def test_what_engines_use_is_made_from_probes_alone(engines, target):
             2,
             "--compress applies with --to shrm",
         ),
-        ("irradiance", ["--to", "irradiance", "--yaw", "3"], 2, "--yaw applies to probes"),
+        ("irradiance", ["--to", "irradiance", "--mirror"], 2, "--mirror applies to probes"),
         ("irradiance", ["--to", "irradiance"], 1, "overwrite the input"),
         ("irradiance", ["--to", "irradiance", "--size", "5000", "-o", "x.exr"], 1, "--size"),
     ],

@@ -330,3 +330,29 @@ def test_chromaticities_that_are_none(folder, kind, data):
     assert "chromaticities" not in json.loads(done("info", "odd.exr", "--json"))
     done("prefilter", "odd.exr", "--brdf", "phong", "--size", "4", "-o", "m.exr")
     assert json.loads(done("info", "m.exr", "--json"))["chromaticities"] is None
+
+
+def test_a_light_file(folder):
+    """What is in it, what it comes to, and the hash of its files."""
+    text = (
+        '[[probe]]\nfile = "probe.exr"\nscale = 2\nyaw = 90\n'
+        "[[disc]]\ndirection = [1, 0, 0]\nsolid_angle = 6.283185307179586\nirradiance = [3, 2, 1]\n"
+    )
+    (folder / "lights.toml").write_text(text)
+    value = json.loads(done("info", "lights.toml", "--json"))
+    assert (value["kind"], value["width"], value["height"]) == ("light file", 1024, 512)
+    (probe,), (disc,) = value["probes"], value["discs"]
+    assert (probe["file"], probe["scale"], probe["layout"]) == ("probe.exr", [2, 2, 2], "latlong")
+    np.testing.assert_allclose(probe["axes"], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    assert (disc["azimuth"], disc["elevation"]) == (90, 0)
+    assert disc["radius"] == pytest.approx(90)
+    np.testing.assert_allclose(disc["radiance"], np.array([3, 2, 1]) / np.pi)
+    files = text.encode() + (folder / "probe.exr").read_bytes()
+    assert value["sha256"] == hashlib.sha256(files).hexdigest()
+    alone = np.array(json.loads(done("info", "probe.exr", "--json"))["mean"])
+    expected = 2 * alone + np.array([3, 2, 1]) / np.pi / 2
+    np.testing.assert_allclose(value["mean"], expected, rtol=1e-3)
+    _, pairs = lines(done("info", "lights.toml"))
+    assert pairs["discs"].startswith("azimuth 90, elevation 0, radius 90, solid angle 6.28319")
+    assert pairs["probes"].startswith("file probe.exr, scale 2, 2, 2")
+    assert_refused(run("info", "lights.toml", "--layout", "strip"), 1, "--layout says nothing")

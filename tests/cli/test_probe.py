@@ -1,6 +1,7 @@
 """`shrm probe`: the files it writes, opened with OpenEXR alone."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -133,3 +134,21 @@ def test_bad_input(folder, arguments, code, parts):
 def test_output_is_checked_before_the_work(folder, monkeypatch):
     monkeypatch.setattr("shrm_cli.probe.make.furnace", lambda *_: pytest.fail("worked first"))
     assert_refused(run("probe", "furnace", "-o", "no/p.exr"), 1, "there is no folder no")
+
+
+def test_a_sky_without_its_sun_and_the_light_file_that_is_printed(folder):
+    """The disc is printed as light files have it; with it the light is that of the whole sky."""
+    done("probe", "sky", "--size", 64, "--sun", "30,50", "-o", "whole.exr")
+    said = done("probe", "sky", "--size", 64, "--sun", "30,50", "--no-sun", "-o", "rest.exr")
+    first, *disc = said.splitlines()
+    assert first.startswith("rest.exr: 128 x 64")
+    Path("sun.toml").write_text("\n".join(["[[probe]]", 'file = "rest.exr"', *disc]))
+    whole, rest, sum_of_both = (
+        np.array(json.loads(done("info", name, "--json"))["mean"])
+        for name in ("whole.exr", "rest.exr", "sun.toml")
+    )
+    assert (whole > 1.2 * rest).all()
+    np.testing.assert_allclose(sum_of_both, whole, rtol=1e-3)
+    header, _ = read_exr("rest.exr")
+    assert json.loads(header["shrm:recipe"])["no_sun"] is True
+    assert done("probe", "sky", "--size", 8, "--no-sun", "--quiet", "-o", "q.exr") == ""

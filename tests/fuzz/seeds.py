@@ -76,6 +76,13 @@ _PRODUCT = (
     "compare FILE --probe sound.exr --size 16 --no-flip --view 0,0 --no-picture",
     "convert FILE --to shrm -o OUT.exr",
 )
+_LIGHTS = (
+    "info FILE",
+    "info FILE --json --yaw 20",
+    "convert FILE --to strip --size 4 -o OUT.exr",
+    "prefilter FILE --to irradiance --size 4 -o OUT.exr",
+    "render sound.shrm.exr --background FILE --size 16 -o OUT.png",
+)
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -113,6 +120,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed(kind, name, _MAP) for kind, name in maps),
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
         Seed("product texture", "product.exr", _PRODUCT),
+        Seed("light file", _lights(folder), _LIGHTS),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
@@ -173,6 +181,17 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
         ("TGA", "a.tga"),
         *(("other images", name) for name in written),
     ]
+
+
+def _lights(folder: Path) -> str:
+    """A light file with every way to name a light; the name of the file."""
+    name = "a.toml"
+    (folder / name).write_text(
+        f'[[probe]]\nfile = "{SOUND}"\nscale = [1, 0.5, 2]\nyaw = 30\nclamp = 2.5\n'
+        "[[disc]]\nazimuth = 40\nelevation = -30\nradius = 0.265\nradiance = 1.5e4\n"
+        "[[disc]]\ndirection = [1, 0.2, -3]\nsolid_angle = 0.7\nirradiance = [1, 2, 0.5]\n"
+    )
+    return name
 
 
 def _is_written(folder: Path, suffix: str, pixels: np.ndarray) -> bool:

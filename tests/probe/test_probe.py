@@ -25,13 +25,15 @@ NAN, INF = np.nan, np.inf
 FIX = ReadOptions(pixels=PixelPolicy(fix_nonfinite=True))
 
 
-def matrix_by_hand(up="y", mirror=False, yaw=0.0):
+def matrix_by_hand(up="y", mirror=False, yaw=0.0, pitch=0.0, roll=0.0):
     result = np.eye(3)
     if up == "z":  # (x, y, z) -> (x, z, -y)
         result = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) @ result
     if mirror:
         result = np.diag([-1, 1, 1]) @ result
-    return oracles.turn("y", np.deg2rad(yaw)) @ result
+    for axis, angle in (("z", roll), ("x", pitch), ("y", yaw)):  # in this order
+        result = oracles.turn(axis, np.deg2rad(angle)) @ result
+    return result
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
@@ -42,9 +44,20 @@ def test_matrix(up, mirror, yaw):
     np.testing.assert_allclose(found, matrix_by_hand(up, mirror, yaw), atol=1e-15)
 
 
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_all_turns(up):
+    angles = {"mirror": True, "yaw": 70, "pitch": -25, "roll": 110}
+    found = ReadOptions(up=up, **angles).matrix()
+    np.testing.assert_allclose(found, matrix_by_hand(up, **angles), atol=1e-15)
+    pixels = np.ones((4, 8, 3))
+    np.testing.assert_array_equal(Probe.from_array(pixels, up=up, **angles).matrix, found)
+
+
 def test_the_words_of_the_options():
     x, y, z = np.eye(3)
     np.testing.assert_allclose(ReadOptions(yaw=90).matrix() @ z, x, atol=1e-15)
+    np.testing.assert_allclose(ReadOptions(pitch=90).matrix() @ y, z, atol=1e-15)
+    np.testing.assert_allclose(ReadOptions(roll=90).matrix() @ x, y, atol=1e-15)
     np.testing.assert_array_equal(ReadOptions(mirror=True).matrix() @ x, -x)
     np.testing.assert_array_equal(ReadOptions(up="z").matrix() @ z, y)
     np.testing.assert_array_equal(ReadOptions().matrix(), np.eye(3))

@@ -19,6 +19,7 @@ from shrm_cli.maps.light_map import LightMap
 from shrm_cli.maps.size import choose_size
 from shrm_cli.sphere.extremes import lowest, series_values
 from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Sampling
 
@@ -202,6 +203,11 @@ class Irradiance(LightMap):
         if size is not None and size > MAX_CUBE_SIZE:
             raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
         return replace(self, size=size or self.size, sampling=sampling or self.sampling)
+
+    def turned(self, matrix: ArrayLike) -> "Irradiance":
+        """Return the map of the same light turned, exactly; see `Map.turned`."""
+        turned = transform_coefficients(self.coefficients, matrix)
+        return replace(self, coefficients=turned, info=self.info.turned(matrix))
 
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told of the map, without the numbers of `details`."""

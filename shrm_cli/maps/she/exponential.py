@@ -45,6 +45,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
+from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Law, Sampling
 
 Array = NDArray[np.floating]
@@ -129,6 +130,16 @@ class SphericalHarmonicExponential(SurfaceLightMap):
     ) -> "SphericalHarmonicExponential":
         """Return the same coefficients with another `info`, since the map has no cubes."""
         return replace(self, info=info)
+
+    def turned(self, matrix: ArrayLike) -> "SphericalHarmonicExponential":
+        """Return the map of the same light turned, exactly; see `Map.turned`.
+
+        The directions d and h turn with the normal and the view.
+        """
+        no_constant = np.zeros((1, 3))
+        q = transform_coefficients(np.concatenate([no_constant, self.q_coefficients]), matrix)[1:]
+        p = transform_coefficients(self.p_coefficients, matrix)
+        return replace(self, p_coefficients=p, q_coefficients=q, info=self.info.turned(matrix))
 
     def details(self) -> dict[str, Any]:
         """Return the orders, the coefficients, and the range of roughness."""

@@ -280,3 +280,23 @@ def test_orders_come_from_the_coefficients():
     for p, q in [((15, 3), (3, 3)), ((16, 3), (4, 3)), ((16, 4), (3, 4)), ((16,), (3, 3))]:
         with pytest.raises(ValueError, match="coefficients of shapes"):
             SphericalHarmonicExponential(np.zeros(p), np.zeros(q), (0.2, 1.0), INFO)
+
+
+@pytest.mark.parametrize("law", ["lobe", "paper"])
+def test_turned_light_is_seen_by_turned_surfaces(rng, law):
+    light, matrix = random_map(law=law), oracles.random_rotation(rng)
+    turned = light.turned(matrix)
+    normals, views = pairs(20)
+    for surface in ((0.5, (1.0, 1.0, 1.0)), (0.9, (0.04, 0.5, 1.0))):
+        expected = light.shaded(*surface).radiance(normals, views)
+        found = turned.shaded(*surface).radiance(normals @ matrix.T, views @ matrix.T)
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+        assert abs(turned.shaded(*surface).radiance(normals, views) / expected - 1).max() > 0.01
+
+
+@pytest.mark.parametrize("axes", ["sideways", [1.0, 2.0], [[1, 2, 3], [4, 5]], None])
+def test_turns_of_light_whose_file_records_no_axes(axes):
+    odd = replace(random_map(), info=replace(INFO, options={"reading": {"axes": axes}}))
+    turn = oracles.turn("y", 0.3)
+    found = odd.turned(turn).info.options["reading"]["axes"]
+    np.testing.assert_allclose(found, turn, atol=1e-9)

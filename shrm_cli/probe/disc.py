@@ -1,0 +1,162 @@
+"""Circular lights, whose harmonic coefficients are known in closed form."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.probe.make import latlong_solid_angles
+from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
+from shrm_cli.sphere.latlong import latlong_coordinates
+
+Array = NDArray[np.floating]
+
+_VALUES_AT_ONCE = 2**22
+_ROWS_AT_ONCE = 32
+_LEAST_PARTS, _MOST_PARTS = 16, 32
+"""Lines of which a row of pixels is made, for discs that are large or small beside it."""
+_PARTS_IN_A_RADIUS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Disc:
+    """A light of one radiance within an angle of its axis, such as the sun.
+
+    Attributes
+    ----------
+    direction : ndarray, shape (3,)
+        Unit axis, world axes.
+    radius : float
+        Angle between the axis and the edge, radians, above 0 and up to pi.
+    radiance : ndarray, shape (3,)
+    """
+
+    direction: Array
+    radius: float
+    radiance: Array
+
+    @property
+    def solid_angle(self) -> float:
+        """The solid angle in sr: ``2 pi (1 - cos r)``."""
+        return float(4 * np.pi * np.sin(self.radius / 2) ** 2)
+
+    @property
+    def irradiance(self) -> Array:
+        """The irradiance of a surface that faces the light, shape (3,)."""
+        return self.radiance * facing_factor(self.radius)
+
+    @property
+    def energy(self) -> Array:
+        """The integral of the squared radiance, shape (3,)."""
+        return self.radiance**2 * self.solid_angle
+
+
+def radius_of(solid_angle: float) -> float:
+    """Radius in radians of a disc of this solid angle, above 0 and up to 4 pi sr."""
+    return float(2 * np.arcsin(np.sqrt(min(solid_angle / (4 * np.pi), 1.0))))
+
+
+def facing_factor(radius: float) -> float:
+    """Irradiance of a surface that faces a disc of radiance 1: ``pi sin(r)^2``.
+
+    What lies below the surface's horizon does not count, so that no disc gives more than pi.
+    """
+    return float(np.pi * np.sin(min(radius, np.pi / 2)) ** 2)
+
+
+def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
+    """Coefficients of the light of all discs together.
+
+    Parameters
+    ----------
+    discs : sequence of Disc
+    order : int
+        Largest degree.
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, 3)
+        Index l(l+1)+m, world axes.
+
+    Notes
+    -----
+    About its own axis a disc of radiance L has the coefficients ``L_l0 = 2 pi L sqrt((2l+1) /
+    4 pi)`` times the integral of P_l from cos r to 1. This is ``(P_l-1 - P_l+1) / (2l+1)`` at
+    cos r, which loses all digits for a small r; as ``sin(r)^2 P_l' / (l (l+1))`` it keeps them.
+    Zonal functions are turned to an axis a by ``L_lm = sqrt(4 pi / (2l+1)) L_l0 Y_lm(a)``.
+    """
+    result = np.zeros(((order + 1) ** 2, 3))
+    step = max(_VALUES_AT_ONCE // (order + 1) ** 2, 1)
+    for start in range(0, len(discs), step):
+        some = discs[start : start + step]
+        radius = np.array([disc.radius for disc in some])
+        values = real_harmonics(order, np.array([disc.direction for disc in some]))
+        radiance = np.array([disc.radiance for disc in some])
+        areas = np.array([disc.solid_angle for disc in some])
+        degrees = legendre_degrees(order, np.cos(radius), max_m=1, sine=np.sin(radius))
+        for degree, legendre in degrees:
+            if degree == 0:
+                zonal = areas / np.sqrt(4 * np.pi)
+            else:
+                zonal = 2 * np.pi * np.sin(radius) * legendre[1] / np.sqrt(degree * (degree + 1))
+            rows = slice(degree**2, (degree + 1) ** 2)
+            weighted = np.sqrt(4 * np.pi / (2 * degree + 1)) * zonal[:, None] * radiance
+            result[rows] += values[:, rows].T @ weighted
+    return result
+
+
+def disc_rows(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:
+    """Yield a disc on a lat-long sampled at pixel centers, in blocks of the rows that it is on.
+
+    Parameters
+    ----------
+    disc : Disc
+    height : int
+        Rows of the lat-long.
+
+    Yields
+    ------
+    start : int
+        The first row of the block.
+    coverage : ndarray, shape (rows, 2 * height)
+        The part of each pixel that the disc covers. The sum over all pixels of coverage times exact
+        solid angle is the disc's solid angle.
+    """
+    areas = latlong_solid_angles(height)
+    blocks = list(_covered(disc, height))
+    found = sum(float(areas[at : at + len(each)] @ each.sum(axis=1)) for at, each in blocks)
+    for start, coverage in blocks:
+        yield start, coverage * (disc.solid_angle / found)
+
+
+def _covered(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:
+    """Yield blocks as `disc_rows` does, with the rounding of sums over a few lines in each row.
+
+    On a line of latitude a disc spans an interval of longitude, whose overlap with each pixel is
+    known. The lines are those between the disc's highest and lowest point, so that none is missed.
+    """
+    across, down = latlong_coordinates(disc.direction)
+    longitude, colatitude = float(across) * np.pi, (float(down) + 1) * (np.pi / 2)
+    step, radius = np.pi / height, disc.radius
+    low, high = max(colatitude - radius, 0.0), min(colatitude + radius, np.pi)
+    first, last = min(int(low / step), height - 1), min(int(np.ceil(high / step)), height)
+    parts = np.clip(int(_PARTS_IN_A_RADIUS * step / radius), _LEAST_PARTS, _MOST_PARTS)
+    fractions = (np.arange(parts) + 0.5) / parts
+    edges = np.linspace(-np.pi, np.pi, 2 * height + 1) - longitude
+    for start in range(first, max(last, first + 1), _ROWS_AT_ONCE):
+        rows = np.arange(start, min(start + _ROWS_AT_ONCE, max(last, first + 1)))
+        top, bottom = np.maximum(rows * step, low), np.minimum((rows + 1) * step, high)
+        lines = top[:, None] + (bottom - top)[:, None] * fractions
+        # The haversine formula keeps its digits for small discs.
+        above = np.sin(radius / 2) ** 2 - np.sin((lines - colatitude) / 2) ** 2
+        below = np.maximum(np.sin(lines) * np.sin(colatitude), np.finfo(float).tiny)
+        half_width = 2 * np.arcsin(np.sqrt(np.clip(above / below, 0.0, 1.0)))
+        # Integral of the disc along each line from its center to each pixel's edge.
+        turns = np.round(edges / (2 * np.pi))
+        within = edges - 2 * np.pi * turns
+        covered = np.clip(within, -half_width[..., None], half_width[..., None])
+        covered += 2 * half_width[..., None] * turns
+        weights = np.sin(lines) * (bottom - top)[:, None] / parts
+        weights /= (np.cos(rows * step) - np.cos((rows + 1) * step))[:, None]
+        yield start, np.diff(np.einsum("rp,rpe->re", weights, covered), axis=1) * (height / np.pi)

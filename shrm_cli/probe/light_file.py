@@ -1,0 +1,213 @@
+"""Light files: TOML that names probes and circular lights, whose sum is a probe.
+
+A small one, with all that a disc needs; `docs/conventions.md` has every key::
+
+    [[probe]]
+    file = "sky.exr"
+    yaw = 30
+
+    [[disc]]
+    azimuth = 45
+    elevation = 35
+    radius = 0.2655
+    radiance = [1.2e6, 1.0e6, 0.8e6]
+"""
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ProbeError
+from shrm_cli.files import inputs
+from shrm_cli.probe.disc import Disc, facing_factor, radius_of
+from shrm_cli.probe.image_file import check_file
+from shrm_cli.probe.light_sum import LightSum, SumImage, Term
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import is_light_file, open_probe
+from shrm_cli.sphere.directions import from_azimuth_elevation
+
+Array = NDArray[np.floating]
+
+_MOST_BYTES = 2**20
+_MOST_LIGHTS = 1000
+_BRIGHTEST = 1e30
+"""The largest radiance, irradiance or scale, at which sums of squares are still finite."""
+_LEAST_RADIUS = 1e-6
+"""The least radius of a disc in radians: smaller ones are points, which have no radiance."""
+_OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up"}
+"""The options that apply to a light file: they turn what is in it."""
+_PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
+_DISC_KEYS = {
+    "azimuth", "elevation", "direction", "radius", "solid_angle", "radiance", "irradiance",
+}  # fmt: skip
+
+
+def open_light_file(name: str, options: ReadOptions) -> LightSum:
+    """Open a light file and the probes that it names.
+
+    Parameters
+    ----------
+    name : str
+        The file. Names in it are relative to its folder.
+    options : ReadOptions
+        What turns the whole; other options say nothing about a light file.
+
+    Raises
+    ------
+    ProbeError
+        If it is no sound light file, or an option does not apply.
+    """
+    _check_options(name, options)
+    path = check_file(name)
+    text = _read(path)
+    try:
+        found = tomllib.loads(text.decode())
+    except RecursionError:
+        raise ProbeError(f"{name}: nested too deeply to be a light file; write it anew") from None
+    except ValueError as error:
+        reason = " ".join(str(error).split())[:100]
+        raise ProbeError(f"{name}: no TOML ({reason}); correct it") from None
+    inputs.note(path)
+    _check_keys(name, found, {"probe", "disc"})
+    tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in ("probe", "disc")}
+    count = sum(len(each) for each in tables.values())
+    if not 1 <= count <= _MOST_LIGHTS:
+        raise ProbeError(
+            f"{name}: {count:,} lights; give 1 to {_MOST_LIGHTS} [[probe]] and [[disc]] tables"
+        )
+    terms = [_term(f"{name}: probe {k}", path, each) for k, each in enumerate(tables["probe"], 1)]
+    discs = [_disc(f"{name}: disc {k}", each) for k, each in enumerate(tables["disc"], 1)]
+    return LightSum.of(SumImage(name, path, text, tuple(terms), tuple(discs)), options.matrix())
+
+
+def _check_options(name: str, options: ReadOptions) -> None:
+    default = ReadOptions()
+    for each in fields(ReadOptions):
+        if each.name in _OF_THE_WHOLE or getattr(options, each.name) == getattr(default, each.name):
+            continue
+        changed = each.name
+        if changed == "pixels":
+            changed = "clamp" if options.pixels.clamp is not None else "fix_nonfinite"
+        raise ProbeError(
+            f"{name}: `{changed}` says nothing about a light file; name it in a probe's table"
+        )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise ProbeError(f"{path}: cannot be read ({error.strerror}); check it") from None
+    if len(text) > _MOST_BYTES:
+        raise ProbeError(
+            f"{path}: larger than {_MOST_BYTES:,} bytes; put many lights into an image"
+        )
+    return text
+
+
+def _tables(name: str, kind: str, found: object) -> list[dict[str, Any]]:
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        raise ProbeError(f"{name}: `{kind}` must be tables; write [[{kind}]]")
+    return found
+
+
+def _check_keys(what: str, table: Mapping[str, Any], known: set[str]) -> None:
+    unknown = sorted(table.keys() - known)
+    if unknown:
+        names = ", ".join(sorted(known))
+        raise ProbeError(f"{what}: unknown key {unknown[0]!r:.60}; give {names}")
+
+
+def _term(what: str, path: Path, table: dict[str, Any]) -> Term:
+    """A [[probe]]: an image file of the light file's folder, and how it is read."""
+    _check_keys(what, table, {"file", "scale"} | _PROBE_KEYS)
+    file = table.get("file")
+    if not isinstance(file, str) or not file:
+        raise ProbeError(f"{what}: `file` must be the name of an image")
+    if not _stays_below(file):
+        raise ProbeError(
+            f"{what}: {file!r:.100} leaves the light file's folder; put the image into it"
+        )
+    if is_light_file(file):
+        raise ProbeError(f"{what}: {file!r:.100} is a light file; name images, and copy its lights")
+    scale = _color(what, "scale", table["scale"]) if "scale" in table else np.ones(3)
+    reading = {key: value for key, value in table.items() if key in _PROBE_KEYS}
+    try:
+        probe = open_probe(os.path.join(os.path.dirname(path), file), **reading)
+    except ProbeError as error:
+        raise ProbeError(f"{what}: {error}") from None
+    return Term(probe, scale)
+
+
+def _stays_below(file: str) -> bool:
+    """Whether a name is that of a file of this folder, or of one within it, on every system."""
+    windows = PureWindowsPath(file)
+    return not (
+        windows.drive or windows.root or PurePosixPath(file).is_absolute() or ".." in windows.parts
+    )
+
+
+def _disc(what: str, table: dict[str, Any]) -> Disc:
+    """A [[disc]], with one of the ways to say where it is, how large and how bright."""
+    _check_keys(what, table, _DISC_KEYS)
+    if _only(what, table, "direction", "azimuth") == "direction":
+        if "elevation" in table:
+            raise ProbeError(f"{what}: `direction` has the elevation; leave `elevation` out")
+        direction = _direction(what, table["direction"])
+    else:
+        azimuth = _number(what, "azimuth", table["azimuth"], -1e6, 1e6)
+        elevation = _number(what, "elevation", table.get("elevation"), -90, 90)
+        direction = from_azimuth_elevation(azimuth, elevation)
+    if _only(what, table, "radius", "solid_angle") == "radius":
+        radius = math.radians(_number(what, "radius", table["radius"], 0, 180))
+    else:
+        radius = radius_of(_number(what, "solid_angle", table["solid_angle"], 0, 4 * math.pi))
+    if radius < _LEAST_RADIUS:
+        raise ProbeError(
+            f"{what}: too small; give a radius of {math.degrees(_LEAST_RADIUS):.2g} degrees or more"
+        )
+    radiance = _color(what, key := _only(what, table, "radiance", "irradiance"), table[key])
+    if key == "irradiance":
+        radiance = radiance / facing_factor(radius)
+    return Disc(direction, radius, radiance)
+
+
+def _only(what: str, table: dict[str, Any], one: str, other: str) -> str:
+    """Which one of two keys there is."""
+    if (one in table) == (other in table):
+        said = "excludes" if one in table else "is missing, or"
+        raise ProbeError(f"{what}: `{one}` {said} `{other}`; give one of them")
+    return one if one in table else other
+
+
+def _direction(what: str, value: object) -> Array:
+    if not isinstance(value, list) or len(value) != 3:
+        raise ProbeError(f"{what}: `direction` must be three numbers")
+    vector = np.array([_number(what, "direction", each, -1e6, 1e6) for each in value])
+    length = float(np.linalg.norm(vector))
+    if length < 1e-6:
+        raise ProbeError(f"{what}: `direction` is 0; give three numbers that point to the light")
+    return np.asarray(vector / length)
+
+
+def _color(what: str, key: str, value: object) -> Array:
+    """One number for all channels, or three."""
+    values = value if isinstance(value, list) else [value] * 3
+    if len(values) != 3:
+        raise ProbeError(f"{what}: `{key}` must be one number or three")
+    return np.array([_number(what, key, each, 0, _BRIGHTEST) for each in values])
+
+
+def _number(what: str, key: str, value: object, least: float, most: float) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not least <= value <= most:  # type: ignore[operator]
+        raise ProbeError(f"{what}: `{key}` must be a number from {least:g} to {most:g}")
+    return float(value)  # type: ignore[arg-type]

@@ -1,0 +1,209 @@
+"""Sums of probes and circular lights, which are one probe to all that takes probes.
+
+Harmonic coefficients of a sum are sums, so that discs are exact there (`shrm_cli.probe.lighting`).
+What needs pixels gets those of a lat-long, on which the light of each disc is spread over the
+pixels that it covers.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ProbeError
+from shrm_cli.probe.blocks import Block
+from shrm_cli.probe.disc import Disc, disc_rows
+from shrm_cli.probe.make import latlong_solid_angles
+from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import to_grid
+from shrm_cli.sphere.grid.latlong import LatLong
+
+Array = NDArray[np.floating]
+
+_LEAST_ROWS, _MOST_ROWS = 512, 2048
+"""The range of the rows of the lat-long; within it, those of the finest probe are taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A probe that is part of a sum.
+
+    Attributes
+    ----------
+    probe : Probe
+    scale : ndarray, shape (3,)
+        What its radiance is multiplied by.
+    """
+
+    probe: Probe
+    scale: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SumImage:
+    """The lat-long of a sum, which is made when it is first read; a `ProbeImage`.
+
+    Attributes
+    ----------
+    name : str
+        What messages call the sum.
+    path : Path, optional
+        The light file.
+    recipe : bytes
+        What tells this sum from others of the same probes: the bytes of the light file.
+    terms : tuple of Term
+    discs : tuple of Disc
+    """
+
+    name: str
+    path: Path | None
+    recipe: bytes
+    terms: tuple[Term, ...]
+    discs: tuple[Disc, ...]
+
+    file_format = "light file"
+    notes = ()
+    row_multiple = 1
+
+    @property
+    def height(self) -> int:
+        finest = max((term.probe.grid.latlong_rows for term in self.terms), default=0)
+        return min(max(finest, _LEAST_ROWS), _MOST_ROWS)
+
+    @property
+    def width(self) -> int:
+        return 2 * self.height
+
+    def facts(self) -> dict[str, Any]:
+        """The probes and the discs, for `shrm info`."""
+        probes = [
+            {"file": term.probe.name, "scale": term.scale.tolist(), **term.probe.reading()}
+            for term in self.terms
+        ]
+        return {"probes": probes, "discs": [_facts_of(disc) for disc in self.discs]}
+
+    def contents(self) -> Iterator[bytes]:
+        """Yield the bytes of the light file, and those of each probe's files."""
+        yield self.recipe
+        for term in self.terms:
+            for image in term.probe.images:
+                yield from image.contents()
+
+    def read(self, start: int, stop: int) -> Array:
+        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
+        return self._pixels_and_overlaps[0][start:stop].copy()
+
+    def overlaps(self) -> Array:
+        """What the energy of the sum is more than the energies of its lights, shape (3,).
+
+        It is twice the integral of the products of all pairs of lights, over the pixels.
+        """
+        if len(self.terms) + len(self.discs) < 2:
+            return np.zeros(3)
+        return self._pixels_and_overlaps[1]
+
+    @cached_property
+    def _pixels_and_overlaps(self) -> tuple[NDArray[np.float32], Array]:
+        pixels = np.zeros((self.height, self.width, 3), dtype=np.float32)
+        areas = latlong_solid_angles(self.height)
+        overlaps = np.zeros(3)
+        with np.errstate(over="ignore", invalid="ignore"):  # the sum is checked below
+            for start, light in self._lights():
+                before = pixels[start : start + len(light)]
+                weights = areas[start : start + len(light)]
+                overlaps += 2 * np.einsum("ijc,ijc,i->c", before, light, weights, dtype=float)
+                before += light
+        if not np.isfinite(pixels).all():
+            raise ProbeError(f"{self.name}: its lights together exceed 32-bit floats; scale down")
+        return pixels, overlaps
+
+    def _lights(self) -> Iterator[tuple[int, Array]]:
+        """Yield first rows and pixels of one light after the other."""
+        grid = LatLong(self.height)
+        for term in self.terms:
+            yield 0, to_grid(term.probe, grid) * term.scale.astype(np.float32)
+        for disc in self.discs:
+            for start, coverage in disc_rows(disc, self.height):
+                yield start, coverage[..., None] * disc.radiance
+
+
+@dataclass(frozen=True, eq=False)
+class LightSum(Probe):
+    """A sum of probes and discs.
+
+    Attributes
+    ----------
+    image_of_sum : SumImage
+        The lights, and the lat-long that `images` holds.
+    """
+
+    image_of_sum: SumImage = field(kw_only=True)
+
+    @classmethod
+    def of(cls, image: SumImage, matrix: Array) -> "LightSum":
+        """Make the sum of the lights of an image; the matrix turns all of them.
+
+        Raises
+        ------
+        ProbeError
+            If the probes state different primaries.
+        """
+        stated = {term.probe.chromaticities: term.probe.name for term in image.terms}
+        stated.pop(None, None)
+        if len(stated) > 1:
+            first, second, *_ = stated.values()
+            raise ProbeError(
+                f"{image.name}: {first} and {second} state different primaries; convert one of them"
+            )
+        return cls(
+            image.name, LatLong(image.height), "latlong", None, matrix, PixelPolicy(),
+            next(iter(stated), None), (image,), PixelReport(), image_of_sum=image,
+        )  # fmt: skip
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The probes."""
+        return self.image_of_sum.terms
+
+    @property
+    def discs(self) -> tuple[Disc, ...]:
+        """The circular lights, in the axes that `matrix` turns."""
+        return self.image_of_sum.discs
+
+    @property
+    def paths(self) -> list[Path]:
+        """The light file, and the files of its probes."""
+        own = [] if self.image_of_sum.path is None else [self.image_of_sum.path]
+        return own + [path for term in self.terms for path in term.probe.paths]
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the lat-long in blocks of rows, as `Probe.blocks` does."""
+        self.image_of_sum.read(0, 0)  # this reads the probes
+        self.tell_warnings()
+        yield from super().blocks()
+
+    def tell_warnings(self) -> None:
+        """Take what the pixels of the probes needed, which have been read, into the report."""
+        self.report.notes = tuple(
+            f"{term.probe.name}: {line}"
+            for term in self.terms
+            for line in term.probe.report.warnings()
+        )
+
+
+def _facts_of(disc: Disc) -> dict[str, Any]:
+    """A disc as `shrm info` prints it."""
+    x, y, z = disc.direction
+    return {
+        "azimuth": float(np.degrees(np.arctan2(x, z))),
+        "elevation": float(np.degrees(np.arcsin(np.clip(y, -1, 1)))),
+        "radius": float(np.degrees(disc.radius)),
+        "solid_angle": disc.solid_angle,
+        "radiance": disc.radiance.tolist(),
+        "irradiance": disc.irradiance.tolist(),
+    }
