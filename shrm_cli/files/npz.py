@@ -55,7 +55,9 @@ class Archive:
         }
         self.names = self._members.keys()
 
-    def numbers(self, name: str, dimensions: int, most: int) -> NDArray[np.floating]:
+    def numbers(
+        self, name: str, dimensions: int, most: int | None = None
+    ) -> NDArray[np.floating]:
         """Return an array of 32 or 64-bit floats.
 
         Parameters
@@ -63,15 +65,17 @@ class Archive:
         name : str
         dimensions : int
             How many axes the array has.
-        most : int
-            The most bytes of its numbers.
+        most : int, optional
+            The most bytes of its numbers. By default they must not be packed, so that they are no
+            more than what the file holds.
 
         Raises
         ------
         ValueError
             If there is no such array, or it is another one than expected.
         """
-        return self._array(name, dimensions, "f", range(4, 9, 4), most + MOST_TEXT)
+        limit = self._stored(name) if most is None else most + MOST_TEXT
+        return self._array(name, dimensions, "f", range(4, 9, 4), limit)
 
     def text(self, name: str) -> str:
         """Return a single text.
@@ -85,6 +89,19 @@ class Archive:
         array = self._array(name, 0, "U", range(4, MOST_TEXT), MOST_TEXT)
         points = np.frombuffer(array.tobytes(), array.dtype.byteorder.replace("=", "<") + "u4")
         return bytes(points.astype("<u4")).decode("utf-32-le").rstrip("\0")
+
+    def _stored(self, name: str) -> int:
+        """Bytes of an array that is not packed.
+
+        Raises
+        ------
+        ValueError
+            If it is packed.
+        """
+        info = self._members.get(name)
+        if info is not None and info.compress_type != zipfile.ZIP_STORED:
+            raise ValueError(f"{info.filename} is packed")
+        return self._size
 
     def _array(
         self, name: str, dimensions: int, kind: str, sizes: range, most: int
