@@ -26,6 +26,10 @@ class MapError(ShrmError):
     """A file is not a map that `shrm` wrote, or a map cannot be made or used as asked."""
 
 
+class MeshError(ShrmError):
+    """A mesh cannot be read, or cannot be drawn or traced as it is."""
+
+
 class OutputError(ShrmError):
     """An output file cannot be written completely."""
 
