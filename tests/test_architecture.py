@@ -30,6 +30,7 @@ STOPS = [
     {"orders", "reflected"},
     {"reference"},
     {"maps"},
+    {"transfer"},
     {"prefilter"},
     {"render"},
     {"analysis"},

@@ -60,6 +60,13 @@ It is some hundred times the rounding of the 32-bit coordinates that rays are tr
 """
 
 
+INSET = 0.01
+"""How far a ray begins from a vertex on a border, as a part of the way into its triangles.
+
+Where walls meet, each with vertices of its own, rays from the very edge would slip between them.
+"""
+
+
 class Rays(Protocol):
     """What is asked of `geometry.rays.Rays`."""
 
@@ -108,8 +115,8 @@ class Gathering:
         local = spiral_directions(2 * samples)[samples:]
         harmonics = real_harmonics(order, local)
         weight = 2 * np.pi / samples
-        self._local = local.astype(np.float32)
-        self._cosines = np.float32(weight) * self._local[:, 2]
+        self._local = local
+        self._cosines = (weight * local[:, 2]).astype(np.float32)
         self._harmonics = (weight * harmonics).astype(np.float32)
         self._lambert = (weight * local[:, 2:] * harmonics).astype(np.float32)
         self._pairs = np.triu_indices(harmonics.shape[1])
@@ -117,7 +124,8 @@ class Gathering:
         self._products = (weight * harmonics[:, rows] * harmonics[:, columns]).astype(np.float32)
         self._factors = lambert_factors(order)[degrees(order)]
         lift = OFFSET * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        self._origins = (vertices + lift * normals).astype(np.float32)
+        inset = INSET * _ways_inwards(vertices, normals, faces)
+        self._origins = vertices + lift * normals + inset
         self._sides = _outer_sides(vertices, normals, faces)
 
     def unshadowed(self, part: slice) -> Array:
@@ -197,7 +205,7 @@ class Gathering:
 
     def _bundle(self, part: slice) -> tuple[Array, Array]:
         """Origins and directions of the rays of some vertices, shapes (k * samples, 3)."""
-        directions = self._local @ self._frames[part].astype(np.float32)
+        directions = self._local @ self._frames[part]
         origins = np.broadcast_to(self._origins[part, None], directions.shape)
         return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
@@ -211,6 +219,25 @@ def frames_along(normals: Array, tangents: Array) -> Array:
         Unit vectors, world axes, at right angles to each other.
     """
     return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
+
+
+def _ways_inwards(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
+    """Ways from vertices on a border to the middle of their triangles, 0 for all others; (v, 3).
+
+    A border is an edge of one triangle only. The ways do not lead below the tangent plane, where
+    a surface that is convex is closed.
+    """
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, counts = np.unique(edges, axis=0, return_counts=True)
+    ways, triangles = np.zeros_like(vertices), np.zeros((len(vertices), 1))
+    for corner in faces.T:
+        np.add.at(ways, corner, vertices[faces].mean(axis=1) - vertices[corner])
+        np.add.at(triangles, corner, 1)
+    ways /= np.maximum(triangles, 1)
+    ways -= np.minimum(np.einsum("vi,vi->v", ways, normals), 0)[:, None] * normals
+    on_border = np.zeros(len(vertices), bool)
+    on_border[unique[counts == 1]] = True
+    return np.where(on_border[:, None], ways, 0)
 
 
 def _outer_sides(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
