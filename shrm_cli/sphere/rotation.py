@@ -1,6 +1,10 @@
-"""Rotating the coefficients of functions on the sphere."""
+"""Rotating the coefficients of functions on the sphere.
 
-import math
+Turns about z only mix the harmonics +m and -m of a degree, in pairs. Every other rotation is made
+of them and of one fixed rotation, a quarter turn, whose matrices are kept: the work for many points
+is then a few turns of pairs, and two products with matrices that are the same for all of them.
+"""
+
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
@@ -8,22 +12,47 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.wigner import right_angle_degrees, small_d_degrees
+from shrm_cli.sphere.wigner import right_angle_degrees
 
 Array = NDArray[np.floating]
 
 _CACHED_ORDER = 96
+_BLOCK = 8192
+"""Values of each m that are turned at a time, few enough to stay in the processor's cache."""
+_DIRECT = 2
+"""The largest degree whose rotations are written as polynomials of the matrix elements."""
+
+_LINEAR = np.eye(3)[[1, 2, 0]]
+"""``Y_1m`` is proportional to ``_LINEAR[m + 1] . d``: y, z and x."""
+_QUADRATIC = np.zeros((5, 3, 3))
+"""``Y_2m`` is proportional to ``d . _QUADRATIC[m + 2] . d``; these are orthonormal matrices."""
+for _at, _i, _j in ((0, 0, 1), (1, 1, 2), (3, 0, 2)):
+    _QUADRATIC[_at, _i, _j] = _QUADRATIC[_at, _j, _i] = np.sqrt(1 / 2)
+_QUADRATIC[2] = np.diag([-1.0, -1.0, 2.0]) / np.sqrt(6)
+_QUADRATIC[4] = np.diag([1.0, -1.0, 0.0]) / np.sqrt(2)
 
 
-def euler_zyz(rotation: ArrayLike) -> tuple[float, float, float]:
-    """Angles (a, b, c), radians, of ``rotation = Rz(a) Ry(b) Rz(c)``, a 3x3 rotation matrix."""
-    r = np.asarray(rotation, dtype=float)
-    alpha = np.arctan2(r[1, 2], r[0, 2])
+def euler_zyz(rotations: ArrayLike) -> tuple[Array, Array, Array]:
+    """Angles (a, b, c) of ``rotation = Rz(a) Ry(b) Rz(c)``.
+
+    Parameters
+    ----------
+    rotations : array_like, shape (..., 3, 3)
+
+    Returns
+    -------
+    a, b, c : ndarray, shape (...)
+        Radians; b is in [0, pi].
+    """
+    r = np.asarray(rotations, dtype=float)
+    first, second, third = np.moveaxis(r, -2, 0)
+    alpha = np.arctan2(second[..., 2], first[..., 2])
+    cosine, sine = np.cos(alpha)[..., None], np.sin(alpha)[..., None]
     # With a taken out, the rows of Ry(b) Rz(c) give b and c. Near b = 0 and b = pi, where a is
     # noise, c makes up for it.
-    x = np.cos(alpha) * r[0] + np.sin(alpha) * r[1]
-    y = np.cos(alpha) * r[1] - np.sin(alpha) * r[0]
-    return float(alpha), float(np.arctan2(x[2], r[2, 2])), float(np.arctan2(y[0], y[1]))
+    x = cosine * first + sine * second
+    y = cosine * second - sine * first
+    return alpha, np.arctan2(x[..., 2], third[..., 2]), np.arctan2(y[..., 0], y[..., 1])
 
 
 def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
@@ -39,85 +68,63 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape ((order+1)^2, ...)
-
-    References
-    ----------
-    Ramamoorthi 2002, eq. 2.29: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b) exp(-i n c)``, here
-    between real harmonics.
     """
-    matrix = np.asarray(matrix, dtype=float)
-    result = np.array(coefficients, dtype=float)
-    order = order_of(len(result))
-    m, opposite = _azimuthal_orders(order)
-    if np.linalg.det(matrix) < 0:  # y -> -y comes first: the sine harmonics change sign
-        matrix = matrix @ np.diag([1.0, -1.0, 1.0])
-        result[m < 0] *= -1
-    alpha, beta, gamma = euler_zyz(matrix)
-    result = _turn_about_z(result, m, opposite, gamma)
-    for at, tilt in enumerate(_tilts(order, beta)):
-        rows = slice(at**2, (at + 1) ** 2)
-        flat = result[rows].reshape(2 * at + 1, -1)
-        result[rows] = (tilt @ flat).reshape(result[rows].shape)
-    return _turn_about_z(result, m, opposite, alpha)
+    source = np.asarray(coefficients, dtype=float)
+    return rotate_each_into_frame(source[..., None], np.asarray(matrix)[None])[..., 0]
 
 
-def turn_about_z(coefficients: ArrayLike, angle: ArrayLike) -> Array:
-    """Rotate coefficients about +Z, f(phi) to f(phi - angle).
+def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
+    """Turn one set of functions of direction, in world axes, into many local frames.
 
     Parameters
     ----------
     coefficients : array_like, shape ((order+1)^2, ...)
-        Real coefficients, index l(l+1)+m.
-    angle : array_like, broadcastable with the last axes of `coefficients`
-        Radians.
+        Real coefficients of the functions, index l(l+1)+m.
+    frames : array_like, shape (points, 3, 3)
+        Orthogonal. The rows of each are the axes x', y', z' of a local frame in world axes, so
+        that ``frame @ world = local``.
 
     Returns
     -------
-    ndarray, shape ((order+1)^2, ...)
-        The last axes are those that both broadcast to.
+    ndarray, shape ((order+1)^2, ..., points)
+
+    References
+    ----------
+    Kautz, Sloan & Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
+    Spherical Harmonics, appendix: low degrees are polynomials of the matrix elements, of which the
+    products with the coefficients are taken once for all points; higher ones are turned by Euler
+    angles. Degrees 0 to 2 are four times as fast by polynomials.
     """
-    values = np.asarray(coefficients)
-    return _turn_about_z(values, *_azimuthal_orders(order_of(len(values))), np.asarray(angle))
+    source, frames = np.asarray(coefficients, dtype=float), np.asarray(frames, dtype=float)
+    result = np.empty((*source.shape, len(frames)))
+    order = order_of(len(source))
+    direct = min(order, _DIRECT)
+    _polynomials(source[: (direct + 1) ** 2], frames, result)
+    if order > direct:
+        each = np.broadcast_to(source[..., None], result.shape)
+        _turn_into_frames(each, frames, result, direct + 1)
+    return result
 
 
-def _azimuthal_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The m of every linear index, and the index of the same degree with -m."""
-    degree = degrees(order)
-    m = np.arange(len(degree)) - degree * (degree + 1)
-    return m, degree * (degree + 1) - m
+def rotate_each_into_frame(coefficients: ArrayLike, frames: ArrayLike) -> Array:
+    """Turn functions of direction, in world axes, into a local frame of their own each.
 
+    Parameters
+    ----------
+    coefficients : array_like, shape ((order+1)^2, ..., points)
+        The functions of each point.
+    frames : array_like, shape (points, 3, 3)
+        As `rotate_into_frames` takes them. Transposed, they turn functions in the local frames
+        into world axes.
 
-def _tilts(order: int, beta: float) -> Iterable[Array]:
-    """Yield the matrices of Ry(b) between real harmonics, degree by degree."""
-    if beta == np.pi / 2:  # axes are exchanged, as for every lat-long and every cube
-        return _cached_tilts(order) if order <= _CACHED_ORDER else _right_angle_tilts(order)
-    return (_real_tilt(d, degree) for degree, d in small_d_degrees(order, beta))
-
-
-@lru_cache(maxsize=4)
-def _cached_tilts(order: int) -> list[Array]:
-    return list(_right_angle_tilts(order))
-
-
-def _right_angle_tilts(order: int) -> Iterator[Array]:
-    """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
-
-    Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, ..., points)
     """
-    m = np.arange(order + 1)
-    factor = np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
-    weights = factor[:, None] * factor
-    odd = (m[:, None] + m) % 2
-    by_parity = weights * (1 - odd), weights * odd
-    for degree, quadrant in enumerate(right_angle_degrees(order)):
-        size = degree + 1
-        cosine, sine = by_parity[degree % 2], by_parity[1 - degree % 2]
-        result = np.zeros((2 * degree + 1, 2 * degree + 1))
-        np.multiply(quadrant, cosine[:size, :size], out=result[degree:, degree:])
-        np.multiply(
-            quadrant[:0:-1, :0:-1], sine[degree:0:-1, degree:0:-1], out=result[:degree, :degree]
-        )
-        yield result
+    source = np.asarray(coefficients, dtype=float)
+    result = np.empty_like(source)
+    _turn_into_frames(source, np.asarray(frames, dtype=float), result)
+    return result
 
 
 def rotate_to_frames(
@@ -144,66 +151,180 @@ def rotate_to_frames(
     """
     source = np.asarray(coefficients)
     result = np.empty_like(source)
-    order = order_of(len(source))
-    theta, phi = np.asarray(theta, dtype=float), np.asarray(phi, dtype=float)
-    # A matrix product for each point pays where it has more functions than there are points.
-    few_points = theta.size < math.prod(source.shape[1:-1])
-    for degree, d in small_d_degrees(order, theta if inverse else -theta):
-        rows = slice(degree**2, (degree + 1) ** 2)
-        tilt = _real_tilt(d, degree)
-        m, opposite = np.arange(-degree, degree + 1), np.arange(2 * degree, -1, -1)
-        block = source[rows] if inverse else _turn_about_z(source[rows], m, opposite, -phi)
-        block = np.einsum("mnk,n...k->m...k", tilt, block, optimize=few_points)
-        result[rows] = _turn_about_z(block, m, opposite, phi) if inverse else block
+    points = source.shape[-1:]
+    theta, phi = np.broadcast_to(theta, points), np.broadcast_to(phi, points)
+    none = np.zeros(points)
+    _turn_zyz(source, (phi, theta, none) if inverse else (none, -theta, -phi), result)
     return result
 
 
-def _real_tilt(d: Array, degree: int) -> Array:
-    """Matrix of Ry(b) between real harmonics of one degree, from the small-d matrix.
-
-    Ry keeps the mirror symmetry in y, so cosine and sine harmonics do not mix.
-
-    Parameters
-    ----------
-    d : ndarray, shape (2l+1, 2l+1, ...)
-        ``d[m + l, n + l] = d^l_mn(b)``.
-    degree : int
-        l.
-
-    Returns
-    -------
-    ndarray, of the same shape
-    """
-    result = np.zeros_like(d)
-    c = degree
-    tail = [1] * (d.ndim - 2)
-    m = np.arange(1, degree + 1)
-    # The signs remove the Condon-Shortley phase of the complex harmonics behind d.
-    sign = (-1.0) ** (m[:, None] + m[None, :]).reshape(degree, degree, *tail)
-    alternate = (-1.0) ** m.reshape(1, degree, *tail)
-    plus, minus = d[c + 1 :, c + 1 :], d[c + 1 :, :c][:, ::-1]
-    result[c + 1 :, c + 1 :] = sign * (plus + alternate * minus)
-    result[:c, :c] = (sign * (plus - alternate * minus))[::-1, ::-1]
-    result[c, c] = d[c, c]
-    edge = np.sqrt(2) * (-1.0) ** m.reshape(degree, *tail)
-    result[c + 1 :, c] = edge * d[c + 1 :, c]
-    result[c, c + 1 :] = edge * d[c, c + 1 :]
-    return result
-
-
-def _turn_about_z(
-    values: Array, m: NDArray[np.intp], opposite: NDArray[np.intp], angle: float | Array
-) -> Array:
+def turn_about_z(coefficients: ArrayLike, angle: ArrayLike) -> Array:
     """Rotate coefficients about +Z, f(phi) to f(phi - angle).
 
     Parameters
     ----------
-    values : ndarray, shape (n, ...)
-    m, opposite : ndarray of int, shape (n,)
-        Azimuthal order of each coefficient, and the index of the one with -m.
-    angle : float or ndarray, broadcastable to the last axes of `values`
+    coefficients : array_like, shape ((order+1)^2, ...)
+        Real coefficients, index l(l+1)+m.
+    angle : array_like, broadcastable with the last axes of `coefficients`
+        Radians.
+
+    Returns
+    -------
+    ndarray, shape ((order+1)^2, ...)
+        The last axes are those that both broadcast to.
     """
-    if np.ndim(angle) == 0 and angle == 0:
-        return values
-    phase = m.reshape(-1, *[1] * (values.ndim - 1)) * angle
-    return np.cos(phase) * values - np.sin(phase) * values[opposite]
+    values = np.asarray(coefficients, dtype=float)
+    phases = _phases(order_of(len(values)), np.asarray(angle, dtype=float))
+    blocks = [
+        _turned(values[degree**2 : (degree + 1) ** 2], phases)
+        for degree in range(order_of(len(values)) + 1)
+    ]
+    return np.concatenate(blocks)
+
+
+def _polynomials(source: Array, frames: Array, result: Array) -> None:
+    """Write the degrees 0 to 2 of the functions in each frame, as `rotate_into_frames` has it.
+
+    With ``f(d) = sum_n c_n (a_n . d)`` the function in the frame F is ``sum_n c_n (F a_n) . d``,
+    and likewise ``d . (F S F^T) d`` where f is ``d . S d``.
+    """
+    shape = source.shape[1:]
+    flat, points = source.reshape(len(source), -1), len(frames)
+    elements = np.ascontiguousarray(frames.reshape(points, 9).T)
+    result[0] = source[0, ..., None]
+    if len(source) > 1:
+        linear = np.einsum("mi,na,nc->mcia", _LINEAR, _LINEAR, flat[1:4]).reshape(-1, 9)
+        result[1:4] = (linear @ elements).reshape(3, *shape, points)
+    if len(source) > 4:
+        forms = np.einsum("nab,nc->cab", _QUADRATIC, flat[4:9])
+        weights = np.einsum("mij,cab->mciajb", _QUADRATIC, forms).reshape(-1, 9, 9)
+        # Only one of the two products of a pair of different elements is made.
+        first, second = np.triu_indices(9)
+        pairs = (weights + weights.swapaxes(1, 2))[:, first, second]
+        pairs *= np.where(first == second, 0.5, 1.0)
+        for at in range(0, points, _BLOCK):
+            part = elements[:, at : at + _BLOCK]
+            product = pairs @ (part[first] * part[second])
+            result[4:9, ..., at : at + _BLOCK] = product.reshape(5, *shape, -1)
+
+
+def _turn_into_frames(source: Array, frames: Array, result: Array, lowest: int = 0) -> None:
+    """Write functions, shape ((order+1)^2, ..., points), in a frame of their own each.
+
+    Degrees below `lowest` are left as they are in the result.
+    """
+    mirrored = np.linalg.det(frames) < 0
+    if mirrored.any():  # y -> -y comes first: the sine harmonics change sign
+        frames = np.where(mirrored[:, None, None], frames * [1.0, -1.0, 1.0], frames)
+        degree = degrees(order_of(len(source)))
+        is_sine = np.arange(len(source)) < degree * (degree + 1)
+        sign = np.where(is_sine[:, None] & mirrored, -1.0, 1.0)
+        source = source * sign.reshape(len(source), *[1] * (source.ndim - 2), -1)
+    _turn_zyz(source, euler_zyz(frames), result, lowest)
+
+
+def _turn_zyz(
+    source: Array, angles: tuple[Array, Array, Array], result: Array, lowest: int = 0
+) -> None:
+    """Carry functions along by ``Rz(a) Ry(b) Rz(c)`` of their own each.
+
+    ``Ry(b) = Rx(-90) Rz(b) Rx(90)``, and ``Rx(90) = Rz(-90) Ry(90) Rz(90)``, degrees, whose turns
+    about z join those by a and c. Where b is 90 degrees itself, as where axes are exchanged for
+    lat-longs and cubes, a single product with the matrices of ``Ry(90)`` does.
+
+    Parameters
+    ----------
+    source : ndarray, shape ((order+1)^2, ..., points)
+    angles : tuple of ndarray, shape (points,)
+        The three angles, radians.
+    result : ndarray, of the shape of `source`
+        What is written.
+    lowest : int
+        Degrees below it are not written.
+
+    References
+    ----------
+    Ramamoorthi 2002, eq. 2.29, for the convention: ``D^l_mn(a, b, c) = exp(-i m a) d^l_mn(b)
+    exp(-i n c)``, here between real harmonics.
+    """
+    order = order_of(len(source))
+    alpha, beta, gamma = angles
+    exchanged = bool((beta == np.pi / 2).all())
+    quarter = 0.0 if exchanged else np.pi / 2
+    about_z = gamma + quarter, beta, alpha - quarter
+    turns = [_phases(order, each, source.dtype) for each in about_z]
+    points = source.shape[-1]
+    step = max(_BLOCK * points // max(source[0].size, 1), 1)
+    for degree, quarter_turn in enumerate(_quarter_turns(order)):
+        if degree < lowest:
+            continue
+        rows = slice(degree**2, (degree + 1) ** 2)
+        matrix = quarter_turn.astype(source.dtype, copy=False)
+        for at in range(0, points, step):
+            some = np.s_[..., at : at + step]
+            before, between, after = ((cosine[some], sine[some]) for cosine, sine in turns)
+            block = _product(matrix, _turned(source[rows][some], before))
+            if not exchanged:
+                block = _product(matrix.T, _turned(block, between))
+            result[rows][some] = _turned(block, after)
+
+
+def _product(matrix: Array, block: Array) -> Array:
+    """A matrix times functions, shape (2l+1, ...)."""
+    return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
+
+
+def _phases(order: int, angle: Array, dtype: np.typing.DTypeLike = float) -> tuple[Array, Array]:
+    """Cosines and sines of m times angles, m = 1 .. order, shape (order, ...) each."""
+    phase = np.arange(1, order + 1).reshape(-1, *[1] * angle.ndim) * angle
+    return np.cos(phase).astype(dtype), np.sin(phase).astype(dtype)
+
+
+def _turned(block: Array, phases: tuple[Array, Array]) -> Array:
+    """Functions of one degree, shape (2l+1, ...), turned about +Z by angles as `_phases` has them.
+
+    The angles broadcast with the last axes of the functions.
+    """
+    degree = len(block) // 2
+    if degree == 0:
+        return np.broadcast_to(block, np.broadcast_shapes(block.shape, (1, *phases[0].shape[1:])))
+    missing = [1] * (block.ndim - phases[0].ndim)
+    cosine, sine = (each[:degree].reshape(degree, *missing, *each.shape[1:]) for each in phases)
+    plus, minus = block[degree + 1 :], block[degree - 1 :: -1]
+    shape = np.broadcast_shapes(plus.shape, cosine.shape)
+    result = np.empty((2 * degree + 1, *shape[1:]), dtype=block.dtype)
+    result[degree] = block[degree]
+    result[degree + 1 :] = cosine * plus - sine * minus
+    result[degree - 1 :: -1] = cosine * minus + sine * plus
+    return result
+
+
+def _quarter_turns(order: int) -> Iterable[Array]:
+    """Yield the matrices of Ry(pi/2) between real harmonics, degree by degree."""
+    return _cached_turns(order) if order <= _CACHED_ORDER else _right_angle_turns(order)
+
+
+@lru_cache(maxsize=4)
+def _cached_turns(order: int) -> list[Array]:
+    return list(_right_angle_turns(order))
+
+
+def _right_angle_turns(order: int) -> Iterator[Array]:
+    """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
+
+    Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
+    """
+    m = np.arange(order + 1)
+    factor = np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
+    weights = factor[:, None] * factor
+    odd = (m[:, None] + m) % 2
+    by_parity = weights * (1 - odd), weights * odd
+    for degree, quadrant in enumerate(right_angle_degrees(order)):
+        size = degree + 1
+        cosine, sine = by_parity[degree % 2], by_parity[1 - degree % 2]
+        result = np.zeros((2 * degree + 1, 2 * degree + 1))
+        np.multiply(quadrant, cosine[:size, :size], out=result[degree:, degree:])
+        np.multiply(
+            quadrant[:0:-1, :0:-1], sine[degree:0:-1, degree:0:-1], out=result[:degree, :degree]
+        )
+        yield result

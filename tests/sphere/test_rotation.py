@@ -3,8 +3,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.latlong import latlong_directions
 from shrm_cli.sphere.rotation import (
     euler_zyz,
+    rotate_each_into_frame,
+    rotate_into_frames,
     rotate_to_frames,
     transform_coefficients,
     turn_about_z,
@@ -234,3 +239,105 @@ def test_no_turn_about_z_leaves_a_list_as_it_is():
     assert np.array_equal(turn_about_z([1.0, 2.0, 3.0, 4.0], 0.0), [1.0, 2.0, 3.0, 4.0])
     quarter = turn_about_z([1.0, 2.0, 3.0, 4.0], np.pi / 2)  # x becomes y, and y becomes -x
     assert quarter == pytest.approx([1.0, 4.0, 3.0, -2.0], abs=1e-15)
+
+
+def frames_of(rng, count, mirrored=False):
+    """Frames of every kind: the degenerate ones first, and then generic ones."""
+    known = list(DEGENERATE.values())
+    generic = [random_rotation(rng, mirrored and k % 2 == 1) for k in range(count - len(known))]
+    return np.array(known + generic)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 4, 9])
+@pytest.mark.parametrize("functions", [(), (3,), (2, 3)])
+def test_one_function_seen_from_many_frames(rng, order, functions):
+    """At d = F world it is what the function is at world; frames may be mirrored."""
+    frames = frames_of(rng, 24, mirrored=True)
+    coefficients = rng.standard_normal(((order + 1) ** 2, *functions))
+    found = rotate_into_frames(coefficients, frames)
+    assert found.shape == (*coefficients.shape, len(frames))
+    world = random_directions(rng, 7)
+    expected = np.einsum("dn,n...->d...", oracles.real_harmonics(order, world), coefficients)
+    for at, frame in enumerate(frames):
+        values = oracles.real_harmonics(order, world @ frame.T)
+        np.testing.assert_allclose(
+            np.einsum("dn,n...->d...", values, found[..., at]),
+            expected,
+            rtol=0,
+            atol=tolerance(order) * 10,
+        )
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_polynomials_are_the_turns_by_euler_angles(rng, order):
+    """Degrees 1 and 2 are written in the elements of the frames, or turned three times."""
+    frames = frames_of(rng, 9000, mirrored=True)  # more than are worked on at a time
+    coefficients = rng.standard_normal(((order + 1) ** 2, 2))
+    each = np.repeat(coefficients[..., None], len(frames), axis=-1)
+    np.testing.assert_allclose(
+        rotate_into_frames(coefficients, frames),
+        rotate_each_into_frame(each, frames),
+        rtol=0,
+        atol=tolerance(order) * 10,
+    )
+
+
+@pytest.mark.parametrize("order", [2, 20, 64])
+def test_rotations_into_frames_compose_and_invert(rng, order):
+    first, second = frames_of(rng, 20, mirrored=True), frames_of(rng, 20)[::-1]
+    coefficients = rng.standard_normal(((order + 1) ** 2, 2))
+    once = rotate_into_frames(coefficients, first)
+    assert abs(once - coefficients[..., None]).max() > 0.1
+    np.testing.assert_allclose(
+        rotate_each_into_frame(once, second),
+        rotate_into_frames(coefficients, second @ first),
+        rtol=0,
+        atol=tolerance(order) * 10,
+    )
+    np.testing.assert_allclose(
+        rotate_each_into_frame(once, first.swapaxes(1, 2)),
+        np.repeat(coefficients[..., None], len(first), axis=-1),
+        rtol=0,
+        atol=tolerance(order) * 10,
+    )
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 17, 64])
+def test_rotations_are_orthogonal(rng, degree):
+    """The columns of a matrix between the harmonics of one degree."""
+    unit = np.zeros(((degree + 1) ** 2, 2 * degree + 1))
+    unit[degree**2 :] = np.eye(2 * degree + 1)
+    frames = np.array([random_rotation(rng), random_rotation(rng, mirrored=True)])
+    for matrix in np.moveaxis(rotate_into_frames(unit, frames)[degree**2 :], -1, 0):
+        np.testing.assert_allclose(
+            matrix.T @ matrix, np.eye(2 * degree + 1), rtol=0, atol=tolerance(degree)
+        )
+
+
+def test_rotated_coefficients_are_those_of_the_rotated_probe(rng):
+    """Two images of one smooth light, the second one of the light turned, both projected."""
+
+    def light(directions):
+        bumps = np.array([[0.6, 0.0, 0.8], [-0.36, 0.8, 0.48], [0.0, -1.0, 0.0]])
+        return np.exp(4 * (directions @ bumps.T - 1)) @ np.array(
+            [[1.0, 0.2, 0.1], [0.3, 2.0, 0.5], [0.1, 0.4, 1.5]]
+        )
+
+    directions, order = latlong_directions(128, 64), 20
+    frames = frames_of(rng, 16, mirrored=True)
+    coefficients = project(Probe.from_array(light(directions)), order).coefficients
+    found = rotate_into_frames(coefficients, frames)
+    for at, frame in enumerate(frames):
+        turned = Probe.from_array(light(directions @ frame))
+        expected = project(turned, order).coefficients
+        np.testing.assert_allclose(found[..., at], expected, rtol=0, atol=1e-6)
+
+
+def test_functions_of_their_own_at_every_point(rng):
+    """Each is turned by its own frame, as one function alone is."""
+    frames = frames_of(rng, 18)
+    coefficients = rng.standard_normal((25, 3, len(frames)))
+    found = rotate_each_into_frame(coefficients, frames)
+    for at, frame in enumerate(frames):
+        alone = rotate_into_frames(coefficients[..., at], frame[None])[..., 0]
+        np.testing.assert_allclose(found[..., at], alone, rtol=0, atol=tolerance(4))
