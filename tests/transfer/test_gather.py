@@ -102,17 +102,17 @@ def test_an_integrating_sphere():
     f is the part of the sphere that is open. The cavity has flat triangles, which close as many
     directions as they are seen at.
     """
-    mesh = meshes.sphere(3, inwards=True, hole=0.5)
+    mesh = meshes.sphere(2, inwards=True, hole=0.5)
     lowest = mesh.vertices[:, 2].argmin()
-    albedo = 0.8
-    found = baked(mesh, order=0, samples=2048, bounces=30, albedo=albedo).vectors[..., 0]
-    direct = baked(mesh, order=0, samples=2048).vectors[..., 0]
+    albedo = 0.5
+    found = baked(mesh, order=0, samples=512, bounces=12, albedo=albedo).vectors[..., 0]
+    direct = baked(mesh, order=0, samples=512).vectors[..., 0]
     constant = np.sqrt(4 * np.pi)  # radiance 1 has this coefficient
     open_part = constant * direct[lowest, 0] / np.pi
     assert 0.2 < open_part < 0.3  # (1 - 0.5) / 2, but for the jagged edge
     expected = np.pi * open_part / (1 - albedo * (1 - open_part))
     assert constant * found[lowest, 0] == pytest.approx(expected, rel=0.01)
-    dark = baked(meshes.sphere(2, inwards=True), order=2, samples=256, bounces=3)
+    dark = baked(meshes.sphere(1, inwards=True), order=2, samples=256, bounces=3)
     np.testing.assert_allclose(dark.vectors, 0, atol=2e-3)
 
 
@@ -142,9 +142,9 @@ def nowhere_negative(rng):
 def test_the_estimator_of_pifu():
     """The mean over random directions, as `prt_util.py` of PIFu takes it, order 2."""
     mesh = meshes.bumps(12)
-    some = slice(40, 64)
-    found = baked(mesh, order=2, samples=4096).vectors[some, :, 0]
-    count, rng = 100_000, np.random.default_rng(1)
+    some = slice(44, 54)
+    found = baked(mesh, order=2, samples=2048).vectors[some, :, 0]
+    count, rng = 50_000, np.random.default_rng(1)
     z, phi = rng.uniform(-1, 1, count), rng.uniform(0, 2 * np.pi, count)
     sine = np.sqrt(1 - z**2)
     directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)
@@ -155,9 +155,9 @@ def test_the_estimator_of_pifu():
         free = ~rays.occluded(vertex + 1e-3 * normal, directions)
         lit = np.where((cosines > 0) & free, cosines, 0)
         expected.append(4 * np.pi / count * (lit @ harmonics(2, directions)))
-    # Of so many random directions the mean's standard error is 0.005.
-    assert np.abs(found - expected).max() < 0.02
-    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.006
+    # The standard error of the mean of so many random directions is 0.007.
+    assert np.abs(found - expected).max() < 0.025
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.009
 
 
 def test_triangles_may_be_wound_either_way():
