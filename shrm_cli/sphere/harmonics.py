@@ -146,19 +146,27 @@ def real_harmonics(order: int, directions: ArrayLike) -> Array:
     ndarray, shape (..., (order+1)^2)
         Index l(l+1)+m.
     """
+    return np.ascontiguousarray(np.moveaxis(harmonic_planes(order, directions), 0, -1))
+
+
+def harmonic_planes(order: int, directions: ArrayLike) -> Array:
+    """Values of the real spherical harmonics, one array for each, shape ((order+1)^2, ...).
+
+    The parameters are those of `real_harmonics`.
+    """
     directions = np.asarray(directions, dtype=float)
     x, y, z = np.moveaxis(directions, -1, 0)
     sine = np.hypot(x, y)
     safe = np.where(sine > 0, sine, 1.0)
     phase = np.where(sine > 0, x / safe, 1.0) + 1j * (y / safe)
     powers = phase[None] ** np.arange(order + 1).reshape(-1, *[1] * z.ndim)
-    values = np.empty((*z.shape, (order + 1) ** 2))
+    values = np.empty(((order + 1) ** 2, *z.shape))
     for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0), sine=sine):
         center = index(degree, 0)
-        values[..., center] = legendre[0]
+        values[center] = legendre[0]
         positive = np.sqrt(2) * legendre[1:] * powers[1 : degree + 1]
-        values[..., center + 1 : center + degree + 1] = np.moveaxis(positive.real, 0, -1)
-        values[..., center - degree : center] = np.moveaxis(positive.imag[::-1], 0, -1)
+        values[center + 1 : center + degree + 1] = positive.real
+        values[center - degree : center] = positive.imag[::-1]
     return values
 
 

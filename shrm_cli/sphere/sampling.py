@@ -49,8 +49,8 @@ class CubeSampler:
     def __call__(self, directions: ArrayLike) -> Array:
         """Values at directions of any length, shape (..., 3): (..., channels)."""
         face, s, t = cube_coordinates(directions)
-        columns, across = _cubic(self._index(s))
-        rows, along = _cubic(self._index(t))
+        columns, across = catmull_rom(self._index(s))
+        rows, along = catmull_rom(self._index(t))
         result: Array = np.zeros((*face.shape, self._padded.shape[-1]), dtype=self._padded.dtype)
         for i in range(4):
             line = np.zeros_like(result)
@@ -120,8 +120,8 @@ def _index(position: Array, size: int, sampling: Sampling) -> Array:
     return np.asarray((position + 1) * scale - shift)
 
 
-def _cubic(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
-    """The first of four texels and the Catmull-Rom weights of all four, at x, in texels."""
+def catmull_rom(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
+    """The first of four texels and Catmull and Rom's cubic weights of all four, at x, in texels."""
     first = np.floor(x).astype(np.intp) - 1
     f = x - (first + 1)
     return first, [
@@ -197,8 +197,8 @@ def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
     image = np.asarray(image)
     height, width = image.shape[:2]
     across, down = latlong_coordinates(directions)
-    columns, along = _cubic(_index(across, width, "center"))
-    rows, below = _cubic(_index(down, height, "center"))
+    columns, along = catmull_rom(_index(across, width, "center"))
+    rows, below = catmull_rom(_index(down, height, "center"))
     result: Array = np.zeros((*across.shape, image.shape[2]), dtype=image.dtype)
     for i in range(4):
         row = rows + i

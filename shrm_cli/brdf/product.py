@@ -1,0 +1,294 @@
+"""Coefficients of BRDF product functions: the BRDF times the cosine, for one view each.
+
+For a view v in the frame of the surface (z = N, x along the tangent) the product function
+``f*_v(s) = f(s, v) max(0, s_z)`` is a function of the direction s to the light. Its harmonics are
+``c_i(v) = int y_i(s) f*_v(s) ds``, and a surface under light of the coefficients L_i in that frame
+reflects ``sum_i L_i c_i(v)``.
+
+References
+----------
+Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
+Spherical Harmonics", section 3 and eq. 1.
+"""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli import settings
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.product_rule import LightRule
+from shrm_cli.brdf.sums import Sum
+from shrm_cli.errors import BrdfError
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.harmonics import harmonic_planes
+from shrm_cli.sphere.parabolic import project, unproject
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.intp]
+
+ACCURACY = 1e-4
+"""The relative RMS change, by doubling its nodes, that a rule may show."""
+_LEAST_NODES = 12, 24
+"""The numbers of nodes along the radius and around it that are tried first."""
+_MOST_NODES = 2**15
+"""The most nodes of a rule, for models, which are smooth."""
+_MOST_MEASURED_NODES = 2**13
+"""The most nodes for measured data, which have kinks and noise that finer rules do not mend."""
+_SAMPLES_AT_ONCE = 2**16
+_BANDS = 0.0, 0.5, 0.75, 0.9, 0.97, 1.0
+"""Radii in the parabolic map between which views have a rule in common. Lobes are narrower and less
+regular the more the view grazes, so most nodes are needed in the narrowest bands."""
+_SCOUTS = 8
+"""Views in each band that rules are tried at."""
+_SCOUT_EDGE = 0.005
+"""How near to the rim of the map views are tried; N.V is 0.005 there."""
+
+
+@dataclass(frozen=True)
+class ProductQuadrature:
+    """A rule with enough nodes for a BRDF, and what it still misses.
+
+    Attributes
+    ----------
+    brdf : Brdf
+    rule : LightRule
+    along, around : int
+        The numbers of nodes along the radius and around it.
+    residual : float
+        The relative RMS change of the coefficients when the nodes were last doubled in number,
+        which is more than what the rule misses.
+    """
+
+    brdf: Brdf
+    rule: LightRule
+    along: int
+    around: int
+    residual: float
+
+    @classmethod
+    def converged(
+        cls, brdf: Brdf, views: Array, order: int, accuracy: float = ACCURACY
+    ) -> Self:
+        """Double the nodes until the coefficients of some views do not change any more.
+
+        Parameters
+        ----------
+        brdf : Brdf
+            No sum; the terms of a sum have rules of their own.
+        views : ndarray, shape (n, 3)
+            Directions to the viewer, unit, in the frame of the surface.
+        order : int
+            The largest degree l of the harmonics.
+        accuracy : float
+            The relative RMS change at which to stop. At most `_MOST_NODES` are taken.
+
+        Raises
+        ------
+        BrdfError
+            If the BRDF is not finite.
+        """
+        most = _MOST_MEASURED_NODES if brdf.is_measured else _MOST_NODES
+        along, around = _LEAST_NODES
+        made = cls(brdf, LightRule.of(brdf), along, around, np.inf)
+        now = made.coefficients(views, order)
+        while True:
+            changes = []
+            for more in ((2 * made.along, made.around), (made.along, 2 * made.around)):
+                finer = cls(brdf, made.rule, *more, np.inf)
+                then = finer.coefficients(views, order)
+                changes.append((_change(now, then), finer, then))
+            residual = float(np.hypot(changes[0][0], changes[1][0]))
+            if residual <= accuracy or 2 * made.along * made.around > most:
+                return cls(brdf, made.rule, made.along, made.around, residual)
+            # The axis that changes more is refined; the other will have its turn.
+            _, made, now = max(changes, key=lambda change: change[0])
+
+    def coefficients(self, views: Array, order: int) -> Array:
+        """Project product functions onto the harmonics.
+
+        Parameters
+        ----------
+        views : ndarray, shape (n, 3)
+            Directions to the viewer, unit, in the frame of the surface.
+        order : int
+            The largest degree l.
+
+        Returns
+        -------
+        ndarray, shape (n, (order+1)^2, channels)
+            Index l(l+1)+m; one channel for a grey BRDF, else three.
+        """
+        return self.expanded(views, order)[0]
+
+    def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
+        """Project product functions, and integrate their squares.
+
+        Returns
+        -------
+        coefficients : ndarray, shape (n, (order+1)^2, channels)
+        energy : ndarray, shape (n, channels)
+            The integrals of the squared product functions, which by Parseval are the sums of the
+            squared coefficients of all degrees.
+
+        Raises
+        ------
+        BrdfError
+            If a value is not finite.
+        """
+        parts = [self._block(views[part], order) for part in self.blocks(len(views))]
+        coefficients, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
+        if not np.isfinite(energy.sum()):
+            raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
+        return coefficients, energy
+
+    def blocks(self, count: int) -> Iterator[slice]:
+        """Cut a number of views into blocks whose samples fit into the cache."""
+        step = max(1, _SAMPLES_AT_ONCE // (self.along * self.around))
+        return (slice(start, min(start + step, count)) for start in range(0, count, step))
+
+    def _block(self, views: Array, order: int) -> tuple[Array, Array]:
+        light, weights = self.rule.nodes(views, self.along, self.around)
+        dtype = np.float32 if self.brdf.is_measured else np.float64
+        values = self.brdf.transfer(
+            own_frame(self.brdf, light).astype(dtype, copy=False),
+            own_frame(self.brdf, views).astype(dtype, copy=False)[:, None],
+        )
+        if values.strides[-1] == 0:
+            values = values[..., :1]
+        weighted = values * weights[..., None]
+        harmonics = harmonic_planes(order, light)
+        return (
+            harmonics.transpose(1, 0, 2) @ weighted,
+            np.einsum("nsc,nsc->nc", weighted, values, dtype=float),
+        )
+
+
+@dataclass(frozen=True)
+class ProductFunctions:
+    """The product functions of any BRDF, also of a sum, with rules that suffice for them.
+
+    Attributes
+    ----------
+    terms : tuple of (float, tuple of ProductQuadrature)
+        The weight of each term of a sum, and its rules for the bands of `_BANDS`.
+    """
+
+    terms: tuple[tuple[float, tuple[ProductQuadrature, ...]], ...]
+
+    @classmethod
+    def of(cls, brdf: Brdf, order: int, accuracy: float = ACCURACY) -> Self:
+        """Find the rules for a BRDF; see `ProductQuadrature.converged`."""
+        terms = brdf.terms if isinstance(brdf, Sum) else ((1.0, brdf),)
+        scouts = scout_views()
+        return cls(
+            tuple(
+                (
+                    weight,
+                    tuple(
+                        ProductQuadrature.converged(term, views, order, accuracy)
+                        for views in scouts
+                    ),
+                )
+                for weight, term in terms
+            )
+        )
+
+    @property
+    def residual(self) -> float:
+        """The largest relative residual of any rule."""
+        return max(rule.residual for _, rules in self.terms for rule in rules)
+
+    @property
+    def most_nodes(self) -> int:
+        """The number of directions to the light that are sampled for a grazing view."""
+        return sum(max(rule.along * rule.around for rule in rules) for _, rules in self.terms)
+
+    def coefficients(self, views: Array, order: int, progress: Progress | None = None) -> Array:
+        """Project the product functions of views onto the harmonics.
+
+        Parameters
+        ----------
+        views : ndarray, shape (n, 3)
+            Directions to the viewer, unit, in the frame of the surface.
+        order : int
+            The largest degree l.
+        progress : callable, optional
+            Called with the number of samples taken, and of all samples.
+
+        Returns
+        -------
+        ndarray, shape (n, (order+1)^2, channels)
+            Index l(l+1)+m; one channel for grey BRDFs, else three.
+
+        Raises
+        ------
+        BrdfError
+            If a value of the BRDF is not finite.
+        """
+        jobs = self._jobs(views)
+        count = sum(len(part) * rule.along * rule.around for _, rule, part in jobs)
+        result: Array = np.zeros((len(views), (order + 1) ** 2, 1))
+        done = 0
+
+        def work(job: tuple[float, ProductQuadrature, Indices]) -> Array:
+            weight, rule, part = job
+            return weight * rule.coefficients(views[part], order)
+
+        with ThreadPoolExecutor(settings.current().threads or os.cpu_count()) as pool:
+            try:
+                for (_, rule, part), found in zip(jobs, pool.map(work, jobs), strict=True):
+                    if found.shape[-1] > result.shape[-1]:
+                        result = np.repeat(result, found.shape[-1], axis=-1)
+                    result[part] += found
+                    done += len(part) * rule.along * rule.around
+                    if progress is not None:
+                        progress(done, count)
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+        return result
+
+    def _jobs(
+        self, views: Array
+    ) -> list[tuple[float, ProductQuadrature, Indices]]:
+        """List what is to be computed: for each job a weight, a rule, and indices of views."""
+        radius = np.hypot(*project(views))
+        band = np.searchsorted(_BANDS[1:-1], radius, side="right")
+        jobs = []
+        for weight, rules in self.terms:
+            for index, rule in enumerate(rules):
+                own = np.flatnonzero(band == index)
+                jobs += [(weight, rule, own[part]) for part in rule.blocks(len(own))]
+        return jobs
+
+
+def scout_views() -> list[Array]:
+    """Return views in each of the bands, in no symmetric places, shape (`_SCOUTS`, 3) each."""
+    found = []
+    for low, high in pairwise(_BANDS):
+        k = np.arange(_SCOUTS)
+        share = k / (_SCOUTS - 1)
+        radius = np.minimum(low + (high - low) * share, 1 - _SCOUT_EDGE)
+        turn = k * (np.pi * (3 - np.sqrt(5))) + 0.3
+        found.append(unproject(radius * np.cos(turn), radius * np.sin(turn)))
+    return found
+
+
+def _change(before: Array, after: Array) -> float:
+    whole = float(np.sum(after**2))
+    return float(np.sqrt(np.sum((after - before) ** 2) / whole)) if whole > 0 else 0.0
+
+
+def own_frame(brdf: Brdf, directions: Array) -> Array:
+    """Bring directions from the surface's frame into that of the BRDF.
+
+    They are the same, but a BRDF about the tangent has its z axis along the surface's x axis.
+    """
+    return directions[..., [1, 2, 0]] if brdf.center == "tangent" else directions
