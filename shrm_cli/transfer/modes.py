@@ -27,52 +27,38 @@ Array = NDArray[np.floating]
 
 TOLERANCE = 1e-3
 """Relative RMS error of the product function that leaving out functions of the view may cause."""
+LIGHT_TOLERANCE = 1e-2
+"""Relative RMS error of the light that is reflected, of one light that stands still."""
 _SIZE = 128
 """Texels along the edges of the maps of these functions, as many as the product texture has."""
 _ROUNDING = 1e-3
 """How far from the last texel, in texels, the last pair of texels to filter between begins."""
 
 
-class ViewFunctions:
-    """The product function of a BRDF by few functions of the view.
+class ViewMaps:
+    """Functions of the view in a surface's frame, as parabolic maps that are looked up together.
 
     Parameters
     ----------
-    product : Product
-    tolerance : float
-        Relative RMS error that may be caused.
-
-    Attributes
-    ----------
-    series : ndarray, shape (k, n, 3)
-        S_ki.
-    error : float
-        The relative RMS error that was caused.
+    planes : ndarray, shape (k, texels)
+        Their values in the directions of `parabolic_directions`.
     """
 
-    def __init__(self, product: Product, tolerance: float = TOLERANCE) -> None:
-        texels = parabolic_directions(_SIZE).reshape(-1, 3)
-        values = np.asarray(product.values(texels), dtype=float)
-        flat = values.reshape(len(texels), -1)
-        energies, axes = np.linalg.eigh(flat.T @ flat)
-        energies, axes = np.maximum(energies[::-1], 0), axes[:, ::-1]
-        left = 1 - np.cumsum(energies) / max(energies.sum(), np.finfo(float).tiny)
-        count = int(np.argmax(left <= tolerance**2)) + 1
-        self.error = float(np.sqrt(max(left[count - 1], 0)))
-        kept = axes[:, :count]
-        self.series = kept.T.reshape(count, *values.shape[1:])
-        planes = (flat @ kept).T.astype(np.float32)
+    def __init__(self, planes: Array) -> None:
         # A texel and the one to its right are one complex number: two of four texels to filter
         # between are found by one look-up, and the real part of a product weighs them.
         self._pairs = np.empty(planes.shape, np.complex64)
         self._pairs.real, self._pairs.imag = planes, np.roll(planes, -1, axis=1)
 
+    def __len__(self) -> int:
+        return len(self._pairs)
+
     def at(self, local_views: Array) -> Array:
-        """Return the functions u_k, filtered between four texels, at views.
+        """Return the functions, filtered between four texels, at views.
 
         Parameters
         ----------
-        local_views : ndarray, shape (3, v)
+        local_views : ndarray of float32, shape (3, v)
             Unit vectors in the vertices' frames.
 
         Returns
@@ -97,6 +83,64 @@ class ViewFunctions:
         return np.ascontiguousarray(result.real)
 
 
+class ViewFunctions:
+    """The product function of a BRDF by few functions of the view, u_k.
+
+    Parameters
+    ----------
+    product : Product
+    tolerance : float
+        Relative RMS error that may be caused.
+
+    Attributes
+    ----------
+    maps : ViewMaps
+        The functions u_k, which are orthonormal over the texels.
+    series : ndarray, shape (k, n, 3)
+        S_ki.
+    error : float
+        The relative RMS error that was caused.
+    """
+
+    def __init__(self, product: Product, tolerance: float = TOLERANCE) -> None:
+        texels = parabolic_directions(_SIZE).reshape(-1, 3)
+        values = np.asarray(product.values(texels), dtype=float)
+        flat = values.reshape(len(texels), -1)
+        kept, self.error = principal_axes(flat.T @ flat, tolerance)
+        lengths = np.linalg.norm(flat @ kept, axis=0)
+        self.series = (kept * lengths).T.reshape(-1, *values.shape[1:])
+        self._planes = (flat @ kept / lengths).T
+        self.maps = ViewMaps(self._planes)
+
+    def combined(self, weights: Array) -> ViewMaps:
+        """Return sums of the functions, by weights of shape (sums, k)."""
+        return ViewMaps(weights @ self._planes)
+
+
+def principal_axes(gram: Array, tolerance: float) -> tuple[Array, float]:
+    """Return the fewest axes of vectors whose projections lack no more than a relative RMS error.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (n, n)
+        The sum of the vectors' products with themselves.
+    tolerance : float
+
+    Returns
+    -------
+    axes : ndarray, shape (n, kept)
+        Orthonormal columns.
+    error : float
+        The relative RMS error of the projections.
+    """
+    energies, axes = np.linalg.eigh(gram)
+    energies, axes = np.maximum(energies[::-1], 0), axes[:, ::-1]
+    total = max(float(energies.sum()), np.finfo(float).tiny)
+    left = np.append(np.cumsum(energies[::-1])[::-1][1:], 0) / total
+    count = int(np.argmax(left <= tolerance**2)) + 1
+    return axes[:, :count], float(np.sqrt(left[count - 1]))
+
+
 class General:
     """Shading where light and view move.
 
@@ -112,7 +156,7 @@ class General:
     def __init__(
         self, functions: ViewFunctions, frames: Array, matrices: Array | None = None
     ) -> None:
-        self._functions, self._matrices = functions, matrices
+        self.functions, self._matrices = functions, matrices
         self._own_frames = frames
         # Planes of one component each, in which a frame's work runs along the vertices.
         self._axes = np.ascontiguousarray(np.moveaxis(frames, 0, -1), dtype=np.float32)
@@ -146,16 +190,14 @@ class General:
 
     def products(self, views: ArrayLike) -> Array:
         """Return the product function at the views, shape (v, n, 3)."""
-        series = self._functions.series.astype(np.float32)
-        flat = self.at(views).T @ series.reshape(len(series), -1)
+        series = self.functions.series.astype(np.float32)
+        flat = self.functions.maps.at(self.local(views)).T @ series.reshape(len(series), -1)
         return flat.reshape(-1, *series.shape[1:])
 
-    def at(self, views: ArrayLike) -> Array:
-        """Return the functions of the view, shape (k, v)."""
+    def local(self, views: ArrayLike) -> Array:
+        """Return views in the vertices' frames, shape (3, v)."""
         views = np.asarray(views, dtype=np.float32)
-        if views.ndim == 1:
-            return self._functions.at(views @ self._axes)
-        return self._functions.at(np.einsum("awv,vw->av", self._axes, views))
+        return views @ self._axes if views.ndim == 1 else np.einsum("awv,vw->av", self._axes, views)
 
     def sent(self, products: Array) -> Array:
         """Return ``sum_i c_i M_ij``: what a vertex sends of each coefficient of the light.
@@ -184,22 +226,39 @@ class General:
 class FixedLight:
     """Shading where only the view moves.
 
+    What the vertices reflect of one light is more alike than what they could reflect of any. So
+    the functions of the view are combined anew, to the fewest that this light needs.
+
     Parameters
     ----------
     general : General
     lighting : array_like, shape (m, 3)
+    tolerance : float
+        Relative RMS error of the reflected light, over all vertices and views, that may be caused.
+
+    Attributes
+    ----------
+    maps : ViewMaps
+        The functions that are looked up.
+    error : float
+        The relative RMS error that was caused, as it is predicted.
     """
 
-    def __init__(self, general: General, lighting: ArrayLike) -> None:
+    def __init__(
+        self, general: General, lighting: ArrayLike, tolerance: float = LIGHT_TOLERANCE
+    ) -> None:
         self._general = general
         arriving = general.arriving(lighting)
-        series = general._functions.series[:, : arriving.shape[1]]
+        series = general.functions.series[:, : arriving.shape[1]]
         folded = np.einsum("kic,vic->ckv", series, arriving, optimize=True)
-        self._folded = np.ascontiguousarray(folded, dtype=np.float32)
+        axes, self.error = principal_axes(np.einsum("ckv,clv->kl", folded, folded), tolerance)
+        self.maps = general.functions.combined(axes.T)
+        self._folded = np.ascontiguousarray(axes.T @ folded, dtype=np.float32)
 
     def colors(self, views: ArrayLike) -> Array:
         """Return the radiance of each vertex, shape (v, 3); `views` as of `General.colors`."""
-        return np.einsum("kv,ckv->cv", self._general.at(views), self._folded).T
+        values = self.maps.at(self._general.local(views))
+        return np.einsum("kv,ckv->cv", values, self._folded).T
 
 
 class FixedView:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.mesh import Mesh, make_mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.product.table import product_table
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.transfer.bake import Plan, bake
@@ -22,6 +25,7 @@ Array = NDArray[np.floating]
 
 VERTICES = 50_000
 BRDFS = ("ggx:roughness=0.5,f0=gold", "ward:ax=0.2,ay=0.5")
+_PROBES = Path(__file__).parents[2] / "probes"
 _LIMIT = 500.0
 """Milliseconds that a frame may take where light and view move: two frames a second."""
 
@@ -101,8 +105,7 @@ def _bake_row() -> Row:
 
 
 def _mode_rows(name: str, general: General) -> Iterable[Row]:
-    rng = np.random.default_rng(6)
-    light = rng.standard_normal((25, 3))
+    light = project(open_probe(_PROBES / "studio.exr"), 4).coefficients
     view = np.array([0.0, 0.6, 0.8])
     fixed_light, fixed_view = FixedLight(general, light), FixedView(general, view)
     frame = measure(f"{name}: general", lambda: general.colors(light, view), lambda: None)
