@@ -237,7 +237,7 @@ def _triangles(faces: Any) -> NDArray[Any]:
 def _placed(found: dict[str, Any], names: list[str]) -> list[tuple[str, Array]]:
     """Return the parts of a scene, each as often as its nodes show it, with its transformation."""
     graph = found.get("graph")
-    if not graph:
+    if graph is None:
         return [(name, np.eye(4)) for name in names]
     edges = {
         each["frame_to"]: (each.get("frame_from"), np.asarray(each.get("matrix", np.eye(4))))
