@@ -237,6 +237,8 @@ def _numbers(given: Mapping[str, Any], key: str, default: float) -> list[float]:
     is_one = key == "scale" or key not in given or isinstance(value, list)
     if len(numbers) != 3 or not is_one or not all(_is_number(each) for each in numbers):
         raise ValueError(f"{key} must be three finite numbers; correct it")
+    if key == "scale" and not all(numbers):
+        raise ValueError("scale must not be 0; correct it")
     return [float(each) for each in numbers]
 
 
