@@ -6,10 +6,12 @@ module alone. Files may come from anywhere. What a file claims is checked before
 addresses on the network are never followed. Only buffers of a glTF file are opened, in its folder.
 """
 
+import contextlib
 import io
+import logging
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -161,7 +163,7 @@ def _parsed(name: str, prepared: _Prepared) -> dict[str, Any]:
             f"{name}: meshes need the package trimesh; pip install 'shrm[mesh]'"
         ) from error
     skip = {"skip_materials": True} if prepared.kind == "glb" else {}
-    with warnings.catch_warnings():  # numpy's, of text that is no number
+    with warnings.catch_warnings(), _silent():  # numpy's, of text that is no number
         warnings.simplefilter("ignore")
         readers: Any = mesh_loaders
         found: dict[str, Any] = readers[prepared.kind](
@@ -171,6 +173,18 @@ def _parsed(name: str, prepared: _Prepared) -> dict[str, Any]:
             **skip,
         )
     return found
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Within this context trimesh writes no tracebacks of what it survives to its log."""
+    log = logging.getLogger("trimesh")
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _joined(name: str, found: dict[str, Any], prepared: _Prepared) -> Mesh:
@@ -237,7 +251,7 @@ def _triangles(faces: Any) -> NDArray[Any]:
 def _placed(found: dict[str, Any], names: list[str]) -> list[tuple[str, Array]]:
     """Return the parts of a scene, each as often as its nodes show it, with its transformation."""
     graph = found.get("graph")
-    if not graph:
+    if graph is None:
         return [(name, np.eye(4)) for name in names]
     edges = {
         each["frame_to"]: (each.get("frame_from"), np.asarray(each.get("matrix", np.eye(4))))
