@@ -50,6 +50,7 @@ REPRESENTATIONS: dict[str, str] = {
     "irradiance": "irradiance.irradiance",
     "splitsum": "splitsum.split_sum",
     "she": "she.exponential",
+    "product": "product.product",
 }
 """Each representation's name, as ``--to`` takes it, and the module of `shrm_cli.maps` that defines
 its class."""
@@ -71,6 +72,10 @@ MAX_CUBE_SIZE = 4096
 """The most texels along the edge of a map's face."""
 MAX_PRINCIPAL_MAPS = 128
 """The most cubes of one lobe of a map with a BRDF's own functions of the view."""
+MAX_PRODUCT_ORDER = 16
+"""The largest order of a product texture, which then has 289 coefficients."""
+MAX_PRODUCT_SIZE = 1024
+"""The most texels along the edge of a product texture."""
 MAX_EXPONENTIAL_ORDER = 16
 """The largest order of the factors P and Q of a spherical harmonic exponential."""
 MIN_ROUGHNESS = 0.05
@@ -106,5 +111,9 @@ exponentials are shown, where no other is asked for."""
 DEFAULT_FITTED_ROUGHNESS = (0.45, 1.0)
 """The range of perceptual roughness that a spherical harmonic exponential is fitted to, as in its
 paper."""
+DEFAULT_PRODUCT_ORDER = 4
+"""The order of a product texture, as in its paper: 25 coefficients."""
+DEFAULT_PRODUCT_SIZE = 128
+"""Texels along the edge of a product texture, as in its paper."""
 DEFAULT_FACTOR_ORDERS = (4, 2)
 """The orders P and Q of the factors of a spherical harmonic exponential, as in its paper."""

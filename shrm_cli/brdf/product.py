@@ -38,7 +38,11 @@ ACCURACY = 1e-4
 _LEAST_NODES = 12, 24
 """The numbers of nodes along the radius and around it that are tried first."""
 _MOST_NODES = 2**15
-"""The most nodes of a rule, for models, which are smooth."""
+"""The most nodes of a rule."""
+_GOOD_NODES = 2**13
+"""The most nodes of a rule that misses no more than `_GOOD`. Models with kinks converge slowly, and
+nobody sees what they gain."""
+_GOOD = 1e-3
 _MOST_MEASURED_NODES = 2**13
 """The most nodes for measured data, which have kinks and noise that finer rules do not mend."""
 _SAMPLES_AT_ONCE = 2**16
@@ -105,6 +109,8 @@ class ProductQuadrature:
                 then = finer.coefficients(views, order)
                 changes.append((_change(now, then), finer, then))
             residual = float(np.hypot(changes[0][0], changes[1][0]))
+            if residual <= _GOOD:
+                most = min(most, _GOOD_NODES)
             if residual <= accuracy or 2 * made.along * made.around > most:
                 return cls(brdf, made.rule, made.along, made.around, residual)
             # The axis that changes more is refined; the other will have its turn.
@@ -254,6 +260,29 @@ class ProductFunctions:
                 pool.shutdown(cancel_futures=True)
                 raise
         return result
+
+    def expanded(self, views: Array, order: int) -> tuple[Array, Array]:
+        """Project product functions, and integrate their squares.
+
+        Returns
+        -------
+        coefficients : ndarray, shape (n, (order+1)^2, channels)
+        energy : ndarray, shape (n, channels)
+            The integrals of the squared product functions. What the terms of a sum have beyond the
+            order is taken to be in phase, which is the most that it can be.
+        """
+        coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
+        for weight, rule, part in self._jobs(views):
+            values, energy = rule.expanded(views[part], order)
+            channels = max(values.shape[-1], coefficients.shape[-1])
+            coefficients, beyond = (
+                np.repeat(each, channels // each.shape[-1], axis=-1)
+                for each in (coefficients, beyond)
+            )
+            coefficients[part] += weight * values
+            rest = np.maximum(energy - np.sum(values**2, axis=1), 0.0)
+            beyond[part, 0] += weight * np.sqrt(rest)
+        return coefficients, np.sum(coefficients**2, axis=1) + beyond[:, 0] ** 2
 
     def _jobs(
         self, views: Array

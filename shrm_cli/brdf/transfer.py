@@ -226,7 +226,7 @@ def compute_transfer(
     """
     if not brdf.isotropic:
         raise BrdfError(
-            f"{brdf!r}: anisotropic; prefiltering is for isotropic BRDFs, shrm reference renders it"
+            f"{brdf!r}: anisotropic, which this representation cannot hold; take `to` product"
         )
     if brdf.zonal:
         return _zonal_transfer(brdf, order_f, max_q, accuracy)

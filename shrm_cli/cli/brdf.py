@@ -145,8 +145,8 @@ def _parameter_lines(model: Any) -> list[str]:
 
 
 def _anisotropy(model: Any) -> list[str]:
-    """Return lines about where a BRDF is anisotropic, which prefiltering refuses."""
-    refused = "prefiltering refuses it, `shrm reference` renders it"
+    """Return lines about where a BRDF is anisotropic, which most representations refuse."""
+    refused = "`shrm product` prefilters it, other forms refuse it"
     if not model.isotropic:
         return [f"anisotropic: {refused}"]
     pairs = [f"{p.follows} and {p.name}" for p in model.parameters if p.follows]
@@ -233,7 +233,7 @@ def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
     lines += _examination_lines(chosen, report["examination"])
     lines += [f"  {_row_text(row)}" for row in report["orders"]]
     if not chosen.isotropic:
-        lines.append("  anisotropic; prefiltering refuses it, `shrm reference` renders it")
+        lines.append("  anisotropic: `shrm product` prefilters it, other forms refuse it")
     if "captured_by_view_order" in report:
         held = report["captured_by_view_order"]
         numbers = " ".join(f"{captured:.2%}" for captured in held["captured"])

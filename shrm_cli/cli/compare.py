@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.shading import f0_option, shaded_maps, surface_values
+from shrm_cli.cli.shading import f0_option, lit_maps, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation, Bytes, Fraction, Interval, Within
 from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, SAMPLINGS
@@ -179,9 +179,8 @@ def compare(
         file_type(target)
         check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
-    loaded, surface, warnings = shaded_maps(
-        [open_map(path) for path in maps], maps, roughness and roughness[0], f0
-    )
+    opened = lit_maps([open_map(path) for path in maps], maps, source)
+    loaded, surface, warnings = shaded_maps(opened, maps, roughness and roughness[0], f0)
     infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
     baseline: Any = loaded[0]
     label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf

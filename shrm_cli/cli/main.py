@@ -28,6 +28,7 @@ _COMMANDS = {
     "info": "Print what a file is.",
     "brdf": "List the BRDFs, or explain one.",
     "probe": "Make a light probe.",
+    "product": "Make the product texture of a BRDF, brushed ones too.",
     "dfg": "Make the environment-BRDF table of the split sum.",
     "cache": "Clear the cache of BRDF coefficients.",
 }

@@ -19,7 +19,13 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
-from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
+from shrm_cli.cli.shading import (
+    f0_option,
+    lit_maps,
+    roughness_option,
+    shaded_maps,
+    surface_values,
+)
 from shrm_cli.cli.stage import (
     mesh_options,
     mesh_stem,
@@ -29,7 +35,7 @@ from shrm_cli.cli.stage import (
     refuse_mesh_options,
 )
 from shrm_cli.cli.types import AzimuthElevation, PictureSize
-from shrm_cli.cli.usage import refuse_inapplicable
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -64,6 +70,10 @@ _FILES = ("mesh", "irradiance")
     help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
 )  # fmt: skip
 @click.option(
+    "--probe", type=click.Path(), metavar="PROBE",
+    help="Light of product textures that hold none.",
+)  # fmt: skip
+@click.option(
     "--frames", type=click.IntRange(1, 9999), metavar="N",
     help="Walk around it in N steps, a file for each: the output's name holds %04d.",
 )  # fmt: skip
@@ -90,6 +100,7 @@ def render(
     f0: str | None,
     exposure: float,
     background: str | None,
+    probe: str | None,
     frames: int | None,
     columns: int | None,
     precision: Precision,
@@ -103,13 +114,15 @@ def render(
     PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
     picture's width. Several maps make one contact sheet. Split sums and SH
     exponentials are shown as GGX of --roughness and --f0, or of a glTF's materials; irradiance as
-    white and diffuse. The options from --sampling to --clamp are about the file of --background.
+    white and diffuse. The options from --sampling to --clamp are about the files of --background
+    and --probe.
 
     \b
       shrm render probe.microfacet.shrm.exr --view 30,10 --background probe.exr
       shrm render probe.splitsum.exr --roughness 0.3 --f0 gold
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
       shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
+      shrm render brushed.product.exr --probe probe.exr
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
@@ -126,11 +139,17 @@ def render(
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
     refuse_mesh_options(mesh)
-    refuse_inapplicable(reading_rules(background is not None, "with --background"))
+    is_read = background is not None or probe is not None
+    refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(sampling, reading)
-    probe = None if background is None else open_probe(background, options)
+    probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
+    sky = None if background is None else probes[background]
     check_outputs(targets, files=maps if mesh is None else (*maps, mesh))
     opened = [open_map(path) for path in maps]
+    needs_light = any(each.needs_light for each in opened)
+    what = "to product textures that hold no light, and no MAP is one"
+    refuse_inapplicable({"probe": Applies(needs_light, what)})
+    opened = lit_maps(opened, maps, probes.get(probe or ""))
     viewers = turntable(Viewer(*view), len(targets))
     said: dict[str, Any]
     scene: Scene[Any]
@@ -140,14 +159,14 @@ def render(
         if width != height:
             raise click.UsageError("--size of a sphere's picture is one number")
         loaded, surface, warnings = shaded_maps(opened, maps, roughness, f0)
-        behind = None if probe is None else coarse_probe(probe, background_rows(width))
+        behind = None if sky is None else coarse_probe(sky, background_rows(width))
         scene = Scene(SphereSubject(width), loaded, labels, exposure, behind, columns)
         seen = [each.info for each in loaded]
         said = {"size": width, **surface_values(surface)}
     else:
         stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance)
         subject = mesh_subject(stage, viewers, size, fov, distance, target)
-        behind = None if probe is None else coarse_probe(probe, subject.lens.background_rows())
+        behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
         drawn = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
         seen = [each.info for each in (*opened, *stage.maps())]
@@ -164,6 +183,7 @@ def render(
         **said,
         "exposure": exposure,
         "background": background,
+        "probe": probe,
         "frames": frames,
         "width": width,
         "height": height,
@@ -177,7 +197,7 @@ def render(
             pixel_type = write_picture(path, pixels, precision, attributes)
             written.append({"file": path, "azimuth": viewer.azimuth, "pixels": pixel_type})
             stages.done(len(written), len(targets))
-    warnings += [] if probe is None else [f"{background}: {w}" for w in probe.report.warnings()]
+    warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
     conclude({"files": written, **settings}, lines, warnings, as_json, quiet)
 
@@ -193,12 +213,13 @@ def _attributes(
     maps: Iterable[MapInfo], settings: dict[str, Any], said: dict[str, Any], azimuth: float
 ) -> dict[str, Any]:
     """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
-    probe = settings["background"]
+    behind, light = settings["background"], settings["probe"]
     recipe: dict[str, Any] = {
         "render": [Path(path).name for path in settings["maps"]],
         "view": [azimuth, settings["view"][1]],
         **{key: Path(value).name if key in _FILES else value for key, value in said.items()},
         "exposure": settings["exposure"],
-        "background": None if probe is None else Path(probe).name,
+        "background": None if behind is None else Path(behind).name,
+        **({} if light is None else {"probe": Path(light).name}),
     }
     return picture_attributes(recipe, (each.chromaticities for each in maps))

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from shrm_cli.brdf.models.ggx import Ggx
     from shrm_cli.maps.base import Map
+    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.shading import KnownMap
 
 
@@ -93,6 +94,38 @@ def shaded_maps(
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
     shown = surface.number("roughness"), surface.color("f0")
     return [each.shaded(*shown) for each in maps], surface, warnings
+
+
+def lit_maps(maps: Sequence[Map], names: Sequence[str], probe: Probe | None) -> list[Map]:
+    """Give the light of a probe to the maps that hold a BRDF alone, which are product textures.
+
+    Parameters
+    ----------
+    maps : sequence of Map
+    names : sequence of str
+        Names of the maps' files, for the message.
+    probe : Probe, optional
+
+    Raises
+    ------
+    MapError
+        If a map needs light and there is none.
+    ProbeError
+        If the probe cannot be read.
+    """
+    from shrm_cli.errors import MapError
+    from shrm_cli.probe.lighting import Projection
+
+    light = None if probe is None else Projection(probe)
+    found = []
+    for each, name in zip(maps, names, strict=True):
+        if not each.needs_light:
+            found.append(each)
+        elif light is None:
+            raise MapError(f"{name}: a product texture that holds no light; give `probe`")
+        else:
+            found.append(each.lit(light.to_order(each.info.order_f).coefficients))
+    return found
 
 
 def surface_values(surface: Ggx | None) -> dict[str, Any]:

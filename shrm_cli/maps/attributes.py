@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
@@ -24,11 +25,14 @@ from shrm_cli.vocabulary import (
     SAMPLINGS,
 )
 
-VERSION = 4
+Array = NDArray[np.floating]
+
+VERSION = 5
 """The newest version of the format of files that this version of `shrm` reads.
 
 Compressed maps, sums of terms and other layouts than OpenEXR's cube are written as version 2, and
-irradiance, split sums and SH exponentials as version 3. All other maps are written as version 1,
+irradiance, split sums and SH exponentials as version 3, principal functions as version 4, and
+product textures as version 5. All other maps are written as version 1,
 which earlier versions of `shrm` read too.
 """
 
@@ -97,6 +101,24 @@ def shortest(value: float) -> float:
     """
     # str() would depend on numpy's print options, which other libraries may set.
     return float(np.format_float_scientific(np.float32(value), unique=True))
+
+
+def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:
+    """Read an attribute of nested lists of finite numbers of some shape, which is JSON.
+
+    Returns
+    -------
+    ndarray or None
+        None if the attribute is missing or anything else.
+    """
+    text = part.attribute(f"shrm:{name}")
+    try:
+        values = np.array(parse_json(text))
+    except (ValueError, TypeError, OverflowError):
+        return None
+    if values.shape != shape or values.dtype.kind not in "fiu":
+        return None
+    return values.astype(float) if np.isfinite(values).all() else None
 
 
 def has_map_attributes(part: StoredPart) -> bool:

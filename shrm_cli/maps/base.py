@@ -69,6 +69,10 @@ class Map(ABC):
         Whether files can hold its cubes in other layouts than OpenEXR's stacked cube.
     needs_surface : bool
         Whether the map holds light for any GGX surface, which is chosen when the map is used.
+    needs_light : bool
+        Whether the map holds a BRDF alone, whose light is chosen when the map is used.
+    against_negatives : str
+        What a user can do where the map is negative.
     """
 
     representation: ClassVar[str]
@@ -76,6 +80,10 @@ class Map(ABC):
     natural_precision: ClassVar[Precision] = "auto"
     is_rearrangeable: ClassVar[bool] = True
     needs_surface: ClassVar[bool] = False
+    needs_light: bool = False
+    against_negatives: ClassVar[str] = (
+        "lower `eps` or raise `max_size` to keep more orders, take `to` principal"
+    )
     info: MapInfo
 
     if TYPE_CHECKING:
@@ -171,6 +179,21 @@ class Map(ABC):
             If the map needs a surface, and a value is out of range.
         """
         return self
+
+    def lit(self, lighting: ArrayLike) -> "Map":
+        """Return the map under light of some coefficients.
+
+        Parameters
+        ----------
+        lighting : array_like, shape ((order+1)^2, 3)
+            The light over the real harmonics of world axes, index l(l+1)+m.
+
+        Raises
+        ------
+        MapError
+            If the map holds its own light already, or needs more coefficients.
+        """
+        raise MapError(f"{self.what} holds its own light")
 
     # ---- what it is --------------------------------------------------------------------------
 

@@ -47,9 +47,8 @@ def examined(made: Prefiltered) -> Prefiltered:
     facts = {**made.facts, "negative_share": share}
     if share <= _LARGEST:
         return replace(made, facts=facts)
-    instead = "" if made.map.representation == "principal" else ", take `to` principal"
     line = (
-        f"{share:.1%} of what is visible is negative, which screens show as black; lower `eps` or "
-        f"raise `max_size` to keep more orders{instead}, or dim the lamps with `clamp`"
+        f"{share:.1%} of what is visible is negative, which screens show as black; "
+        f"{made.map.against_negatives}, or dim the lamps with `clamp`"
     )
     return replace(made, facts=facts, warnings=(*made.warnings, line))

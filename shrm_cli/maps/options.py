@@ -270,6 +270,15 @@ SHADER = Option(
 )
 """The argument of representations that shaders can use by code alone."""
 
+WINDOW = Option(
+    "window",
+    "irradiance, product: none, hann, lanczos, or auto, the factors that change the light least "
+    "and leave nothing negative.  [default: none]",
+    "text",
+    metavar="NAME[:WIDTH]",
+)
+"""The argument of representations that hold the light as a short series."""
+
 CUBE_ARGUMENTS = frozenset(("size", "sampling"))
 """The arguments that representations which hold cubes share."""
 

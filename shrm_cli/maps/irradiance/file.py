@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
-from shrm_cli.maps.attributes import common_header
+from shrm_cli.maps.attributes import common_header, read_numbers
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.window import FAMILIES, Window, window_factors
 from shrm_cli.maps.stored import COLORS, StoredImage, image_channels
@@ -74,7 +74,7 @@ def decode(file: StoredFile) -> Irradiance:
             raise MapError(f"{path}: the shrm:{name} of an irradiance map is {only}; make it again")
     image.check_channels(COLORS, "an irradiance map")
     order_f = image.attributes["F"]
-    coefficients = _numbers(image.part, "lighting_coefficients", ((order_f + 1) ** 2, 3))
+    coefficients = read_numbers(image.part, "lighting_coefficients", ((order_f + 1) ** 2, 3))
     if coefficients is None:
         raise _wrong(path, f"lighting_coefficients is not {(order_f + 1) ** 2} x 3 finite numbers")
     common = image.common()
@@ -93,18 +93,6 @@ def _json(values: Array) -> str:
 
 def _wrong(path: str, what: str) -> MapError:
     return MapError(f"{path}: its attribute shrm:{what}; make it again")
-
-
-def _numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:
-    """Read an attribute of nested lists of finite numbers; None if it is anything else."""
-    text = part.attribute(f"shrm:{name}")
-    try:
-        values = np.array(parse_json(text))
-    except (ValueError, TypeError, OverflowError):
-        return None
-    if values.shape != shape or values.dtype.kind not in "fiu":
-        return None
-    return values.astype(float) if np.isfinite(values).all() else None
 
 
 def _window(part: StoredPart, order_f: int) -> Window:
@@ -153,7 +141,7 @@ def _check_matrices(part: StoredPart, made: Irradiance) -> None:
         if part.attribute("shrm:irradiance_matrices") is not None:
             raise _wrong(path, f"irradiance_matrices has no meaning at order F = {made.order_f}")
         return
-    found, expected = _numbers(part, "irradiance_matrices", (3, 4, 4)), made.matrices()
+    found, expected = read_numbers(part, "irradiance_matrices", (3, 4, 4)), made.matrices()
     if found is None:
         raise _wrong(path, "irradiance_matrices is not 3 x 4 x 4 finite numbers")
     if not np.allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max()):

@@ -1,6 +1,6 @@
 """The options of `shrm prefilter --to irradiance`. This module loads no numpy."""
 
-from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, Option, Representation
+from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, WINDOW, Representation
 
 DESCRIPTIONS = {
     "irradiance": Representation(
@@ -8,13 +8,7 @@ DESCRIPTIONS = {
         "irradiance",
         CUBE_ARGUMENTS | {"order_f"},
         (
-            Option(
-                "window",
-                "irradiance: none, hann, lanczos, or auto, the factors that change it least and "
-                "leave nothing negative.  [default: none]",
-                "text",
-                metavar="NAME[:WIDTH]",
-            ),
+            WINDOW,
             SHADER,
         ),
         why_no_brdf="irradiance is that of a white Lambertian surface",

@@ -222,6 +222,7 @@ class PrincipalMap(Map):
 
     representation = "principal"
     format_version = 4
+    against_negatives = "lower `eps` or raise `max_size` to keep more orders"
     frame = "global"
 
     def __post_init__(self) -> None:

@@ -1,0 +1,186 @@
+"""Making product textures: of a BRDF alone, or with the light of a probe."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.product import ProductFunctions
+from shrm_cli.errors import MapError
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.irradiance.window import make_window, parse_window
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.table import product_table
+from shrm_cli.maps.provenance import provenance, record_of
+from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.orders import Orders
+from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress, Stages
+from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
+
+Array = NDArray[np.floating]
+
+_KNOWN_ORDER = 32
+"""The degree to which the product functions of some views are known, for errors."""
+_LAST = 8
+"""Degrees of the light, the last ones, that tell how dense it is beyond them."""
+_VIEWS = 48
+"""Views that errors are estimated from, spread evenly over the hemisphere."""
+
+
+def product_texture(
+    brdf: Brdf,
+    order: int = DEFAULT_PRODUCT_ORDER,
+    texels: int = DEFAULT_PRODUCT_SIZE,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Make the product texture of a BRDF, without any light.
+
+    Parameters
+    ----------
+    brdf : Brdf
+        Any BRDF: isotropic or not, a model or measured, also a sum.
+    order : int
+        The largest degree of the harmonics.
+    texels : int
+        Texels along an edge of the parabolic map of the views.
+    progress : callable, optional
+        Called with the work done and the work in all.
+
+    Returns
+    -------
+    Prefiltered
+        Its predicted error is that under white noise: the root of the energy that is missed. The
+        fact ``residual`` is the relative RMS change of the coefficients when the nodes of their
+        quadrature are doubled.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is not finite.
+    MapError
+        If the texture would be too large.
+    """
+    return _texture(brdf, order, texels, progress)[0]
+
+
+def prefilter(
+    probe: Probe,
+    brdf: Brdf,
+    order: int = DEFAULT_PRODUCT_ORDER,
+    texels: int = DEFAULT_PRODUCT_SIZE,
+    window: str = "none",
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Make the product texture of a BRDF that holds the light of a probe.
+
+    Parameters
+    ----------
+    probe : Probe
+    brdf, order, texels, progress
+        As `product_texture` takes them.
+    window : str
+        A window's name, or ``NAME:WIDTH``, as `make_window` takes it. What surfaces reflect of
+        light that is nowhere negative is not negative either, whatever the BRDF; so ``auto``
+        leaves nothing negative.
+
+    Returns
+    -------
+    Prefiltered
+        Its predicted error is the relative RMS error of the reflected light of this probe, over
+        all orientations of the surface and all views above it, by Parseval; the added error is
+        that of the window.
+
+    Raises
+    ------
+    BrdfError
+        As `product_texture` raises it.
+    MapError
+        As `product_texture` raises it, or if the window is unknown.
+    ProbeError
+        If the probe cannot be read.
+    """
+    parse_window(window)
+    stages = Stages(progress, 2)
+    lighting = project(probe, max(_KNOWN_ORDER, order), stages.within)
+    stages.done(1, 2)
+    made, power, energy = _texture(brdf, order, texels, stages.within)
+    stages.done(2, 2)
+    texture = made.map
+    assert isinstance(texture, ProductTexture)
+    info = texture.info
+    known = provenance(probe, brdf, Orders(order, 0, info.tolerance, info.captured))
+    series = lighting.coefficients[: (order + 1) ** 2]
+    shape = make_window(window, series)
+    factors = np.zeros(len(power))
+    factors[: order + 1] = shape.factors or 1.0
+    squares, beyond = _reflected(lighting, power, energy)
+    whole = max(float(squares.sum()) + beyond, np.finfo(float).tiny)
+    missed = float(squares[order + 1 :].sum()) + beyond
+    info = replace(
+        known,
+        predicted_error=float(np.sqrt(missed / whole)),
+        added_error=float(np.sqrt(squares[: order + 1] @ (1 - factors[: order + 1]) ** 2 / whole)),
+        filter_error=info.filter_error,
+    )
+    lit = replace(texture, info=info).lit(shape.apply(series))
+    facts = {**made.facts, "window": {"asked": window, **shape.summary(order)}}
+    return replace(made, map=lit, facts=facts)
+
+
+def _texture(
+    brdf: Brdf, order: int, texels: int, progress: Progress | None
+) -> tuple[Prefiltered, Array, Array]:
+    """Make a texture, and return with it the energy of the product functions by degree, shape
+    (degrees, channels), and in all, shape (channels,).
+    """
+    if texels**2 * (order + 1) ** 2 * 3 > MAX_VALUES:
+        raise MapError(
+            f"{texels} x {texels} texels of {(order + 1) ** 2} coefficients are too many; lower "
+            "`texels` or `order`"
+        )
+    functions = ProductFunctions.of(brdf, order)
+    table = product_table(brdf, functions, order, texels, progress)
+    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
+    exact, energy = functions.expanded(views, max(_KNOWN_ORDER, order))
+    starts = np.arange(max(_KNOWN_ORDER, order) + 1) ** 2
+    power = np.add.reduceat(exact**2, starts, axis=1).mean(axis=0)
+    energy = energy.mean(axis=0)
+    captured = float(power[: order + 1].sum() / energy.sum()) if energy.sum() > 0 else 1.0
+    captured = min(captured, 1.0)
+    info = MapInfo(
+        order, 0, max(1 - captured, 0.0), captured, float(np.sqrt(1 - captured)), record_of(brdf)
+    )
+    texture = ProductTexture(table, info)
+    exact = exact[:, : (order + 1) ** 2]
+    found = texture.values(views, linear=True)
+    whole = float(np.sum(exact**2))
+    filtered = float(np.sqrt(np.sum((found - exact) ** 2) / whole)) if whole > 0 else 0.0
+    texture = replace(texture, info=replace(info, filter_error=filtered))
+    facts = {"residual": functions.residual, "nodes": functions.most_nodes}
+    return Prefiltered(texture, facts), power, energy
+
+
+def _reflected(lighting: Lighting, power: Array, energy: Array) -> tuple[Array, float]:
+    """Predict the mean square of the reflected light by degree, and that of the unknown degrees.
+
+    Over all rotations of light against surface the mean square is ``sum_l |L_l|^2 |c_l|^2 /
+    (2l+1)``. The energy of the product functions beyond the known degrees meets light as dense as
+    that of the last of them.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    power : ndarray, shape (degrees, channels)
+        The mean of ``|c_l|^2`` over the views.
+    energy : ndarray, shape (channels,)
+        The same of all degrees together.
+    """
+    width = (2 * np.arange(len(power)) + 1)[:, None]
+    density = lighting.power()[: len(power)] / width
+    rest = np.maximum(energy - power.sum(axis=0), 0.0) * density[-_LAST:].mean(axis=0)
+    return (density * power).sum(axis=1), float(rest.sum())

@@ -1,0 +1,29 @@
+"""What `shrm prefilter` and `shrm product` print about a texture. This module loads no numpy."""
+
+from typing import Any
+
+
+def report(result: dict[str, Any]) -> list[str]:
+    """Return lines for people: first what the texture is, then its energy and errors.
+
+    Parameters
+    ----------
+    result : dict
+        The object that the command's ``--json`` prints.
+    """
+    size, order = result["size"], result["order"]
+    color = "RGB" if result["channels"] == 3 else "grey"
+    lines = [
+        f"product texture, {size} x {size} views of {result['coefficients']} coefficients, {color}",
+        f"order          {order}, which captures {result['brdf_energy_captured']:.2%} of the "
+        "BRDF's energy",
+        f"quadrature     {result['residual']:.2g} relative change when the nodes are doubled, "
+        f"{result['nodes']:,} directions at most",
+        f"look-ups       {result['filter_error']:.2%} RMS error by bilinear filtering",
+    ]
+    of = "of this light reflected" if result["lit"] else "of white noise reflected"
+    lines.append(f"RMS error      {result['predicted_error']:.2%} {of}, beyond the order")
+    window = result.get("window")
+    if window is not None and window["name"] != "none":
+        lines.append(f"window         {window['name']}, changes it by {result['added_error']:.2%}")
+    return lines
