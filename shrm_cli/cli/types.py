@@ -171,6 +171,26 @@ class Radiance(click.ParamType):  # type: ignore[type-arg]
         return numbers
 
 
+class Albedo(click.ParamType):  # type: ignore[type-arg]
+    """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
+
+    name = "X|R,G,B|vertex"
+
+    def convert(
+        self,
+        value: str | tuple[float, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str | tuple[float, ...]:
+        """Return one or three numbers, or "vertex"."""
+        if isinstance(value, tuple) or value == "vertex":
+            return value
+        numbers = _numbers(value)
+        if len(numbers) not in (1, 3) or not all(0 <= number <= 1 for number in numbers):
+            self.fail(f"{value!r} is not vertex, nor one or three numbers in 0 .. 1", param, ctx)
+        return numbers
+
+
 class Components(click.ParamType):  # type: ignore[type-arg]
     """How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
 

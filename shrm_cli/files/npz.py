@@ -121,9 +121,10 @@ class Archive:
             result = np.empty(math.prod(shape), dtype)
             target = memoryview(result.view(np.uint8).data)
             for start in range(0, len(target), _CHUNK):
-                piece = target[start : start + _CHUNK]
-                if stream.readinto(piece) != len(piece):
+                piece = stream.read(min(_CHUNK, len(target) - start))
+                if len(piece) != min(_CHUNK, len(target) - start):
                     raise ValueError(f"{name} is truncated")
+                target[start : start + len(piece)] = piece
         return result.reshape(shape, order="F" if fortran else "C")
 
 

@@ -119,7 +119,7 @@ class Plan:
         """Names and shapes of the arrays that are filled, in the order of the work."""
         vertices, count = len(self.mesh.vertices), (self.order + 1) ** 2
         channels = self.channels
-        found = {_stage(0): (vertices, count, 1)}
+        found: dict[str, tuple[int, ...]] = {_stage(0): (vertices, count, 1)}
         for bounce in range(1, self.bounces + 1):
             found[_stage(bounce)] = (vertices, count, channels)
         if self.glossy:
@@ -133,7 +133,7 @@ class Plan:
     def facts(self) -> Facts:
         """What the transfer's file says of it."""
         mesh = self.mesh
-        return Facts(mesh.name, mesh_digest(mesh.vertices, mesh.faces), self.bounces, self.samples)
+        return Facts(Path(mesh.name).name, mesh_digest(mesh.vertices, mesh.faces), self.bounces, self.samples)
 
     def key(self) -> str:
         """A digest of everything that the arrays depend on."""
