@@ -33,6 +33,8 @@ from shrm_cli.cli.stage import (
     mesh_values,
     open_stage,
     refuse_mesh_options,
+    refuse_transfer_options,
+    shadowed,
 )
 from shrm_cli.cli.types import AzimuthElevation, PictureSize
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
     from shrm_cli.maps.info import MapInfo
     from shrm_cli.vocabulary import Precision
 
-_FILES = ("mesh", "irradiance")
+_FILES = ("mesh", "irradiance", "transfer")
 """What the recipe of a picture says of files, whose folders it leaves out."""
 
 
@@ -96,6 +98,7 @@ def render(
     target: tuple[float, float, float] | None,
     brush: str | tuple[float, float, float] | None,
     irradiance: str | None,
+    transfer: str | None,
     roughness: float | None,
     f0: str | None,
     exposure: float,
@@ -123,6 +126,7 @@ def render(
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
       shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
       shrm render brushed.product.exr --probe probe.exr
+      shrm render probe.irradiance.exr --mesh bunny.obj --transfer bunny.transfer.npz
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
@@ -139,6 +143,7 @@ def render(
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
     refuse_mesh_options(mesh)
+    refuse_transfer_options(transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(sampling, reading)
@@ -167,10 +172,13 @@ def render(
         stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance)
         subject = mesh_subject(stage, viewers, size, fov, distance, target)
         behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
-        drawn = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
+        drawn: list[list[Any]] = [stage.reflectors(each) for each in opened or [None]]
+        if transfer is not None:
+            drawn = shadowed(stage, mesh, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
         seen = [each.info for each in (*opened, *stage.maps())]
         given = {"roughness": roughness, "f0": f0, "brush": brush, "irradiance": irradiance}
+        given["transfer"] = transfer
         said = {
             "size": list(size),
             **mesh_values(subject, mesh),

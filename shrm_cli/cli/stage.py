@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_OPTIONS = ("fov", "distance", "target", "brush", "irradiance")
+_OPTIONS = ("fov", "distance", "target", "brush", "irradiance", "transfer")
 _LARGEST = 1e30
 
 
@@ -53,6 +53,11 @@ def mesh_options(command: Command) -> Command:
         click.option(
             "--irradiance", type=click.Path(), metavar="MAP",
             help="Irradiance map: light of the diffuse part of a glTF's materials.",
+        ),
+        click.option(
+            "--transfer", type=click.Path(), metavar="FILE",
+            help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
+            "product textures.",
         ),
     ]  # fmt: skip
     for option in reversed(options):
@@ -136,6 +141,38 @@ def open_stage(
             f"{mesh}: only the specular part of its materials is drawn; `irradiance` adds the rest"
         )
     return stage, warnings
+
+
+def refuse_transfer_options(transfer: str | None) -> None:
+    """Refuse options that say of a surface what its transfer already holds.
+
+    Raises
+    ------
+    click.UsageError
+        If one is given with a transfer.
+    """
+    baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
+    refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance"), baked))
+
+
+def shadowed(stage: Stage, mesh: str, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
+    """Return the surfaces of a mesh with its own shadows, under each of several maps.
+
+    Raises
+    ------
+    TransferError
+        If the transfer does not fit the mesh or a map.
+    click.UsageError
+        If the mesh is a scene.
+    """
+    from shrm_cli.render.scene_file import is_scene_name
+    from shrm_cli.render.vertex_colors import vertex_colors
+    from shrm_cli.transfer.file import read_transfer
+
+    if is_scene_name(mesh):
+        raise click.UsageError("--transfer applies to a single mesh; leave it out")
+    baked = read_transfer(transfer)
+    return [[vertex_colors(stage.mesh, baked, each)] * len(stage.looks) for each in maps]
 
 
 def mesh_subject(

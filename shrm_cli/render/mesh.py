@@ -19,6 +19,7 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.perspective import Aim, Lens
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
+from shrm_cli.render.vertex_colors import VertexColors
 
 Array = NDArray[np.floating]
 
@@ -82,7 +83,7 @@ class MeshSubject:
 
     def draw(
         self,
-        reflectors: "list[Reflector | None]",
+        reflectors: "list[Reflector | VertexColors | None]",
         viewer: Viewer,
         background: Picture | None = None,
         progress: Progress | None = None,
@@ -91,7 +92,7 @@ class MeshSubject:
 
         Parameters
         ----------
-        reflectors : list of Reflector or None
+        reflectors : list of Reflector, VertexColors or None
             One for each of the stage's looks.
         viewer : Viewer
         background : ndarray, shape (H, W, 3), optional
@@ -168,7 +169,7 @@ class MeshSubject:
 
     def _sampled(
         self,
-        reflectors: "list[Reflector | None]",
+        reflectors: "list[Reflector | VertexColors | None]",
         viewer: Viewer,
         x: Array,
         y: Array,
@@ -189,7 +190,7 @@ class MeshSubject:
             means[part] = values.reshape(-1, len(right), 3).mean(axis=1)
         return means
 
-    def _shaded(self, reflectors: "list[Reflector | None]", viewer: Viewer, hits: _Hits) -> Array:
+    def _shaded(self, reflectors: "list[Reflector | VertexColors | None]", viewer: Viewer, hits: _Hits) -> Array:
         """Return the radiance of points that rays meet, shape (n, 3)."""
         result = np.empty((len(hits.faces), 3))
         views = -hits.directions
@@ -203,7 +204,11 @@ class MeshSubject:
             own = np.flatnonzero(looks == index)
             for k in range(0, len(own), _SAMPLES_AT_ONCE):
                 part = own[k : k + _SAMPLES_AT_ONCE]
-                if reflector is not None:
+                if isinstance(reflector, VertexColors):
+                    colors = reflector.seen_from(self.aim.eye(viewer))
+                    picked = hits.faces[part], hits.weights[part]
+                    result[part] = self.stage.mesh.interpolated(colors, *picked)
+                elif reflector is not None:
                     brushed = None if tangents is None else tangents[part]
                     result[part] = reflector.radiance(normals[part], views[part], brushed)
         return result

@@ -5,7 +5,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.errors import TransferError
 from shrm_cli.transfer.transfer import Transfer
 
 Array = NDArray[np.floating]
@@ -85,11 +84,8 @@ def arriving_light(transfer: Transfer, lighting: ArrayLike, part: slice = slice(
     TransferError
         If the transfer has no matrices.
     """
-    if transfer.matrices is None:
-        raise TransferError(
-            f"{transfer.facts.mesh}: its transfer has no matrices, which glossy surfaces need; "
-            "bake it with shrm transfer --matrices"
-        )
+    transfer.check_glossy()
+    assert transfer.matrices is not None
     matrices = transfer.matrices[part]
     count, size, _, channels = matrices.shape
     light = fitted(lighting, size).astype(matrices.dtype)

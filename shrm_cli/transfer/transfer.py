@@ -109,6 +109,20 @@ class Transfer:
                 f"{self.facts.mesh}; bake it again with shrm transfer"
             )
 
+    def check_glossy(self) -> None:
+        """Check that there are matrices.
+
+        Raises
+        ------
+        TransferError
+            If there are none.
+        """
+        if self.matrices is None:
+            raise TransferError(
+                f"{self.facts.mesh}: its transfer has no matrices, which glossy surfaces need; "
+                "bake it with shrm transfer --matrices"
+            )
+
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told of the transfer."""
         vertices, size, channels = self.vectors.shape
