@@ -26,6 +26,14 @@ class MapError(ShrmError):
     """A file is not a map that `shrm` wrote, or a map cannot be made or used as asked."""
 
 
+class TransferError(ShrmError):
+    """A file is no precomputed transfer, or does not belong to what it is to be used with."""
+
+
+class MeshError(ShrmError):
+    """A mesh cannot be read, or cannot be drawn or traced as it is."""
+
+
 class OutputError(ShrmError):
     """An output file cannot be written completely."""
 

@@ -82,6 +82,8 @@ MIN_ROUGHNESS = 0.05
 """The least perceptual roughness of GGX, at which its lobe is 0.3 degrees wide."""
 MAX_LEVELS = 64
 """The most levels of a split sum."""
+MAX_TRANSFER_ORDER = 8
+"""The largest order of precomputed transfer, whose matrices have (order + 1)^4 numbers a vertex."""
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of linear R, G and B in the luminance (ITU-R BT.709).

@@ -25,10 +25,12 @@ STOPS = [
     {"layouts"},
     {"sphere"},
     {"files"},
+    {"geometry"},
     {"probe", "brdf"},
     {"orders", "reflected"},
     {"reference"},
     {"maps"},
+    {"transfer"},
     {"prefilter"},
     {"render"},
     {"analysis"},
@@ -46,6 +48,8 @@ EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
     "brdf/measured/reading/spectrum.py": {"colour"},
     "render/flip.py": {"flip_evaluator"},
+    "geometry/load.py": {"trimesh"},
+    "geometry/rays.py": {"embreex"},
 }
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}

@@ -31,11 +31,15 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
     from shrm_cli.brdf.measured.reading.table_file import is_table
     from shrm_cli.brdf.spec import is_measured_file
     from shrm_cli.maps.file import is_map
+    from shrm_cli.transfer.file import is_transfer, read_transfer
 
     warnings: list[str] = []
     if is_map(file):
         refuse_inapplicable(reading_rules(False, "to probes; FILE is a map"))
         values = _describe_map(file)
+    elif is_transfer(file):
+        refuse_inapplicable(reading_rules(False, "to probes; FILE is a precomputed transfer"))
+        values = {"kind": "precomputed transfer", **read_transfer(file).summary()}
     elif is_table(file):
         values = _describe_table(file)
     elif (table := read_table_facts(file)) is not None:

@@ -1,4 +1,4 @@
-"""`shrm render` draws spheres from their maps."""
+"""`shrm render` draws spheres and meshes from their maps."""
 
 from __future__ import annotations
 
@@ -26,18 +26,31 @@ from shrm_cli.cli.shading import (
     shaded_maps,
     surface_values,
 )
-from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.stage import (
+    mesh_options,
+    mesh_stem,
+    mesh_subject,
+    mesh_values,
+    open_stage,
+    refuse_mesh_options,
+    refuse_transfer_options,
+    shadowed,
+)
+from shrm_cli.cli.types import AzimuthElevation, PictureSize
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from shrm_cli.render.shading import KnownMap
+    from shrm_cli.maps.info import MapInfo
     from shrm_cli.vocabulary import Precision
+
+_FILES = ("mesh", "irradiance", "transfer")
+"""What the recipe of a picture says of files, whose folders it leaves out."""
 
 
 @click.command()
-@click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
+@click.argument("maps", metavar="MAP...", nargs=-1, type=click.Path(dir_okay=False))
 @click.option(
     "-o", "--output", type=click.Path(),
     help="PNG or EXR to write.  [default: MAP.png, of several sheet.png, in the current folder]",
@@ -47,15 +60,16 @@ if TYPE_CHECKING:
     help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
 )  # fmt: skip
 @click.option(
-    "--size", type=click.IntRange(16, 8192), default=512, show_default=True,
-    help="Width and height of a sphere's picture, pixels.",
+    "--size", type=PictureSize(16, 8192), default="512", show_default=True,
+    help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
+@mesh_options
 @roughness_option
 @f0_option
 @exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
-    help="Light probe to show behind the sphere, 50 degrees across.  [default: black]",
+    help="Light probe to show behind it, of a sphere 50 degrees across.  [default: black]",
 )  # fmt: skip
 @click.option(
     "--probe", type=click.Path(), metavar="PROBE",
@@ -63,7 +77,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--frames", type=click.IntRange(1, 9999), metavar="N",
-    help="Walk around the sphere in N steps, a file for each: the output's name holds %04d.",
+    help="Walk around it in N steps, a file for each: the output's name holds %04d.",
 )  # fmt: skip
 @click.option(
     "--columns", type=click.IntRange(1), metavar="N",
@@ -77,7 +91,14 @@ def render(
     maps: tuple[str, ...],
     output: str | None,
     view: tuple[float, float],
-    size: int,
+    size: tuple[int, int],
+    mesh: str | None,
+    fov: float | None,
+    distance: float | None,
+    target: tuple[float, float, float] | None,
+    brush: str | tuple[float, float, float] | None,
+    irradiance: str | None,
+    transfer: str | None,
     roughness: float | None,
     f0: str | None,
     exposure: float,
@@ -91,18 +112,21 @@ def render(
     quiet: bool,
     **reading: Any,
 ) -> None:
-    """Render a sphere from each MAP, as a distant viewer sees it.
+    """Render a sphere from each MAP, as a distant viewer sees it, or a mesh.
 
     PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
     picture's width. Several maps make one contact sheet. Split sums and SH
-    exponentials are shown as GGX of --roughness and --f0, irradiance as white and diffuse. The
-    options from --sampling to --clamp are about the files of --background and --probe.
+    exponentials are shown as GGX of --roughness and --f0, or of a glTF's materials; irradiance as
+    white and diffuse. The options from --sampling to --clamp are about the files of --background
+    and --probe.
 
     \b
       shrm render probe.microfacet.shrm.exr --view 30,10 --background probe.exr
       shrm render probe.splitsum.exr --roughness 0.3 --f0 gold
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
+      shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
       shrm render brushed.product.exr --probe probe.exr
+      shrm render probe.irradiance.exr --mesh bunny.obj --transfer bunny.transfer.npz
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
@@ -111,30 +135,60 @@ def render(
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer, background_rows
     from shrm_cli.render.frames import frame_paths, turntable
-    from shrm_cli.render.scene import Scene
+    from shrm_cli.render.scene import Scene, SphereSubject
 
-    pattern = output or _default_name(maps, frames)
+    if not maps and mesh is None:
+        raise click.UsageError("Missing argument 'MAP...'")
+    pattern = output or _default_name(maps, mesh, frames)
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
+    refuse_mesh_options(mesh)
+    refuse_transfer_options(transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(sampling, reading)
     probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
-    check_outputs(targets, files=maps)
+    sky = None if background is None else probes[background]
+    check_outputs(targets, files=maps if mesh is None else (*maps, mesh))
     opened = [open_map(path) for path in maps]
     needs_light = any(each.needs_light for each in opened)
     what = "to product textures that hold no light, and no MAP is one"
     refuse_inapplicable({"probe": Applies(needs_light, what)})
     opened = lit_maps(opened, maps, probes.get(probe or ""))
-    loaded, surface, warnings = shaded_maps(opened, maps, roughness, f0)
-    behind = None if background is None else coarse_probe(probes[background], background_rows(size))
-    scene = Scene(loaded, [map_stem(path) for path in maps], size, exposure, behind, columns)
+    viewers = turntable(Viewer(*view), len(targets))
+    said: dict[str, Any]
+    scene: Scene[Any]
+    labels = [map_stem(path) for path in maps]
+    if mesh is None:
+        width, height = size
+        if width != height:
+            raise click.UsageError("--size of a sphere's picture is one number")
+        loaded, surface, warnings = shaded_maps(opened, maps, roughness, f0)
+        behind = None if sky is None else coarse_probe(sky, background_rows(width))
+        scene = Scene(SphereSubject(width), loaded, labels, exposure, behind, columns)
+        seen = [each.info for each in loaded]
+        said = {"size": width, **surface_values(surface)}
+    else:
+        stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance)
+        subject = mesh_subject(stage, viewers, size, fov, distance, target)
+        behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
+        drawn: list[list[Any]] = [stage.reflectors(each) for each in opened or [None]]
+        if transfer is not None:
+            drawn = shadowed(stage, mesh, transfer, opened)
+        scene = Scene(subject, drawn, labels, exposure, behind, columns)
+        seen = [each.info for each in (*opened, *stage.maps())]
+        given = {"roughness": roughness, "f0": f0, "brush": brush, "irradiance": irradiance}
+        given["transfer"] = transfer
+        said = {
+            "size": list(size),
+            **mesh_values(subject, mesh),
+            **{key: value for key, value in given.items() if value is not None},
+        }
     height, width = scene.shape
     settings = {
         "maps": list(maps),
         "view": list(view),
-        "size": size,
-        **surface_values(surface),
+        **said,
         "exposure": exposure,
         "background": background,
         "probe": probe,
@@ -145,34 +199,35 @@ def render(
     written = []
     with progress_bar("rendering", quiet) as progress:
         stages = Stages(progress, len(targets))
-        for target, viewer in zip(targets, turntable(Viewer(*view), len(targets)), strict=True):
+        for path, viewer in zip(targets, viewers, strict=True):
             pixels = scene.picture(viewer, stages.within)
-            attributes = _attributes(loaded, settings, viewer.azimuth)
-            pixel_type = write_picture(target, pixels, precision, attributes)
-            written.append({"file": target, "azimuth": viewer.azimuth, "pixels": pixel_type})
+            attributes = _attributes(seen, settings, said, viewer.azimuth)
+            pixel_type = write_picture(path, pixels, precision, attributes)
+            written.append({"file": path, "azimuth": viewer.azimuth, "pixels": pixel_type})
             stages.done(len(written), len(targets))
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
     conclude({"files": written, **settings}, lines, warnings, as_json, quiet)
 
 
-def _default_name(maps: Sequence[str], frames: int | None) -> str:
-    stem = map_stem(maps[0]) if len(maps) == 1 else "sheet"
+def _default_name(maps: Sequence[str], mesh: str | None, frames: int | None) -> str:
+    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps)
+    if mesh is not None:
+        stem = f"{stem}.{mesh_stem(mesh)}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
 
 
 def _attributes(
-    maps: Iterable[KnownMap], settings: dict[str, Any], azimuth: float
+    maps: Iterable[MapInfo], settings: dict[str, Any], said: dict[str, Any], azimuth: float
 ) -> dict[str, Any]:
     """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
     behind, light = settings["background"], settings["probe"]
     recipe: dict[str, Any] = {
         "render": [Path(path).name for path in settings["maps"]],
         "view": [azimuth, settings["view"][1]],
-        "size": settings["size"],
-        **{key: settings[key] for key in ("roughness", "f0") if key in settings},
+        **{key: Path(value).name if key in _FILES else value for key, value in said.items()},
         "exposure": settings["exposure"],
         "background": None if behind is None else Path(behind).name,
         **({} if light is None else {"probe": Path(light).name}),
     }
-    return picture_attributes(recipe, (each.info.chromaticities for each in maps))
+    return picture_attributes(recipe, (each.chromaticities for each in maps))

@@ -11,7 +11,6 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli.options import announce, conclude, progress_bar
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.shading import reflectance
 from shrm_cli.cli.usage import flags
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
@@ -76,6 +75,8 @@ def print_representations(
         table_layout(steps, size)  # raises if the sheet is too large
         file_type(output)
         check_outputs([output])
+    from shrm_cli.render.shading import reflectance
+
     color = None if f0 is None else reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.

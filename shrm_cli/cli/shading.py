@@ -27,6 +27,7 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the text, which `reflectance` understands."""
         from shrm_cli.errors import BrdfError
+        from shrm_cli.render.shading import reflectance
 
         if not value.strip() or set(value) & set(",:+*="):
             self.fail(f"{value!r} is not a colour such as 0.04, 1/0.78/0.34 or gold", param, ctx)
@@ -35,27 +36,6 @@ class Reflectance(click.ParamType):  # type: ignore[type-arg]
         except BrdfError as error:
             self.fail(str(error).removeprefix("ggx: "), param, ctx)
         return value
-
-
-def reflectance(
-    value: str, primaries: tuple[float, ...] | None = None
-) -> tuple[float, float, float]:
-    """Return the linear RGB, each channel within 0 .. 1, that a value of --f0 means.
-
-    Parameters
-    ----------
-    value : str
-    primaries : tuple of 8 float, optional
-        The chromaticities of the light, which the colors of metals are converted to.
-
-    Raises
-    ------
-    BrdfError
-        If it is no color.
-    """
-    from shrm_cli.brdf.spec import parse_spec
-
-    return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
 
 roughness_option = click.option(
@@ -102,7 +82,7 @@ def shaded_maps(
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import ggx_surface, outside_range
+    from shrm_cli.render.shading import ggx_surface, outside_range, reflectance
 
     needs_surface = any(each.needs_surface for each in maps)
     applies = Applies(needs_surface, "to split sums and SH exponentials, and no MAP is one")

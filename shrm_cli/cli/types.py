@@ -52,6 +52,9 @@ class Within(click.ParamType):  # type: ignore[type-arg]
         return number
 
 
+_LARGEST = 1e30
+"""The largest coordinate, as meshes have it."""
+
 STOPS = Within(-32, 32)
 """The type of an exposure value, in stops."""
 
@@ -79,6 +82,73 @@ class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
         return azimuth, elevation
 
 
+class Vector(click.ParamType):  # type: ignore[type-arg]
+    """A point or a direction: three numbers ``X,Y,Z``."""
+
+    name = "X,Y,Z"
+
+    def convert(
+        self,
+        value: str | tuple[float, float, float],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[float, float, float]:
+        """Return three finite numbers."""
+        if isinstance(value, tuple):
+            return value
+        numbers = _numbers(value)
+        if len(numbers) != 3 or not all(abs(number) <= _LARGEST for number in numbers):
+            self.fail(f"{value!r} is not three numbers X,Y,Z such as 0,1,0", param, ctx)
+        return numbers[0], numbers[1], numbers[2]
+
+
+class Brush(Vector):
+    """What tangents follow: ``uv``, or a direction ``X,Y,Z``."""
+
+    name = "uv|X,Y,Z"
+
+    def convert(
+        self,
+        value: str | tuple[float, float, float],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:
+        """Return ``uv`` or three finite numbers that are not all 0."""
+        if value == "uv":
+            return value
+        direction = super().convert(value, param, ctx)
+        if not any(direction):
+            self.fail("0,0,0 is no direction", param, ctx)
+        return direction
+
+
+class PictureSize(click.ParamType):  # type: ignore[type-arg]
+    """The size of a picture in pixels: its width and height, ``N`` or ``WxH``."""
+
+    name = "N|WxH"
+
+    def __init__(self, low: int, high: int) -> None:
+        self.low, self.high = low, high
+
+    def convert(
+        self,
+        value: str | tuple[int, int],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[int, int]:
+        """Return width and height."""
+        if isinstance(value, tuple):
+            return value
+        parts = value.split("x")
+        if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
+            self.fail(f"{value!r} is not a size in pixels such as 512 or 800x600", param, ctx)
+        sizes = [int(part[:9]) for part in parts]
+        for size in sizes:
+            if not self.low <= size <= self.high:
+                self.fail(f"{size} is not in the range {self.low}<=x<={self.high}.", param, ctx)
+        return sizes[0], sizes[-1]
+
+
 class Radiance(click.ParamType):  # type: ignore[type-arg]
     """A linear RGB radiance: one number for all channels, or three with commas between."""
 
@@ -98,6 +168,26 @@ class Radiance(click.ParamType):  # type: ignore[type-arg]
             self.fail(f"{value!r} is not one number, or three such as 1,0.5,0.2", param, ctx)
         if min(numbers) < 0:
             self.fail(f"{value!r} has a number below 0", param, ctx)
+        return numbers
+
+
+class Albedo(click.ParamType):  # type: ignore[type-arg]
+    """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
+
+    name = "X|R,G,B|vertex"
+
+    def convert(
+        self,
+        value: str | tuple[float, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str | tuple[float, ...]:
+        """Return one or three numbers, or "vertex"."""
+        if isinstance(value, tuple) or value == "vertex":
+            return value
+        numbers = _numbers(value)
+        if len(numbers) not in (1, 3) or not all(0 <= number <= 1 for number in numbers):
+            self.fail(f"{value!r} is not vertex, nor one or three numbers in 0 .. 1", param, ctx)
         return numbers
 
 

@@ -13,7 +13,7 @@ _MOST_CHARACTERS = 2**25
 _MOST_DEPTH = 16
 _MOST_DIGITS = 32
 """The most digits of a whole number: a double holds less than that."""
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*+"', re.DOTALL)
+_STRING = re.compile(r'"[^"\\]*+(?:\\.[^"\\]*+)*+"', re.DOTALL)
 _BRACKETS = re.compile(r"[][{}]")
 
 
@@ -39,7 +39,7 @@ def parse_json(text: object, most_depth: int = _MOST_DEPTH) -> Any:
     """
     if not isinstance(text, str) or len(text) > _MOST_CHARACTERS:
         raise ValueError("no text, or too long")
-    if _depth(text) > most_depth:
+    if _is_deeper(text, most_depth):
         raise ValueError("nested too deeply")
     value = json.loads(text, parse_constant=_refuse, parse_float=_real, parse_int=_whole)
     if "\\u" in text or not text.isascii():
@@ -47,13 +47,14 @@ def parse_json(text: object, most_depth: int = _MOST_DEPTH) -> Any:
     return value
 
 
-def _depth(text: str) -> int:
-    """How deep the brackets of a text are nested, outside of its strings."""
-    depth = deepest = 0
-    for bracket in _BRACKETS.findall(_STRING.sub("", text)):
-        depth += 1 if bracket in "[{" else -1
-        deepest = max(deepest, depth)
-    return deepest
+def _is_deeper(text: str, most: int) -> bool:
+    """Whether the brackets of a text are nested deeper than that, outside of its strings."""
+    depth = 0
+    for bracket in _BRACKETS.finditer(_STRING.sub("", text)):
+        depth += 1 if bracket[0] in "[{" else -1
+        if depth > most:
+            return True
+    return False
 
 
 def _refuse(name: str) -> None:

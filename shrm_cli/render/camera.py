@@ -104,7 +104,7 @@ def sphere_normals(viewer: Viewer, x: Array, y: Array) -> Array:
     beyond = np.maximum(np.hypot(x, y), 1.0)
     x, y = x / beyond, y / beyond
     z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    return _in_world(viewer, x, y, z)
+    return in_world(viewer, x, y, z)
 
 
 def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> Array:
@@ -125,7 +125,7 @@ def background_directions(viewer: Viewer, size: int, start: int, stop: int) -> A
     """
     x, y = pixel_centers(size, start, stop)
     distance = size / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2))
-    return normalize(_in_world(viewer, x, y, -distance))
+    return normalize(in_world(viewer, x, y, -distance))
 
 
 def background_rows(size: int) -> int:
@@ -134,7 +134,7 @@ def background_rows(size: int) -> int:
     return int(np.ceil(np.pi / pixel))
 
 
-def _in_world(viewer: Viewer, x: Array, y: Array, z: Array | float) -> Array:
+def in_world(viewer: Viewer, x: Array, y: Array, z: Array | float) -> Array:
     """Return vectors with components along right, up and V in world axes, shape (..., 3)."""
     result = np.empty((*x.shape, 3))
     # A matrix product with so few columns would take BLAS ten times as long.

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, Protocol, TypeVar
 
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress, Stages
@@ -11,44 +12,94 @@ from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, Surroundings, render_background, render_sphere
 
+Material = TypeVar("Material")
+_Drawn = TypeVar("_Drawn", contravariant=True)
+
+
+class Subject(Protocol[_Drawn]):
+    """What is drawn: a shape, for each of its materials."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of a picture, pixels."""
+
+    def background(self, surroundings: Surroundings, viewer: Viewer) -> Picture:
+        """Draw what is behind the subject, shape (*shape, 3), linear."""
+
+    def draw(
+        self,
+        material: _Drawn,
+        viewer: Viewer,
+        background: Picture | None,
+        progress: Progress | None,
+    ) -> Picture:
+        """Draw the subject of a material before a background, shape (*shape, 3), linear."""
+
 
 @dataclass(frozen=True)
-class Scene:
-    """One sphere, or a sheet of several.
+class SphereSubject:
+    """A sphere in a square picture of some width in pixels; its material is a map."""
+
+    size: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of a picture, pixels."""
+        return self.size, self.size
+
+    def background(self, surroundings: Surroundings, viewer: Viewer) -> Picture:
+        """Draw what is behind the sphere; see `render_background`."""
+        return render_background(surroundings, viewer, self.size)
+
+    def draw(
+        self,
+        material: ReflectionMap,
+        viewer: Viewer,
+        background: Picture | None,
+        progress: Progress | None,
+    ) -> Picture:
+        """Draw the sphere; see `render_sphere`."""
+        return render_sphere(material, viewer, self.size, background, progress)
+
+
+@dataclass(frozen=True)
+class Scene(Generic[Material]):
+    """One subject of one material, or a sheet of it in several.
 
     Attributes
     ----------
-    maps : sequence of ReflectionMap
+    subject : Subject
+    materials : sequence
+        What the subject takes, such as maps.
     labels : sequence of str
-        A label for each map.
-    size : int
-        Width and height of a sphere's picture, pixels.
+        A label for each material.
     exposure : float
-        Stops, the same for all maps.
+        Stops, the same for all materials.
     surroundings : Surroundings, optional
-        The probe behind the spheres; by default they stand on black.
+        The probe behind the subject; by default it stands on black.
     columns : int, optional
         Columns of a sheet; by default it is as square as possible.
     """
 
-    maps: Sequence[ReflectionMap]
+    subject: Subject[Material]
+    materials: Sequence[Material]
     labels: Sequence[str]
-    size: int
     exposure: float = 0.0
     surroundings: Surroundings | None = None
     columns: int | None = None
 
     @cached_property
     def layout(self) -> SheetLayout | None:
-        """Layout of the sheet; None for a single map."""
-        if len(self.maps) == 1:
+        """Layout of the sheet; None for a single material."""
+        if len(self.materials) == 1:
             return None
-        return arrange(len(self.maps), self.size, self.columns)
+        height, width = self.subject.shape
+        return arrange(len(self.materials), width, self.columns, height)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the picture, pixels."""
-        return (self.size, self.size) if self.layout is None else self.layout.shape
+        return self.subject.shape if self.layout is None else self.layout.shape
 
     def picture(self, viewer: Viewer, progress: Progress | None = None) -> Picture:
         """Draw the picture that the viewer sees.
@@ -62,7 +113,7 @@ class Scene:
         Returns
         -------
         ndarray of float32, shape (*shape, 3)
-            Linear. The spheres are exposed; the paper and the labels of a sheet are not.
+            Linear. The subjects are exposed; the paper and the labels of a sheet are not.
 
         Raises
         ------
@@ -72,11 +123,11 @@ class Scene:
         layout = self.layout
         behind = None
         if self.surroundings is not None:
-            behind = render_background(self.surroundings, viewer, self.size)
+            behind = self.subject.background(self.surroundings, viewer)
         tiles = []
-        stages = Stages(progress, len(self.maps))
-        for index, each in enumerate(self.maps):
-            sphere = render_sphere(each, viewer, self.size, behind, stages.within)
-            tiles.append(expose(sphere, self.exposure))
-            stages.done(index + 1, len(self.maps))
+        stages = Stages(progress, len(self.materials))
+        for index, each in enumerate(self.materials):
+            drawn = self.subject.draw(each, viewer, behind, stages.within)
+            tiles.append(expose(drawn, self.exposure))
+            stages.done(index + 1, len(self.materials))
         return tiles[0] if layout is None else draw_sheet(layout, tiles, self.labels)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 
@@ -45,6 +46,23 @@ def ggx_surface(roughness: float | None = None, f0: Color | None = None) -> Ggx:
     """
     given = {"roughness": roughness, "f0": f0}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
+
+
+def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:
+    """Return the linear RGB, each channel within 0 .. 1, that a text such as ``gold`` means.
+
+    Parameters
+    ----------
+    value : str
+    primaries : tuple of 8 float, optional
+        The chromaticities of the light, which the colors of metals are converted to.
+
+    Raises
+    ------
+    BrdfError
+        If it is no color.
+    """
+    return parse_spec(f"ggx:f0={value}", primaries=primaries).color("f0")
 
 
 def outside_range(maps: Mapping[str, Map], roughness: float) -> list[str]:

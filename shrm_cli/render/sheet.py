@@ -29,12 +29,20 @@ class SheetLayout:
     count, columns : int
         How many tiles there are, and how many of them stand beside each other.
     tile : int
-        Width and height of a tile.
+        Width of a tile.
+    tall : int, optional
+        Height of a tile; by default tiles are square.
     """
 
     count: int
     columns: int
     tile: int
+    tall: int | None = None
+
+    @property
+    def tile_height(self) -> int:
+        """Height of a tile."""
+        return self.tile if self.tall is None else self.tall
 
     @property
     def gap(self) -> int:
@@ -54,18 +62,20 @@ class SheetLayout:
         """Height and width of the sheet."""
         rows = ceil(self.count / self.columns)
         width = self.columns * (self.tile + self.gap) + self.gap
-        return rows * (self.tile + self.label_height + self.gap) + self.gap, width
+        return rows * (self.tile_height + self.label_height + self.gap) + self.gap, width
 
     def origin(self, index: int) -> tuple[int, int]:
-        """Return row and column of a tile's upper left pixel; its label begins `tile` below."""
+        """Return row and column of a tile's upper left pixel; its label begins right below."""
         row, column = divmod(index, self.columns)
         return (
-            self.gap + row * (self.tile + self.label_height + self.gap),
+            self.gap + row * (self.tile_height + self.label_height + self.gap),
             self.gap + column * (self.tile + self.gap),
         )
 
 
-def arrange(count: int, tile: int, columns: int | None = None) -> SheetLayout:
+def arrange(
+    count: int, tile: int, columns: int | None = None, tall: int | None = None
+) -> SheetLayout:
     """Lay out a sheet.
 
     Parameters
@@ -73,9 +83,11 @@ def arrange(count: int, tile: int, columns: int | None = None) -> SheetLayout:
     count : int
         Number of tiles.
     tile : int
-        Width and height of a tile, pixels.
+        Width of a tile, pixels.
     columns : int, optional
         Tiles beside each other; by default the sheet is as square as possible.
+    tall : int, optional
+        Height of a tile; by default tiles are square.
 
     Raises
     ------
@@ -83,7 +95,7 @@ def arrange(count: int, tile: int, columns: int | None = None) -> SheetLayout:
         If the sheet has more than `MAX_PIXELS` pixels.
     """
     wanted = columns or isqrt(count - 1) + 1
-    layout = SheetLayout(count, min(wanted, count), tile)
+    layout = SheetLayout(count, min(wanted, count), tile, tall)
     height, width = layout.shape
     if height * width > MAX_PIXELS:
         raise OutputError(
@@ -99,7 +111,7 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
     Parameters
     ----------
     layout : SheetLayout
-    tiles : sequence of ndarray, shape (tile, tile, 3)
+    tiles : sequence of ndarray, shape (tile_height, tile, 3)
         Linear and already exposed; the paper and the labels are not exposed.
     labels : sequence of str
         A label is shortened in its middle if it is wider than its tile.
@@ -117,8 +129,8 @@ def draw_sheet(layout: SheetLayout, tiles: Sequence[Picture], labels: Sequence[s
     for index, (tile, label) in enumerate(zip(tiles, labels, strict=True)):
         top, left = layout.origin(index)
         columns = slice(left, left + layout.tile)
-        sheet[top : top + layout.tile, columns] = tile
-        bottom = top + layout.tile
+        bottom = top + layout.tile_height
+        sheet[top:bottom, columns] = tile
         ink = text_coverage(label, layout.font_size, layout.tile, layout.label_height)
         sheet[bottom : bottom + layout.label_height, columns] += (1 - PAPER) * ink
     return sheet

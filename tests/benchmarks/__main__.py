@@ -5,7 +5,11 @@ from importlib import import_module
 from shrm_cli.cli.threads import limit_small_products
 from tests.benchmarks.table import print_table
 
-MODULES = ["tests.benchmarks.bench_sphere", "tests.benchmarks.bench_process"]
+MODULES = [
+    "tests.benchmarks.bench_sphere",
+    "tests.benchmarks.bench_process",
+    "tests.benchmarks.bench_transfer",
+]
 """The modules of benchmarks, each with a function `rows() -> Iterable[Row]`."""
 
 

@@ -221,6 +221,8 @@ def _load_everything() -> None:
     for module in pkgutil.walk_packages(shrm_cli.__path__, "shrm_cli."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
+    for name in ("trimesh.exchange.load", "embreex.mesh_construction"):
+        importlib.import_module(name)
     to_linear_srgb([400.0, 700.0], [1.0, 1.0])  # loads the tables of colour-science
     gc.collect()
     gc.freeze()  # or the collector would touch, and so copy, every page in every child

@@ -18,12 +18,17 @@ import OpenImageIO as oiio
 
 from tests.brdf.measured.rgl_files import material, tensor_file
 from tests.cli.helpers import noise
+from tests.geometry import shapes
 from tests.probe import scenes
 
 SOUND = "sound.exr"
 """A probe that commands need beside the damaged file."""
 MAP = "sound.shrm.exr"
 """A map of it, to compare others with."""
+LIGHT = "map.splitsum.exr"
+"""A map of light alone, which the materials of meshes are shown with."""
+MESH = "sound.obj"
+"""A mesh that scenes name."""
 
 _PROBE = (
     "info FILE --json --linearize",
@@ -69,6 +74,9 @@ _ARGUMENTS = (
     "render sound.shrm.exr --size 16 --exposure WORD -o OUT.png",
     "render sound.shrm.exr --size 16 --background WORD -o OUT.png",
     "compare sound.shrm.exr WORD --size 16 --no-flip --no-picture",
+    "render sound.shrm.exr --mesh WORD --size 16 -o OUT.png",
+    "render sound.shrm.exr --mesh sound.obj --size 16 --distance WORD -o OUT.png",
+    "render sound.shrm.exr --mesh sound.obj --size 16 --brush WORD -o OUT.png",
 )
 _PRODUCT = (
     "info FILE --json",
@@ -83,6 +91,12 @@ _LIGHTS = (
     "prefilter FILE --to irradiance --size 4 -o OUT.exr",
     "render sound.shrm.exr --background FILE --size 16 -o OUT.png",
 )
+_MESH = (
+    "render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",
+    "render sound.shrm.exr --mesh FILE --size 24x16 --brush 1,0,0 --json -o OUT.exr",
+    "render map.splitsum.exr --mesh FILE --size 16 --roughness 0.3 -o OUT.png",
+)
+_SCENE = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",)
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -122,6 +136,8 @@ def make_seeds(folder: Path) -> list[Seed]:
         Seed("product texture", "product.exr", _PRODUCT),
         Seed("light file", _lights(folder), _LIGHTS),
         Seed("arguments", SOUND, _ARGUMENTS),
+        *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
+        Seed("scene", "scene.toml", _SCENE),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
 
@@ -297,7 +313,35 @@ def _brdfs(folder: Path) -> list[tuple[str, str]]:
     ]
 
 
+def _meshes(folder: Path) -> list[tuple[str, str]]:
+    """Meshes of every format, and a scene of one of them."""
+    ball = shapes.icosphere(1)
+    material = {"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0, 1], "metallicFactor": 0.5}}
+    tree, data = shapes.gltf_tree(*ball, uvs=ball[0][:, :2], material=material)
+    corners = [f"v {x:.6f} {y:.6f} {z:.6f}\nvn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in ball[0]]
+    corners += [f"vt {x:.3f} {y:.3f}" for x, y, _ in ball[0]]
+    corners += ["f " + " ".join(f"{k + 1}/{k + 1}/{k + 1}" for k in face) for face in ball[1]]
+    made = {
+        "sound.obj": shapes.obj(*ball),
+        "full.obj": "\n".join(corners).encode(),
+        "a.ply": shapes.ply(*ball),
+        "text.ply": shapes.ply(*ball, binary=False),
+        "a.stl": shapes.stl(*ball),
+        "text.stl": shapes.stl(*ball, binary=False),
+        "a.glb": shapes.glb(tree, data),
+        "a.gltf": shapes.gltf(tree, data),
+    }
+    for name, content in made.items():
+        (folder / name).write_bytes(content)
+    (folder / "scene.toml").write_text(
+        f'[[objects]]\nmesh = "{MESH}"\nmap = "{LIGHT}"\nroughness = 0.4\nf0 = "gold"\n'
+        f'rotate = [0, 90, 0]\n\n[[objects]]\nmesh = "{MESH}"\nscale = [1, 2, 1]\n'
+        "translate = [3, 0, 0]\nbrush = [0, 1, 0]\n"
+    )
+    return [(f"mesh, {Path(name).suffix}", name) for name in made]
+
+
 def copy_sound(source: Path, target: Path) -> None:
     """Copy what commands need beside the damaged file into the folder of a case."""
-    for name in (SOUND, MAP):
+    for name in (SOUND, MAP, LIGHT, MESH):
         shutil.copyfile(source / name, target / name)

@@ -17,20 +17,17 @@ OpenEXR
 import json
 import math
 import os
-import struct
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from numpy.lib import format as npy
-from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Array
 from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.brdf.measured.table import AXES, Table, TableSettings
 from shrm_cli.errors import BrdfError, MapError, OutputError
+from shrm_cli.files import npz
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.files.whole import replacing
@@ -43,15 +40,10 @@ MOST_CELLS = 2**24
 
 _VERSION = 1
 """The version of the format that files hold; files of a later version are refused."""
-_MOST_SETTINGS = 2**20
-"""The most bytes of the settings in an archive, and of what an array has besides its numbers."""
 _ENDS = {"theta_h": math.pi, "theta_d": math.pi / 2, "phi_d": math.pi}
 """The ends of the axes, radians; all axes begin at 0."""
 _ROUNDING = 1e-6
 """How far an axis may exceed its range by rounding, radians."""
-_UNREADABLE = (RuntimeError, ValueError, struct.error)
-"""What else an archive's reader raises: for passwords, for names and settings that are no text, and
-for records that are cut off."""
 _AGAIN = "make it again with shrm brdf --save"
 
 Stored = tuple[Array, tuple[Array, ...], TableSettings]
@@ -177,69 +169,21 @@ def _read_exr(path: Path) -> Stored:
 
 
 def _read_npz(path: Path) -> Stored:
+    most = 3 * 8 * MOST_CELLS  # bytes of three channels of doubles
     try:
-        with zipfile.ZipFile(path) as archive:
-            # The archive's directory tells sizes, which are checked before anything is unpacked.
-            members = {info.filename: info for info in archive.infolist()}
-            missing = [name for name in ("values", *AXES) if f"{name}.npy" not in members]
+        with npz.opened(path) as archive:
+            missing = [name for name in ("values", *AXES) if name not in archive.names]
             if missing:
                 raise BrdfError(f"{path}: no array {missing[0]!r} in it; not a table of a BRDF")
-            axes = tuple(
-                _axis(path, name, _array(path, archive, members[f"{name}.npy"], 1)) for name in AXES
-            )
-            values = _array(path, archive, members["values.npy"], 4)
-            text = "{}"
-            if "settings.npy" in members:
-                text = _text(_array(path, archive, members["settings.npy"], 0, kind="U"))
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, *_UNREADABLE) as error:
-        raise BrdfError(f"{path}: damaged or truncated; copy it, or {_AGAIN}") from error
+            axes = tuple(_axis(path, name, archive.numbers(name, 1, most)) for name in AXES)
+            values = archive.numbers("values", 4, most)
+            text = archive.text("settings") if "settings" in archive.names else "{}"
+    except ValueError as error:
+        raise BrdfError(f"{path}: {error}; copy it, or {_AGAIN}") from error
     lengths = tuple(len(axis) for axis in axes)
     if values.shape not in ((*lengths, 1), (*lengths, 3)):
         raise BrdfError(f"{path}: values of shape {values.shape} do not fit its axes {lengths}")
     return _finite(path, values), axes, _settings(path, _json_object(path, text))
-
-
-def _array(
-    path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, dimensions: int, kind: str = "f"
-) -> NDArray[Any]:
-    """Read an array of floats or text from an archive, but check its size before unpacking it."""
-    name = info.filename
-    if info.file_size > (_MOST_SETTINGS if kind == "U" else 3 * 8 * MOST_CELLS + _MOST_SETTINGS):
-        raise BrdfError(f"{path}: {name} unpacks to {info.file_size:,} bytes, which is too much")
-    with archive.open(info) as stream:
-        shape, fortran, dtype = _npy_header(path, name, stream)
-        sizes = (4, 8) if kind == "f" else range(4, _MOST_SETTINGS)
-        if dtype.kind != kind or dtype.itemsize not in sizes or len(shape) != dimensions:
-            raise BrdfError(f"{path}: {name} holds {dtype} of shape {shape}, which is wrong")
-        expected = math.prod(shape) * dtype.itemsize
-        data = stream.read(min(expected, info.file_size) + 1)
-    if len(data) != expected:
-        raise BrdfError(f"{path}: {name} is truncated; copy it, or {_AGAIN}")
-    return np.frombuffer(data, dtype).reshape(shape, order="F" if fortran else "C")
-
-
-def _text(array: NDArray[Any]) -> str:
-    """The text of an array, which holds 32 bits for each character.
-
-    Raises
-    ------
-    ValueError
-        If one of them is no character. Python makes a string of them, but fails later.
-    """
-    points = np.frombuffer(array.tobytes(), array.dtype.byteorder.replace("=", "<") + "u4")
-    return bytes(points.astype("<u4")).decode("utf-32-le").rstrip("\0")
-
-
-def _npy_header(path: Path, name: str, stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-    found: tuple[tuple[int, ...], bool, np.dtype[Any]]
-    try:
-        found = readers[npy.read_magic(stream)](stream)
-    except Exception as error:  # numpy has Python parse the text, which fails in many ways
-        raise BrdfError(f"{path}: {name} is not an array of numpy's; {_AGAIN}") from error
-    if not all(type(length) is int and length >= 0 for length in found[0]):
-        raise BrdfError(f"{path}: {name} is not an array of numpy's; {_AGAIN}")
-    return found
 
 
 def _axis(path: Path, name: str, values: Any) -> Array:

@@ -1,0 +1,213 @@
+"""The options of `shrm render` about meshes, and the stage that they set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from shrm_cli.cli.types import Brush, Vector, Within
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shrm_cli.maps.base import Map
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.mesh import MeshSubject
+    from shrm_cli.render.stage import Stage
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_OPTIONS = ("fov", "distance", "target", "brush", "irradiance", "transfer")
+_LARGEST = 1e30
+
+
+def mesh_options(command: Command) -> Command:
+    """Add --mesh and the options that apply with it."""
+    options = [
+        click.option(
+            "--mesh", type=click.Path(), metavar="FILE",
+            help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
+        ),
+        click.option(
+            "--fov", type=Within(0.01, 170), metavar="DEGREES",
+            help="Angle of view of the camera before a mesh, across the shorter edge.  "
+            "[default: 35]",
+        ),
+        click.option(
+            "--distance", type=Within(0, _LARGEST), metavar="D",
+            help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
+        ),
+        click.option(
+            "--target", type=Vector(),
+            help="What the camera looks at.  [default: the middle of the mesh]",
+        ),
+        click.option(
+            "--brush", type=Brush(),
+            help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
+            "direction.  [default: around +Y]",
+        ),
+        click.option(
+            "--irradiance", type=click.Path(), metavar="MAP",
+            help="Irradiance map: light of the diffuse part of a glTF's materials.",
+        ),
+        click.option(
+            "--transfer", type=click.Path(), metavar="FILE",
+            help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
+            "product textures.",
+        ),
+    ]  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def refuse_mesh_options(mesh: str | None) -> None:
+    """Refuse options about meshes where there is none.
+
+    Raises
+    ------
+    click.UsageError
+        If one is given.
+    """
+    refuse_inapplicable(dict.fromkeys(_OPTIONS, Applies(mesh is not None, "with --mesh")))
+
+
+def open_stage(
+    mesh: str,
+    maps: Sequence[Map],
+    names: Sequence[str],
+    roughness: float | None,
+    f0: str | None,
+    brush: str | tuple[float, float, float] | None,
+    irradiance: str | None,
+) -> tuple[Stage, list[str]]:
+    """Read a mesh or a scene, and check that there is a map for all of it.
+
+    Parameters
+    ----------
+    mesh : str
+        The file.
+    maps, names : sequence
+        The maps that pictures are drawn of, and their files' names; objects of a scene may name
+        their own.
+    roughness, f0, brush, irradiance
+        The values of the options, for a mesh.
+
+    Returns
+    -------
+    stage : Stage
+    warnings : list of str
+
+    Raises
+    ------
+    click.UsageError
+        If there is no map, one too many, or an option that does not apply.
+    """
+    from shrm_cli.errors import ArgumentError
+    from shrm_cli.geometry.load import load_mesh
+    from shrm_cli.render.scene_file import Shown, as_irradiance, is_scene_name, read_scene
+    from shrm_cli.render.stage import Stage
+
+    if is_scene_name(mesh):
+        in_scene = Applies(False, "to a single mesh; a scene says it of each object")
+        refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance"), in_scene))
+        stage = Stage.of(read_scene(mesh, list(maps)))
+    else:
+        lit = any(each.needs_surface for each in maps)
+        alone = Applies(lit, "to maps of light alone, such as split sums")
+        refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
+        light = None if irradiance is None else as_irradiance(irradiance)
+        found = load_mesh(mesh)
+        if light is not None and not found.materials:
+            raise ArgumentError("irradiance", f"does not apply: {mesh} has no materials")
+        shown = Shown(None, roughness, f0, light, brush)
+        primaries = maps[0].info.chromaticities if maps else None
+        stage = Stage.of([shown.actor(found, primaries)])
+    if stage.needs_map and not maps:
+        raise click.UsageError("Missing argument 'MAP...': objects without a map are drawn by it")
+    if maps and not stage.needs_map:
+        raise click.UsageError("all objects of the scene have maps; leave MAP out")
+    warnings = []
+    for each, name in zip(maps, names, strict=True):
+        warnings += stage.warnings(name, each)
+    if not maps:
+        warnings += stage.warnings(mesh, None)
+    if stage.lacks_diffuse(maps):
+        warnings.append(
+            f"{mesh}: only the specular part of its materials is drawn; `irradiance` adds the rest"
+        )
+    return stage, warnings
+
+
+def refuse_transfer_options(transfer: str | None) -> None:
+    """Refuse options that say of a surface what its transfer already holds.
+
+    Raises
+    ------
+    click.UsageError
+        If one is given with a transfer.
+    """
+    baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
+    refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance"), baked))
+
+
+def shadowed(stage: Stage, mesh: str, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
+    """Return the surfaces of a mesh with its own shadows, under each of several maps.
+
+    Raises
+    ------
+    TransferError
+        If the transfer does not fit the mesh or a map.
+    click.UsageError
+        If the mesh is a scene.
+    """
+    from shrm_cli.render.scene_file import is_scene_name
+    from shrm_cli.render.vertex_colors import vertex_colors
+    from shrm_cli.transfer.file import read_transfer
+
+    if is_scene_name(mesh):
+        raise click.UsageError("--transfer applies to a single mesh; leave it out")
+    baked = read_transfer(transfer)
+    return [[vertex_colors(stage.mesh, baked, each)] * len(stage.looks) for each in maps]
+
+
+def mesh_subject(
+    stage: Stage,
+    viewers: Sequence[Viewer],
+    size: tuple[int, int],
+    fov: float | None,
+    distance: float | None,
+    target: tuple[float, float, float] | None,
+) -> MeshSubject:
+    """Return the stage before a camera that sees all of it from all sides.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of range.
+    """
+    from shrm_cli.render.mesh import MeshSubject
+    from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
+
+    lens = Lens(*size, DEFAULT_FOV if fov is None else fov)
+    return MeshSubject(stage, lens, aimed(stage.mesh.vertices, viewers, lens, target, distance))
+
+
+def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
+    """Return what the results and the attributes of pictures say about a mesh and its camera."""
+    return {
+        "mesh": mesh,
+        "triangles": len(subject.stage.mesh.faces),
+        "fov": subject.lens.fov,
+        "target": [float(each) for each in subject.aim.target],
+        "distance": subject.aim.distance,
+    }
+
+
+def mesh_stem(mesh: str) -> str:
+    """Return the name of a mesh's file without its folder and suffix."""
+    return Path(mesh).stem

@@ -1,0 +1,153 @@
+"""`shrm transfer` bakes how a mesh shadows and lights itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.kept import force_option
+from shrm_cli.cli.options import announce, conclude, progress_bar, report_options
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.types import Albedo, Brush
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
+from shrm_cli.files.whole import keeping
+from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from shrm_cli.geometry.mesh import Mesh
+    from shrm_cli.transfer.transfer import Transfer
+
+_SUFFIXES = (".npz", ".glb", ".ply", ".txt")
+_MOST_SAMPLES = 2**16
+
+
+@click.command()
+@click.argument("mesh", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(),
+    help="File to write: .npz, .glb, .ply, or .txt as PIFu has it.  "
+    "[default: MESH.transfer.npz in the current folder]",
+)  # fmt: skip
+@click.option(
+    "--order", type=click.IntRange(0, MAX_TRANSFER_ORDER), default=4, show_default=True,
+    help="Largest degree of the light's harmonics.",
+)  # fmt: skip
+@click.option(
+    "--bounces", type=click.IntRange(0, 2), default=0, show_default=True,
+    help="How often light is reflected within the mesh.",
+)  # fmt: skip
+@click.option(
+    "--albedo", type=Albedo(), default="0.5", show_default=True,
+    help="What the mesh reflects diffusely: a number, R,G,B, or the colours of its vertices.",
+)  # fmt: skip
+@click.option(
+    "--samples", type=click.IntRange(1, _MOST_SAMPLES), default=1024, show_default=True,
+    help="Rays of each vertex and bounce.",
+)  # fmt: skip
+@click.option("--matrices", is_flag=True, help="Bake matrices too, for glossy surfaces.")
+@click.option(
+    "--brush", type=Brush(),
+    help="Tangents of the matrices: along the texture coordinate u, or a direction.  "
+    "[default: around +Y]",
+)  # fmt: skip
+@force_option
+@report_options
+def transfer(
+    mesh: str,
+    output: str | None,
+    order: int,
+    bounces: int,
+    albedo: str | tuple[float, ...],
+    samples: int,
+    matrices: bool,
+    brush: str | tuple[float, float, float] | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Bake how MESH shadows and lights itself, vertex by vertex, for light of any kind.
+
+    The file holds a vector for each vertex: its products with the coefficients of a light are the
+    irradiance, without 1/pi. With --matrices it also holds a matrix for each vertex, which product
+    textures of glossy BRDFs need. `shrm render --mesh MESH --transfer FILE` shades with it.
+
+    Rays are traced on all threads. A run that is interrupted keeps its work in FILE.part, and the
+    next one goes on with it.
+
+    \b
+      shrm transfer bunny.obj --bounces 1 --albedo 0.8
+      shrm transfer bunny.obj --matrices -o glossy.npz
+      shrm transfer bunny.obj --order 2 -o bounce0.txt
+    """
+    from shrm_cli.errors import OutputError
+    from shrm_cli.geometry.load import load_mesh
+    from shrm_cli.transfer.bake import Plan, bake
+    from shrm_cli.transfer.export import FACES, WRITERS
+    from shrm_cli.transfer.file import write_transfer
+
+    refuse_inapplicable({"brush": Applies(matrices, "with --matrices")})
+    target = output or f"{Path(mesh).stem}.transfer.npz"
+    suffix = Path(target).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise OutputError(f"{target}: transfer is written as {', '.join(_SUFFIXES)}; name it so")
+    if matrices and suffix != ".npz":
+        raise OutputError(f"{target}: matrices are written as .npz only; name it so")
+    beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
+    check_outputs([target, *beside], files=[mesh])
+    found = load_mesh(mesh)
+    plan = Plan(
+        found, order, bounces, samples, _albedo(found, albedo), matrices, _tangents(found, brush)
+    )
+    announce(
+        [
+            f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes "
+            "beside the output while it works"
+        ],
+        quiet,
+    )
+
+    def write(baked: Transfer) -> dict[str, Any]:
+        if suffix == ".npz":
+            write_transfer(target, baked)
+        else:
+            WRITERS[suffix](target, found, baked)
+        return baked.summary()
+
+    is_kept = not force and "output" not in given_options()
+    with progress_bar("tracing", quiet) as progress, keeping(*([target] if is_kept else [])):
+        said = bake(plan, keep=target, use=write, progress=progress)
+    kinds = "vectors and matrices" if matrices else "vectors"
+    size = Path(target).stat().st_size
+    lines = [
+        f"{target}: transfer {kinds} of {said['vertices']:,} vertices, order {order}, "
+        f"{bounces} bounces, {size:,} bytes"
+    ]
+    conclude({"file": target, **said, "bytes": size}, lines, [], as_json, quiet)
+
+
+def _albedo(mesh: Mesh, albedo: str | tuple[float, ...]) -> ArrayLike:
+    """Return the albedo of a mesh as `Plan` takes it.
+
+    Raises
+    ------
+    ArgumentError
+        If its vertices are to have colours, and have none.
+    """
+    from shrm_cli.errors import ArgumentError
+
+    if not isinstance(albedo, str):
+        return albedo
+    if mesh.colors is None:
+        raise ArgumentError("albedo", f"cannot be vertex: {mesh.name} has no vertex colours")
+    return mesh.colors
+
+
+def _tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None) -> Any:
+    """Return the tangents that matrices are baked for; None for the default."""
+    from shrm_cli.render.stage import Actor
+
+    return None if brush is None else Actor(mesh, (), brush).tangents()

@@ -1,0 +1,274 @@
+"""Meshes from files: OBJ, PLY, STL, glTF and GLB.
+
+All but OBJ are read by the package `trimesh`, which belongs to the extra `mesh` and is used by this
+module alone. Files may come from anywhere. What a file claims is checked before trimesh sees it
+(`claims`, `gltf`), and trimesh gets bytes and no way to other files: materials of OBJ, textures and
+addresses on the network are never followed. Only buffers of a glTF file are opened, in its folder.
+"""
+
+import contextlib
+import io
+import logging
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MeshError, ShrmError
+from shrm_cli.files.inputs import note
+from shrm_cli.geometry.claims import MOST_BYTES, check_ply, check_stl
+from shrm_cli.geometry.gltf import read_gltf
+from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
+from shrm_cli.geometry.obj import read_obj
+
+Array = NDArray[np.floating]
+Parts = list[SurfaceMaterial | None]
+
+SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
+"""The suffixes of meshes, in lower case."""
+
+_MOST_STEPS = 64
+"""The most nodes of a scene on the way from its root to a mesh."""
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """What trimesh is given: bytes, their format, and the materials of the parts in order."""
+
+    data: bytes
+    kind: str
+    materials: Parts
+
+
+def is_mesh_name(path: str | os.PathLike[str]) -> bool:
+    """Whether a file's suffix is that of a mesh."""
+    return Path(path).suffix.lower() in SUFFIXES
+
+
+def load_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """Read a mesh; the parts of a scene are joined where their nodes put them.
+
+    Parameters
+    ----------
+    path : path-like
+        OBJ, PLY, STL, glTF 2 or GLB. Polygons become fans of triangles. Vertices of STL that are
+        at one place are one.
+
+    Returns
+    -------
+    Mesh
+        Its normals are those of the file, or else smooth. Materials are read from glTF alone.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read, is damaged or too large, or has nothing to draw.
+    """
+    name = os.fspath(path)
+    note(path)
+    data = _bytes(Path(path))
+    kind = _kind(name, data)
+    try:
+        if kind == ".obj":
+            return make_mesh(name, **read_obj(name, data))
+        prepared = _PREPARE[kind](name, data)
+        return _joined(name, _parsed(name, prepared), prepared)
+    except ShrmError:
+        raise
+    except MemoryError:
+        raise MeshError(f"{name}: not enough memory to read it; simplify the mesh") from None
+    except Exception as error:  # whatever a damaged file makes of a reader
+        why = " ".join(str(error).split())[:120] or type(error).__name__
+        what = kind[1:].upper()
+        raise MeshError(f"{name}: damaged, or not {what} ({why}); export it again") from error
+
+
+# ---- bytes ---------------------------------------------------------------------------------------
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if not path.exists():
+            raise MeshError(f"{path}: no such file; name a mesh")
+        if not path.is_file():  # to open a pipe would block
+            kind = "a directory" if path.is_dir() else "not a regular file"
+            raise MeshError(f"{path}: {kind}; name a mesh")
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            raise MeshError(
+                f"{path}: {size:,} bytes are more than {MOST_BYTES:,}; simplify the mesh"
+            )
+        return path.read_bytes()
+    except (OSError, ValueError) as error:  # such as a name too long, or with a null
+        reason = getattr(error, "strerror", None) or error
+        raise MeshError(f"{path}: cannot be read ({reason}); name another file") from error
+
+
+def _kind(name: str, data: bytes) -> str:
+    """Return the suffix of the format, which the content must agree with."""
+    suffix = Path(name).suffix.lower()
+    if suffix not in SUFFIXES:
+        known = ", ".join(SUFFIXES[:-1])
+        raise MeshError(f"{name}: the name of a mesh ends in {known} or {SUFFIXES[-1]}; export one")
+    if not data.strip():
+        raise MeshError(f"{name}: it is empty; export it again")
+    starts = {b"ply": ".ply", b"glTF": ".glb", b"{": ".gltf", b"PK\x03\x04": "zip"}
+    head = data[:64].lstrip(b"\xef\xbb\xbf \t\r\n")
+    looks = next((kind for start, kind in starts.items() if head.startswith(start)), "")
+    if looks == "zip":
+        raise MeshError(f"{name}: it is an archive; unpack it")
+    if looks != suffix and (looks or suffix in starts.values()):
+        what = f"looks like {looks}" if looks else "does not begin like one"
+        raise MeshError(f"{name}: its name ends in {suffix}, but it {what}; rename or export it")
+    return suffix
+
+
+def _as_ply(name: str, data: bytes) -> _Prepared:
+    check_ply(name, data)
+    return _Prepared(data, "ply", [])
+
+
+def _as_stl(name: str, data: bytes) -> _Prepared:
+    check_stl(name, data)
+    return _Prepared(data, "stl", [])
+
+
+def _as_gltf(name: str, data: bytes) -> _Prepared:
+    return _Prepared(*read_gltf(name, data))
+
+
+_PREPARE: Mapping[str, Callable[[str, bytes], _Prepared]] = {
+    ".ply": _as_ply, ".stl": _as_stl, ".gltf": _as_gltf, ".glb": _as_gltf,
+}  # fmt: skip
+
+
+# ---- trimesh -------------------------------------------------------------------------------------
+
+
+def _parsed(name: str, prepared: _Prepared) -> dict[str, Any]:
+    """Return what trimesh's reader of the format finds: arguments of meshes and of a scene.
+
+    The reader itself is called, because the scenes and meshes that trimesh makes of it no longer
+    tell whether their normals are the file's.
+    """
+    try:
+        from trimesh.exchange.load import mesh_loaders
+    except ImportError as error:
+        raise MeshError(
+            f"{name}: meshes need the package trimesh; pip install 'shrm[mesh]'"
+        ) from error
+    skip = {"skip_materials": True} if prepared.kind == "glb" else {}
+    with warnings.catch_warnings(), _silent():  # numpy's, of text that is no number
+        warnings.simplefilter("ignore")
+        readers: Any = mesh_loaders
+        found: dict[str, Any] = readers[prepared.kind](
+            file_obj=io.BytesIO(prepared.data),
+            file_type=prepared.kind,
+            resolver=None,
+            **skip,
+        )
+    return found
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Within this context trimesh writes no tracebacks of what it survives to its log."""
+    log = logging.getLogger("trimesh")
+    before = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
+def _joined(name: str, found: dict[str, Any], prepared: _Prepared) -> Mesh:
+    """Return one mesh of what trimesh found."""
+    parts = found.get("geometry", {"": found})
+    materials = prepared.materials or [None] * len(parts)
+    placed = _placed(found, list(parts))
+    total = sum(len(parts[each]["faces"]) for each, _ in placed if _has_faces(parts[each]))
+    if total > MOST_FACES:
+        raise too_many(name, total)
+    shown = {key for key, _ in placed}
+    made: dict[str, Mesh] = {}
+    for (key, arguments), material in zip(parts.items(), materials, strict=True):
+        if key in shown and _has_faces(arguments):
+            made[key] = _mesh(name, arguments, material, prepared.kind == "stl")
+    meshes = [made[key].transformed(matrix) for key, matrix in placed if key in made]
+    if not meshes:
+        raise MeshError(f"{name}: it has no triangles; export it with its faces")
+    return joined(name, meshes)
+
+
+def _mesh(
+    name: str, arguments: dict[str, Any], material: SurfaceMaterial | None, merge: bool
+) -> Mesh:
+    vertices, faces = np.asarray(arguments["vertices"]), _triangles(arguments["faces"])
+    if merge:  # STL repeats each vertex in all of its triangles
+        vertices, place = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
+        return make_mesh(name, vertices, place.reshape(-1)[faces])
+    custom = arguments.get("vertex_attributes") or {}
+    visual = arguments.get("visual")
+    return make_mesh(
+        name,
+        vertices,
+        faces,
+        normals=arguments.get("vertex_normals"),
+        uvs=_upwards(custom["_UV"]) if "_UV" in custom else getattr(visual, "uv", None),
+        colors=custom.get("_COLOR", arguments.get("vertex_colors")),
+        material=material,
+    )
+
+
+def _upwards(uvs: Any) -> Array:
+    """Return glTF's texture coordinates, whose v points down, with v upwards."""
+    return np.asarray(uvs, dtype=float) * [1, -1] + [0, 1]
+
+
+def _has_faces(arguments: Any) -> bool:
+    return isinstance(arguments, dict) and len(arguments.get("faces", ())) > 0
+
+
+def _triangles(faces: Any) -> NDArray[Any]:
+    """Return triangles of polygons, which may have different numbers of corners."""
+    table = np.asarray(faces) if len({len(each) for each in faces}) == 1 else None
+    if table is not None and table.dtype.kind in "iu":
+        fans = [table[:, [0, k, k + 1]] for k in range(1, table.shape[1] - 1)]
+        return np.stack(fans, axis=1).reshape(-1, 3) if fans else np.zeros((0, 3), dtype=int)
+    rows = [np.asarray(each, dtype=np.int64) for each in faces]
+    return np.array(
+        [(row[0], row[k], row[k + 1]) for row in rows for k in range(1, len(row) - 1)],
+        dtype=np.int64,
+    ).reshape(-1, 3)
+
+
+def _placed(found: dict[str, Any], names: list[str]) -> list[tuple[str, Array]]:
+    """Return the parts of a scene, each as often as its nodes show it, with its transformation."""
+    graph = found.get("graph")
+    if graph is None:
+        return [(name, np.eye(4)) for name in names]
+    edges = {
+        each["frame_to"]: (each.get("frame_from"), np.asarray(each.get("matrix", np.eye(4))))
+        for each in graph
+    }
+    return [
+        (each["geometry"], _to_world(each["frame_to"], edges))
+        for each in graph
+        if each.get("geometry") in names
+    ]
+
+
+def _to_world(node: Any, edges: Mapping[Any, tuple[Any, Array]]) -> Array:
+    matrix = np.eye(4)
+    for _ in range(_MOST_STEPS):
+        if node not in edges:
+            return matrix
+        node, step = edges[node]
+        matrix = step @ matrix
+    raise ValueError("its nodes are nested too deeply")

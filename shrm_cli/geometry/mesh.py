@@ -1,0 +1,285 @@
+"""Triangle meshes as everything else takes them: finite, indexed soundly, with unit normals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.errors import MeshError
+from shrm_cli.geometry.normals import face_normals, smooth_normals
+
+Array = NDArray[np.floating]
+Integers = NDArray[np.int64]
+
+MOST_FACES = 2**23
+"""The most triangles of a mesh, which take about 2 GiB while they are read."""
+
+_LARGEST = 1e30
+"""The largest coordinate, so that products of three of them are finite."""
+_LEAST_NORMAL = 1e-12
+"""Length below which a normal of a file has no direction."""
+_SINGULAR = 1e-30
+"""Least determinant of a transformation, which would otherwise flatten the mesh."""
+
+
+@dataclass(frozen=True)
+class SurfaceMaterial:
+    """What a file says of a surface, in the terms of glTF's metallic-roughness model.
+
+    Attributes
+    ----------
+    name : str
+        Empty if it has none.
+    base_color : tuple of 3 float
+        Linear RGB, 0 .. 1.
+    metallic, roughness : float
+        0 .. 1; GGX's alpha is the square of the roughness.
+    """
+
+    name: str = ""
+    base_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    metallic: float = 1.0
+    roughness: float = 1.0
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles that share vertices.
+
+    Attributes
+    ----------
+    name : str
+        The name of its file, for messages.
+    vertices : ndarray, shape (n, 3)
+        Positions in world axes, in whatever unit the file has. Each belongs to a triangle.
+    faces : ndarray of int64, shape (m, 3)
+        Vertices of each triangle, counterclockwise as seen from the outside.
+    normals : ndarray, shape (n, 3)
+        Unit, smooth; the file's own where it has them.
+    uvs : ndarray, shape (n, 2), optional
+        Texture coordinates, v upwards.
+    colors : ndarray, shape (n, 3), optional
+        Colours of the vertices as the file has them, integers as fractions of their largest.
+    materials : tuple of SurfaceMaterial
+        Only glTF files tell them.
+    face_materials : ndarray of int64, shape (m,)
+        For each triangle its index in `materials`; -1 for none.
+    """
+
+    name: str
+    vertices: Array
+    faces: Integers
+    normals: Array
+    uvs: Array | None
+    colors: Array | None
+    materials: tuple[SurfaceMaterial, ...]
+    face_materials: Integers
+
+    @property
+    def bounds(self) -> Array:
+        """The least and the largest coordinates, shape (2, 3)."""
+        return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    def corners(self, faces: ArrayLike) -> Array:
+        """Return the corners of triangles by their indices, shape (k, 3 corners, 3)."""
+        return self.vertices[self.faces[np.asarray(faces)]]
+
+    def interpolated(self, values: Array, faces: ArrayLike, barycentric: Array) -> Array:
+        """Interpolate values at the vertices to points of triangles.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n, channels)
+        faces : array_like of int, shape (k,)
+        barycentric : ndarray, shape (k, 3)
+            Weights of the three corners of each triangle.
+
+        Returns
+        -------
+        ndarray, shape (k, channels)
+        """
+        return np.einsum("kc,kcv->kv", barycentric, values[self.faces[np.asarray(faces)]])
+
+    def transformed(self, matrix: ArrayLike) -> "Mesh":
+        """Return the mesh moved by an affine transformation.
+
+        Parameters
+        ----------
+        matrix : array_like, shape (3, 4) or (4, 4)
+            It multiplies columns (x, y, z, 1). Normals stay perpendicular to the surface, and
+            mirrored triangles are turned, so that their outside stays outside.
+
+        Raises
+        ------
+        MeshError
+            If the transformation is not finite or flattens the mesh.
+        """
+        rows = np.asarray(matrix, dtype=float)[:3]
+        linear, shift = rows[:, :3], rows[:, 3]
+        with np.errstate(all="ignore"):
+            determinant = float(np.linalg.det(linear))
+        if not (np.isfinite(rows).all() and abs(determinant) > _SINGULAR):
+            raise MeshError(f"{self.name}: a transformation flattens it; scale it by less")
+        moved = self.vertices @ linear.T + shift
+        _check_vertices(self.name, moved)
+        normals = self.normals @ np.linalg.inv(linear)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        faces = self.faces if determinant > 0 else self.faces[:, ::-1]
+        return replace(self, vertices=moved, normals=normals, faces=faces)
+
+
+def make_mesh(
+    name: str,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    normals: ArrayLike | None = None,
+    uvs: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
+    material: SurfaceMaterial | None = None,
+) -> Mesh:
+    """Make a mesh of what a file or a program says, without what cannot be drawn.
+
+    Triangles without an area are left out, as are vertices that belong to no triangle. Normals
+    that are missing, not finite or of no length are the smooth ones of `smooth_normals`. Texture
+    coordinates and colours that are not finite, or not one for each vertex, are left out as a
+    whole.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    vertices : array_like, shape (n, 3)
+    faces : array_like of int, shape (m, 3)
+    normals : array_like, shape (n, 3), optional
+        Of any length.
+    uvs : array_like, shape (n, 2), optional
+    colors : array_like, shape (n, 3 or 4), optional
+        Integers stand for fractions of the largest that their type holds.
+    material : SurfaceMaterial, optional
+        That of all triangles.
+
+    Raises
+    ------
+    MeshError
+        If there are no triangles with an area, a coordinate is not finite, or a triangle names a
+        vertex that does not exist.
+    """
+    points, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
+    if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+        raise MeshError(f"{name}: it has no triangles; export it as a triangle mesh")
+    if len(triangles) == 0 or len(points) == 0:
+        raise MeshError(f"{name}: it has no triangles; export it with its faces")
+    if len(triangles) > MOST_FACES:
+        raise too_many(name, len(triangles))
+    if int(triangles.min()) < 0 or int(triangles.max()) >= len(points):
+        raise MeshError(
+            f"{name}: a triangle names a vertex that is not there; export the mesh again"
+        )
+    triangles = triangles.astype(np.int64)
+    used = np.zeros(len(points), dtype=bool)
+    used[triangles] = True
+    _check_vertices(name, points[used])
+    points = np.where(used[:, None], points, 0.0)  # what nobody uses may be anything
+    has_area = np.any(face_normals(points, triangles) != 0, axis=1)
+    if not has_area.any():
+        raise MeshError(f"{name}: no triangle has an area; export it as a triangle mesh")
+    kept = triangles[has_area]
+    used[:] = False
+    used[kept] = True
+    renumbered = np.cumsum(used) - 1
+    points, kept = points[used], renumbered[kept]
+    indices = np.zeros(len(kept), dtype=np.int64) if material else np.full(len(kept), -1)
+    return Mesh(
+        name=name,
+        vertices=points,
+        faces=kept,
+        normals=_normals(points, kept, _attribute(normals, used, 3)),
+        uvs=_attribute(uvs, used, 2),
+        colors=_fractions(colors, used),
+        materials=(material,) if material else (),
+        face_materials=indices.astype(np.int64),
+    )
+
+
+def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
+    """Return one mesh that holds several, in their order.
+
+    Texture coordinates and colours are kept where all of them have some. Equal materials are one.
+    """
+    if len(meshes) == 1:
+        return replace(meshes[0], name=name)
+    materials = list(dict.fromkeys(each for mesh in meshes for each in mesh.materials))
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    owners = [
+        np.array([*(materials.index(each) for each in mesh.materials), -1])[mesh.face_materials]
+        for mesh in meshes
+    ]
+    return Mesh(
+        name=name,
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(
+            [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+        ),
+        normals=np.concatenate([mesh.normals for mesh in meshes]),
+        uvs=_where_all([mesh.uvs for mesh in meshes]),
+        colors=_where_all([mesh.colors for mesh in meshes]),
+        materials=tuple(materials),
+        face_materials=np.concatenate(owners).astype(np.int64),
+    )
+
+
+def too_many(name: str, faces: int) -> MeshError:
+    """Return the error that a mesh has more triangles than are taken."""
+    return MeshError(f"{name}: {faces:,} triangles are more than {MOST_FACES:,}; simplify the mesh")
+
+
+def _check_vertices(name: str, points: Array) -> None:
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        raise MeshError(
+            f"{name}: {np.count_nonzero(bad):,} vertices are NaN or infinite; export it again"
+        )
+    if float(np.abs(points).max()) > _LARGEST:
+        raise MeshError(f"{name}: its coordinates exceed {_LARGEST:g}; scale the mesh")
+
+
+def _attribute(values: ArrayLike | None, used: NDArray[np.bool_], columns: int) -> Array | None:
+    """Return an attribute of the used vertices; None if it is no attribute of all vertices.
+
+    Normals may hold numbers that are not finite, which are dealt with one by one.
+    """
+    if values is None:
+        return None
+    array = np.asarray(values)
+    if array.shape != (len(used), columns) or array.dtype.kind not in "iuf":
+        return None
+    array = array.astype(float)[used]
+    return array if columns == 3 or np.isfinite(array).all() else None
+
+
+def _fractions(colors: ArrayLike | None, used: NDArray[np.bool_]) -> Array | None:
+    array = None if colors is None else np.asarray(colors)
+    if array is None or array.ndim != 2 or array.shape[1] not in (3, 4):
+        return None
+    scale = np.iinfo(array.dtype).max if array.dtype.kind == "u" else 1
+    found = _attribute(array[:, :3], used, 3)
+    return found / scale if found is not None and np.isfinite(found).all() else None
+
+
+def _normals(points: Array, faces: Integers, given: Array | None) -> Array:
+    """Return unit normals: the given ones, and smooth ones where those are no directions."""
+    if given is None:
+        return smooth_normals(points, faces)
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(given, axis=1, keepdims=True)
+        unit = given / length
+    lacking = ~(np.isfinite(unit).all(axis=1) & (length[:, 0] > _LEAST_NORMAL))
+    if lacking.any():
+        unit[lacking] = smooth_normals(points, faces)[lacking]
+    return unit
+
+
+def _where_all(values: Sequence[Array | None]) -> Array | None:
+    known = [each for each in values if each is not None]
+    return np.concatenate(known) if len(known) == len(values) else None

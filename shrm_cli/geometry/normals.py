@@ -1,0 +1,93 @@
+"""Normals of triangles, and smooth ones of vertices."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+Integers = NDArray[np.int64]
+
+_FLAT = 1e-12
+"""Area of a triangle, in squares of its longest edge, below which it has no direction."""
+_NOWHERE = 1e-9
+"""Length of a sum of normals below which they cancel each other."""
+
+
+def face_normals(vertices: Array, faces: Integers) -> Array:
+    """Return the unit normals of triangles.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        Finite.
+    faces : ndarray of int, shape (m, 3)
+        Counterclockwise as seen from where the normals point to.
+
+    Returns
+    -------
+    ndarray, shape (m, 3)
+        0 where a triangle has no area.
+    """
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    edges = np.stack([b - a, c - b, a - c])
+    longest = np.sqrt(np.max(np.sum(edges**2, axis=-1), axis=0))[:, None]
+    scale = np.where(longest > 0, longest, 1)
+    normals = np.cross((b - a) / scale, (c - a) / scale)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > _FLAT, normals / np.where(length > 0, length, 1), 0)
+
+
+def smooth_normals(vertices: Array, faces: Integers) -> Array:
+    """Return unit normals of vertices: means of the triangles there, weighted by their angles.
+
+    The result does not depend on how a surface is cut into triangles (Thurmer and Wuthrich 1998,
+    "Computing vertex normals from polygonal facets"). Vertices at one place are one, so that
+    seams of texture coordinates are not seen. Triangles without an area do not count.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+    faces : ndarray of int, shape (m, 3)
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Where normals cancel each other, as on the two sides of a sheet, that of one of the
+        vertex's own triangles.
+    """
+    flat = face_normals(vertices, faces)
+    _, place = np.unique(vertices, axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    total = np.zeros((int(place.max()) + 1, 3))
+    for corner, angle in enumerate(_angles(vertices, faces)):
+        for axis in range(3):
+            total[:, axis] += np.bincount(
+                place[faces[:, corner]], angle * flat[:, axis], minlength=len(total)
+            )
+    length = np.linalg.norm(total, axis=1)
+    normals = total / np.where(length > 0, length, 1)[:, None]
+    result = normals[place]
+    cancelled = length[place] < _NOWHERE
+    if cancelled.any():
+        own = np.zeros_like(result)
+        sound = np.any(flat != 0, axis=1)
+        own[faces[sound].ravel()] = np.repeat(flat[sound], 3, axis=0)
+        result[cancelled] = own[cancelled]
+    return result
+
+
+def _angles(vertices: Array, faces: Integers) -> Array:
+    """Return the angles of triangles at their corners, radians, shape (3, m); 0 without edges."""
+    angles = np.empty(faces.T.shape)
+    for corner in range(3):
+        here, after, before = (vertices[faces[:, (corner + k) % 3]] for k in range(3))
+        u, v = _unit(after - here), _unit(before - here)
+        # atan2 is exact for small angles and those near pi, where the arc cosine is not.
+        angles[corner] = np.arctan2(
+            np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v)
+        )
+    return angles
+
+
+def _unit(vectors: Array) -> Array:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)

@@ -1,0 +1,170 @@
+"""Wavefront OBJ, read line by line into flat arrays.
+
+This is the one format that is not left to trimesh, whose reader takes relative indices for
+absolute ones where vertices follow later, and holds all lines as text in memory at once. Materials
+and textures are other files, which are not followed.
+"""
+
+import io
+from array import array
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MeshError
+from shrm_cli.geometry.mesh import MOST_FACES, too_many
+
+_MOST_CORNERS = 4096
+"""The most corners of a polygon."""
+_MOST_LINE = 2**20
+"""The most bytes of a line."""
+_WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
+"""How many numbers of a vertex, its texture coordinates and its normal are used."""
+_COLORED = 7  # words of a vertex with a colour
+
+
+class _Reader:
+    """What has been read so far.
+
+    Attributes
+    ----------
+    values : tuple of 3 array
+        Numbers of positions, texture coordinates and normals.
+    colors : array
+        Three numbers for each vertex that has a colour.
+    corners : array
+        Three indices for each corner of the triangles: into the `values`, from 0, and -1 for none.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name, self.line = name, 0
+        self.values = (array("d"), array("d"), array("d"))
+        self.colors = array("d")
+        self.corners = array("q")
+
+    def read(self, data: bytes) -> None:
+        before = b""
+        for line in io.BytesIO(data):
+            self.line += 1
+            line = before + line
+            if line.rstrip(b"\r\n").endswith(b"\\"):  # it goes on in the next line
+                before = line.rstrip(b"\r\n")[:-1] + b" "
+                if len(before) > _MOST_LINE:
+                    raise self.wrong("line", "is too long")
+                continue
+            before = b""
+            words = line.split()
+            if not words:
+                continue
+            if words[0] in _WIDTHS:
+                self._value(words)
+            elif words[0] in (b"f", b"fo"):
+                self._face(words)
+
+    def _value(self, words: list[bytes]) -> None:
+        kind = tuple(_WIDTHS).index(words[0])
+        width = _WIDTHS[words[0]]
+        try:
+            numbers = [float(word) for word in words[1 : width + 1]]
+            if kind == 0 and len(words) >= _COLORED:
+                self.colors.extend(float(word) for word in words[4:_COLORED])
+        except ValueError:
+            raise self.wrong("line", "is not made of numbers") from None
+        if len(numbers) < width and not (kind == 1 and numbers):  # textures may have one dimension
+            raise self.wrong("line", f"has {len(numbers)} numbers")
+        self.values[kind].extend(numbers + [0.0] * (width - len(numbers)))
+
+    def _face(self, words: list[bytes]) -> None:
+        if not 3 < len(words) <= _MOST_CORNERS + 1:
+            raise self.wrong("face in line", f"has {len(words) - 1} corners")
+        corners = [self._corner(word) for word in words[1:]]
+        for k in range(1, len(corners) - 1):
+            for corner in (corners[0], corners[k], corners[k + 1]):
+                self.corners.extend(corner)
+        if len(self.corners) > 9 * MOST_FACES:
+            raise too_many(self.name, len(self.corners) // 9)
+
+    def _corner(self, word: bytes) -> tuple[int, int, int]:
+        parts = word.split(b"/")
+        try:
+            found = [self._index(parts[k], k) if k < len(parts) else -1 for k in range(3)]
+        except ValueError:
+            raise self.wrong("face in line", "is not made of numbers") from None
+        if len(parts) > 3 or found[0] < 0:
+            raise self.wrong("face in line", "names no vertex")
+        return found[0], found[1], found[2]
+
+    def _index(self, part: bytes, kind: int) -> int:
+        """Return an index from 0; the file counts from 1, or backwards from here."""
+        if not part:
+            return -1
+        index = int(part)
+        known = len(self.values[kind]) // (2 if kind == 1 else 3)
+        found = index + known if index < 0 else index - 1
+        # What is named before it stands in the file is rare, but no error, if it comes.
+        if found < 0 or found >= 2**31:
+            raise self.wrong("face in line", f"names {part.decode()[:20]}, which is not there")
+        return found
+
+    def wrong(self, what: str, how: str) -> MeshError:
+        return MeshError(f"{self.name}: the {what} {self.line:,} {how}; export it again")
+
+
+def read_obj(name: str, data: bytes) -> dict[str, Any]:
+    """Read an OBJ file.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    data : bytes
+
+    Returns
+    -------
+    dict
+        ``vertices``, ``faces``, ``normals``, ``uvs`` and ``colors``, as `make_mesh` takes them. A
+        vertex is what its corners have in common: position, texture coordinates and normal.
+
+    Raises
+    ------
+    MeshError
+        If it is not OBJ, a face is no polygon or names what is not there, or there are none or too
+        many.
+    """
+    if b"\0" in data:
+        raise MeshError(f"{name}: it is not text, so it is not OBJ; export it again")
+    reader = _Reader(name)
+    reader.read(data)
+    positions, uvs, normals = (
+        np.frombuffer(values, dtype=float).reshape(-1, width) if values else np.zeros((0, width))
+        for values, width in zip(reader.values, _WIDTHS.values(), strict=True)
+    )
+    corners = np.array(reader.corners, dtype=np.int64).reshape(-1, 3)
+    if len(corners) == 0:
+        raise MeshError(f"{name}: it has no faces, or is not OBJ; export it with its faces")
+    for kind, known in enumerate((positions, uvs, normals)):
+        if corners[:, kind].max() >= len(known):
+            raise MeshError(
+                f"{name}: a face names {int(corners[:, kind].max()) + 1:,} of {len(known):,} "
+                f"{('vertices', 'texture coordinates', 'normals')[kind]}; export it again"
+            )
+    colors = np.frombuffer(reader.colors, dtype=float).reshape(-1, 3) if reader.colors else None
+    if colors is not None and len(colors) != len(positions):
+        colors = None
+    if corners[:, 1:].max() < 0:
+        return {"vertices": positions, "faces": corners[:, 0].reshape(-1, 3), "colors": colors}
+    different, place = np.unique(corners, axis=0, return_inverse=True)
+    own = different[:, 0]
+    return {
+        "vertices": positions[own],
+        "faces": place.reshape(-1, 3),
+        "uvs": _picked(uvs, different[:, 1]),
+        "normals": _picked(normals, different[:, 2]),
+        "colors": None if colors is None else colors[own],
+    }
+
+
+def _picked(values: NDArray[np.floating], indices: NDArray[np.int64]) -> NDArray[np.floating]:
+    """Return values by their indices; NaN for those of index -1."""
+    return np.concatenate([values, np.full((1, values.shape[1]), np.nan)])[indices]

@@ -1,0 +1,148 @@
+"""Rays that find a mesh, traced by Intel's Embree.
+
+The package `embreex`, which belongs to the extra `mesh`, is used by this module alone. It computes
+in single precision. What is returned is computed again from the triangle that it names, in double
+precision.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.errors import MeshError
+from shrm_cli.geometry.mesh import Mesh
+
+Array = NDArray[np.floating]
+
+_AT_ONCE = 2**18
+"""The most rays that are traced at a time: about 50 MB of vectors."""
+_START = 1e-5
+"""Where rays that ask for occluders begin, in radii of the mesh, so as not to meet their own."""
+
+
+class Rays:
+    """Asks what rays meet of a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Raises
+    ------
+    MeshError
+        If embreex is not installed.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        try:
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+        except ImportError as error:
+            raise MeshError(
+                f"{mesh.name}: rays need the package embreex; pip install 'shrm[mesh]'"
+            ) from error
+        self._mesh = mesh
+        low, high = mesh.bounds
+        self._center = (low + high) / 2
+        # In single precision numbers near 1 are the most exact, whatever the unit of the mesh.
+        self._radius = float(np.linalg.norm(high - low)) / 2
+        self._scene = EmbreeScene(robust=True)
+        self._triangles = TriangleMesh(
+            self._scene,
+            np.ascontiguousarray(self._scaled(mesh.vertices), dtype=np.float32),
+            np.ascontiguousarray(mesh.faces, dtype=np.int32),
+        )
+
+    def first_hits(
+        self, origins: ArrayLike, directions: ArrayLike
+    ) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return the first triangle that each ray meets, from either side.
+
+        Parameters
+        ----------
+        origins, directions : array_like, shape (k, 3), broadcastable
+            In the mesh's own coordinates; directions are unit.
+
+        Returns
+        -------
+        faces : ndarray of int64, shape (k,)
+            Triangles; -1 for none.
+        barycentric : ndarray, shape (k, 3)
+            Weights of the corners, at least 0, their sum 1; all 0 where there is no triangle.
+        distance : ndarray, shape (k,)
+            From the origin, in the mesh's unit; infinite where there is no triangle.
+        """
+        start, along = np.broadcast_arrays(
+            np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)
+        )
+        faces = np.empty(len(start), dtype=np.int64)
+        weights, distance = np.zeros((len(start), 3)), np.full(len(start), np.inf)
+        for block in _blocks(len(start)):
+            faces[block] = self._run(start[block], along[block])
+            hit = np.flatnonzero(faces[block] >= 0) + block.start
+            weights[hit], distance[hit] = self._exact(start[hit], along[hit], faces[hit])
+        return faces, weights, distance
+
+    def occluded(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether rays meet any triangle.
+
+        Rays begin a little in front of their origin (1e-5 of half the diagonal of the mesh), so
+        that points of the surface do not hide themselves.
+
+        Parameters
+        ----------
+        origins, directions : array_like, shape (k, 3), broadcastable
+            In the mesh's own coordinates; directions are unit.
+
+        Returns
+        -------
+        ndarray of bool, shape (k,)
+        """
+        start, along = np.broadcast_arrays(
+            np.asarray(origins, dtype=float), np.asarray(directions, dtype=float)
+        )
+        found = np.empty(len(start), dtype=bool)
+        for block in _blocks(len(start)):
+            begin = start[block] + _START * self._radius * along[block]
+            found[block] = self._run(begin, along[block], "OCCLUDED") >= 0
+        return found
+
+    def _run(self, start: Array, along: Array, query: str = "INTERSECT") -> NDArray[np.int64]:
+        """Ask Embree for the triangle of each ray; -1 for none."""
+        near = self._scaled(start)
+        # A ray from afar is moved to where it comes near the mesh, or its end would be inexact.
+        skipped = np.maximum(-np.einsum("ij,ij->i", near, along) - 2, 0)
+        near += skipped[:, None] * along
+        found = self._scene.run(
+            near.astype(np.float32), np.ascontiguousarray(along, dtype=np.float32), query=query
+        )
+        return np.asarray(found, dtype=np.int64)
+
+    def _scaled(self, points: Array) -> Array:
+        """Return points in the coordinates that Embree has them in, where the mesh has radius 1."""
+        return (points - self._center) / self._radius
+
+    def _exact(self, start: Array, along: Array, faces: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return where rays meet the triangles that they are known to meet.
+
+        After Moller and Trumbore 1997, "Fast, minimum storage ray-triangle intersection". Rays
+        just past an edge are moved onto it.
+        """
+        corners = self._scaled(self._mesh.corners(faces))
+        origin = self._scaled(start)
+        skipped = np.maximum(-np.einsum("ij,ij->i", origin, along) - 2, 0)
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        from_corner = origin + skipped[:, None] * along - corners[:, 0]
+        p, q = np.cross(along, second), np.cross(from_corner, first)
+        determinant = np.einsum("ij,ij->i", first, p)
+        scale = 1 / np.where(determinant == 0, 1, determinant)
+        u = np.einsum("ij,ij->i", from_corner, p) * scale
+        v = np.einsum("ij,ij->i", along, q) * scale
+        weights = np.clip(np.stack([1 - u - v, u, v], axis=1), 0, 1)
+        weights /= weights.sum(axis=1, keepdims=True)
+        weights = np.where((determinant == 0)[:, None], 1 / 3, weights)
+        point = np.einsum("kc,kcv->kv", weights, corners)
+        return weights, np.einsum("ij,ij->i", point - origin, along) * self._radius
+
+
+def _blocks(count: int) -> list[slice]:
+    return [slice(k, min(k + _AT_ONCE, count)) for k in range(0, count, _AT_ONCE)]

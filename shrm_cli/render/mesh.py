@@ -1,0 +1,259 @@
+"""Pictures of meshes, as a perspective camera sees them through maps.
+
+A pixel whose centre and corners see the same smooth piece of a surface is shaded once. All other
+pixels, at silhouettes, creases and where a surface curves away, get 4 x 4 samples, of which those
+that miss the mesh show the background.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.files.picture import Picture
+from shrm_cli.geometry.normals import face_normals
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.geometry.tangents import perpendicular
+from shrm_cli.progress import Progress
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.perspective import Aim, Lens
+from shrm_cli.render.sphere import Surroundings
+from shrm_cli.render.stage import Reflector, Stage
+from shrm_cli.render.vertex_colors import VertexColors
+
+Array = NDArray[np.floating]
+
+_PIXELS_AT_ONCE = 2**16
+"""The most pixels that are drawn at a time."""
+_SAMPLES_AT_ONCE = 2**16
+"""The most samples that are shaded at a time; large maps take 10 kB for each."""
+_SAMPLES = 4
+"""Samples along the edge of a pixel that needs more than one."""
+_SMOOTH = np.cos(np.radians(5.0))
+"""Cosine of the angle between normals up to which one sample will do for a pixel."""
+_STEP = 2.0
+"""Distance between a pixel's corners and the plane at its centre that makes an edge, pixels."""
+MIN_COSINE = 0.01
+"""The least N.V that surfaces are shaded with."""
+
+
+@dataclass(frozen=True)
+class _Hits:
+    """What rays meet; arrays of one entry a ray, and of -1 in `faces` for no triangle."""
+
+    faces: NDArray[np.int64]
+    weights: Array
+    distance: Array
+    directions: Array
+
+
+class MeshSubject:
+    """Draws a stage from anywhere around it.
+
+    Parameters
+    ----------
+    stage : Stage
+    lens : Lens
+    aim : Aim
+
+    Raises
+    ------
+    MeshError
+        If embreex is not installed.
+    """
+
+    def __init__(self, stage: Stage, lens: Lens, aim: Aim) -> None:
+        self.stage, self.lens, self.aim = stage, lens, aim
+        self._rays = Rays(stage.mesh)
+        self._flat = face_normals(stage.mesh.vertices, stage.mesh.faces)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of a picture, pixels."""
+        return self.lens.height, self.lens.width
+
+    def background(self, surroundings: Surroundings, viewer: Viewer) -> Picture:
+        """Draw what is behind the mesh, shape (H, W, 3), linear."""
+        picture = np.empty((*self.shape, 3), dtype=np.float32)
+        for start, stop in self._row_blocks():
+            x, y = self._points(start, stop)
+            directions = self.lens.directions(viewer, x, y)
+            picture[start:stop] = surroundings.radiance(directions)
+        return picture
+
+    def draw(
+        self,
+        reflectors: "list[Reflector | VertexColors | None]",
+        viewer: Viewer,
+        background: Picture | None = None,
+        progress: Progress | None = None,
+    ) -> Picture:
+        """Draw the stage.
+
+        Parameters
+        ----------
+        reflectors : list of Reflector, VertexColors or None
+            One for each of the stage's looks.
+        viewer : Viewer
+        background : ndarray, shape (H, W, 3), optional
+            Linear picture behind the mesh; black by default.
+        progress : callable, optional
+            Called with the number of rows done and the number of all rows.
+
+        Returns
+        -------
+        ndarray of float32, shape (H, W, 3)
+            Scene-linear. The small negative values of a truncated expansion are kept.
+        """
+        picture = np.zeros((*self.shape, 3), dtype=np.float32)
+        if background is not None:
+            picture[:] = background
+        for start, stop in self._row_blocks():
+            rows = picture[start:stop].reshape(-1, 3)  # a view, so that the picture itself changes
+            x, y = (each.ravel() for each in self._points(start, stop))
+            hits = self._cast(viewer, x, y)
+            edges = self._edges(viewer, hits, start, stop)
+            inside = np.flatnonzero(~edges & (hits.faces >= 0))
+            rows[inside] = self._shaded(reflectors, viewer, _picked(hits, inside))
+            edge = np.flatnonzero(edges)
+            rows[edge] = self._sampled(reflectors, viewer, x[edge], y[edge], rows[edge])
+            if progress is not None:
+                progress(stop, self.lens.height)
+        return picture
+
+    def _row_blocks(self) -> list[tuple[int, int]]:
+        rows = max(_PIXELS_AT_ONCE // self.lens.width, 1)
+        return [(k, min(k + rows, self.lens.height)) for k in range(0, self.lens.height, rows)]
+
+    def _points(self, start: int, stop: int, corners: bool = False) -> tuple[Array, Array]:
+        """Return offsets from the picture's centre to pixels of some rows, or to their corners."""
+        more = int(corners)
+        right = np.arange(self.lens.width + more) + 0.5 * (1 - more) - self.lens.width / 2
+        up = self.lens.height / 2 - 0.5 * (1 - more) - np.arange(start, stop + more)
+        x, y = np.broadcast_arrays(right[None, :], up[:, None])
+        return x, y
+
+    # ---- what is seen ------------------------------------------------------------------------
+
+    def _cast(self, viewer: Viewer, x: Array, y: Array) -> _Hits:
+        directions = self.lens.directions(viewer, x, y)
+        return _Hits(*self._rays.first_hits(self.aim.eye(viewer), directions), directions)
+
+    def _edges(self, viewer: Viewer, hits: _Hits, start: int, stop: int) -> NDArray[np.bool_]:
+        """Return which pixels, whose centres meet `hits`, need more than one sample."""
+        x, y = self._points(start, stop, corners=True)
+        corners = self._cast(viewer, x.ravel(), y.ravel())
+        known = corners.faces >= 0
+        looks = np.where(known, self.stage.face_looks[corners.faces], -1)
+        normals = np.zeros((len(known), 3))
+        normals[known] = self._smooth(_picked(corners, known))
+        places = np.where(known, corners.distance, 0)[:, None] * corners.directions
+        here = hits.faces >= 0
+        own_look = np.where(here, self.stage.face_looks[hits.faces], -1)
+        own_normal = np.zeros((len(here), 3))
+        own_normal[here] = self._smooth(_picked(hits, here))
+        distance = np.where(here, hits.distance, 0)
+        own_place = distance[:, None] * hits.directions
+        plane = np.where(here[:, None], self._flat[hits.faces], 0)
+        edges = np.zeros(len(here), dtype=bool)
+        grid = np.arange(len(known)).reshape(x.shape)
+        for corner in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]):
+            at = corner.ravel()
+            edges |= looks[at] != own_look
+            edges |= here & (np.einsum("ij,ij->i", normals[at], own_normal) < _SMOOTH)
+            height = np.abs(np.einsum("ij,ij->i", places[at] - own_place, plane))
+            edges |= height > _STEP * self.lens.pixel * distance
+        return edges
+
+    # ---- how it looks ------------------------------------------------------------------------
+
+    def _sampled(
+        self,
+        reflectors: "list[Reflector | VertexColors | None]",
+        viewer: Viewer,
+        x: Array,
+        y: Array,
+        behind: Picture,
+    ) -> Array:
+        """Return the means over 4 x 4 samples of pixels at (x, y), shape (n, 3)."""
+        offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+        down, right = (each.ravel() for each in np.meshgrid(offsets, offsets, indexing="ij"))
+        means = np.empty((len(x), 3))
+        step = _SAMPLES_AT_ONCE // len(right)
+        for k in range(0, len(x), step):
+            part = slice(k, k + step)
+            sub_x = (x[part, None] + right).ravel()
+            hits = self._cast(viewer, sub_x, (y[part, None] + down).ravel())
+            values = np.repeat(behind[part].astype(float), len(right), axis=0)
+            met = hits.faces >= 0
+            values[met] = self._shaded(reflectors, viewer, _picked(hits, met))
+            means[part] = values.reshape(-1, len(right), 3).mean(axis=1)
+        return means
+
+    def _shaded(self, reflectors: "list[Reflector | VertexColors | None]", viewer: Viewer, hits: _Hits) -> Array:
+        """Return the radiance of points that rays meet, shape (n, 3)."""
+        result = np.empty((len(hits.faces), 3))
+        views = -hits.directions
+        normals = facing(self._smooth(hits), self._flat[hits.faces], views)
+        tangents = None
+        if self.stage.tangents is not None:
+            along = self.stage.mesh.interpolated(self.stage.tangents, hits.faces, hits.weights)
+            tangents = perpendicular(along, normals)
+        looks = self.stage.face_looks[hits.faces]
+        for index, reflector in enumerate(reflectors):
+            own = np.flatnonzero(looks == index)
+            for k in range(0, len(own), _SAMPLES_AT_ONCE):
+                part = own[k : k + _SAMPLES_AT_ONCE]
+                if isinstance(reflector, VertexColors):
+                    colors = reflector.seen_from(self.aim.eye(viewer))
+                    picked = hits.faces[part], hits.weights[part]
+                    result[part] = self.stage.mesh.interpolated(colors, *picked)
+                elif reflector is not None:
+                    brushed = None if tangents is None else tangents[part]
+                    result[part] = reflector.radiance(normals[part], views[part], brushed)
+        return result
+
+    def _smooth(self, hits: _Hits) -> Array:
+        """Return the interpolated normals at hits, shape (n, 3); the triangle's if they cancel."""
+        mesh = self.stage.mesh
+        normals = mesh.interpolated(mesh.normals, hits.faces, hits.weights)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.where(length > 1e-6, normals / np.maximum(length, 1e-6), self._flat[hits.faces])
+
+
+def facing(normals: Array, flat: Array, views: Array) -> Array:
+    """Return shading normals that face the viewer.
+
+    Surfaces have two sides that look alike: where the viewer sees the back of a triangle, the
+    normal is turned round. Which side is its front, the smooth normal decides. A smooth normal may
+    still face away near a silhouette, where no BRDF has a value. It is then bent towards the
+    viewer, in the plane of both, until N.V = `MIN_COSINE`.
+
+    Parameters
+    ----------
+    normals, flat : ndarray, shape (n, 3)
+        Unit normals, interpolated and of the triangles themselves.
+    views : ndarray, shape (n, 3)
+        Unit, to the viewer.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
+    front = np.einsum("ij,ij->i", flat, views) * np.einsum("ij,ij->i", flat, normals)
+    turned = np.where((front < 0)[:, None], -normals, normals)
+    cosine = np.einsum("ij,ij->i", turned, views)
+    away = cosine < MIN_COSINE
+    if not away.any():
+        return turned
+    bent = turned[away] - cosine[away, None] * views[away]
+    # Where the normal is -V itself, any direction across the view will do.
+    across = perpendicular(bent, views[away])
+    turned[away] = MIN_COSINE * views[away] + np.sqrt(1 - MIN_COSINE**2) * across
+    return turned
+
+
+def _picked(hits: _Hits, chosen: NDArray[np.integer] | NDArray[np.bool_]) -> _Hits:
+    return _Hits(
+        hits.faces[chosen], hits.weights[chosen], hits.distance[chosen], hits.directions[chosen]
+    )

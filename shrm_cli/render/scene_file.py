@@ -1,0 +1,246 @@
+"""Scene files: several meshes of several materials in one picture, as a small TOML file.
+
+An example, with everything that an object may have:
+
+    [[objects]]
+    mesh = "bunny.obj"              # beside the scene file, as are all files that it names
+    map = "city.splitsum.exr"       # by default the MAP of the command line
+    roughness = 0.3                 # these three for maps of light alone
+    f0 = "gold"                     # or a number, or [R, G, B]
+    irradiance = "city.irradiance.exr"
+    brush = [1, 0, 0]               # or "uv": what the tangents follow
+    scale = 2                       # or [x, y, z]
+    rotate = [0, 90, 0]             # degrees about x, y and z in turn, after the scale
+    translate = [0, 1, 0]           # last
+"""
+
+import math
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from shrm_cli.errors import BrdfError, MeshError
+from shrm_cli.files.inputs import note
+from shrm_cli.geometry.load import load_mesh
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import open_map
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.render.shading import reflectance
+from shrm_cli.render.stage import Actor, Look, transformation
+from shrm_cli.vocabulary import MIN_ROUGHNESS
+
+MOST_OBJECTS = 256
+_MOST_BYTES = 2**20
+_KEYS = (
+    "mesh", "map", "roughness", "f0", "irradiance", "brush", "translate", "rotate", "scale",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is said about a mesh besides its file, on the command line or in a scene file.
+
+    Attributes
+    ----------
+    map : Map, optional
+        By default the map that the picture is of.
+    roughness : float, optional
+        It replaces that of the mesh's materials.
+    f0 : str, optional
+        As in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``.
+    irradiance : Irradiance, optional
+        The light of the diffuse part of the mesh's materials.
+    brush : {"uv"} or tuple of 3 float, optional
+        As `Actor` has it.
+    """
+
+    map: Map | None = None
+    roughness: float | None = None
+    f0: str | None = None
+    irradiance: Irradiance | None = None
+    brush: "str | tuple[float, float, float] | None" = None
+
+    def actor(self, mesh: Mesh, primaries: tuple[float, ...] | None) -> Actor:
+        """Return the mesh as it is shown.
+
+        Parameters
+        ----------
+        mesh : Mesh
+        primaries : tuple of 8 float, optional
+            The chromaticities of the light, which the colours of metals are converted to.
+
+        Raises
+        ------
+        BrdfError
+            If `f0` is no colour.
+        """
+        given: dict[str, Any] = {"map": self.map}
+        if self.roughness is not None:
+            given["roughness"] = self.roughness
+        if self.f0 is not None:
+            given["f0"] = reflectance(self.f0, primaries)
+        looks = [Look(**given)]
+        for material in mesh.materials:
+            sound = replace(material, roughness=max(material.roughness, MIN_ROUGHNESS))
+            looks.append(replace(Look.of_material(sound, self.irradiance), **given))
+        return Actor(mesh, looks, self.brush)
+
+
+def is_scene_name(path: str | os.PathLike[str]) -> bool:
+    """Whether a file's suffix is that of a scene."""
+    return Path(path).suffix.lower() == ".toml"
+
+
+def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]") -> list[Actor]:
+    """Read a scene file, and the meshes and maps that it names.
+
+    Parameters
+    ----------
+    path : path-like
+        A TOML file; see the top of this module.
+    maps : sequence of Map
+        The maps that the pictures are of, which objects without a map are drawn by. The first one
+        tells the primaries of the light.
+
+    Raises
+    ------
+    MeshError
+        If it is no such file, or a mesh cannot be read.
+    MapError, BrdfError
+        If a map cannot be read, or a reflectance is no colour.
+    """
+    name = os.fspath(path)
+    note(path)
+    objects = _objects(name)
+    opened: Callable[[str], Map] = cache(open_map)
+    loaded: Callable[[str], Mesh] = cache(load_mesh)
+    actors = []
+    for index, each in enumerate(objects, 1):
+        try:
+            actors.append(_actor(name, each, opened, loaded, maps))
+        except (ValueError, TypeError) as error:
+            raise MeshError(f"{name}: object {index}: {error}") from None
+        except BrdfError as error:
+            raise MeshError(f"{name}: object {index}: {str(error).removeprefix('ggx: ')}") from None
+    return actors
+
+
+def _objects(name: str) -> list[Mapping[str, Any]]:
+    try:
+        if not Path(name).is_file():
+            raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
+        if Path(name).stat().st_size > _MOST_BYTES:
+            raise MeshError(f"{name}: more than {_MOST_BYTES:,} bytes, so it is no scene; name one")
+        tree = tomllib.loads(Path(name).read_bytes().decode())
+    except OSError as error:
+        raise MeshError(f"{name}: cannot be read ({error.strerror}); name another file") from error
+    except (ValueError, RecursionError) as error:
+        why = " ".join(str(error).split())[:80]
+        raise MeshError(f"{name}: not TOML ({why}); correct it") from error
+    objects = tree.get("objects")
+    if set(tree) != {"objects"} or not isinstance(objects, list) or not objects:
+        raise MeshError(f"{name}: a scene has tables [[objects]] and nothing else; correct it")
+    if len(objects) > MOST_OBJECTS:
+        raise MeshError(f"{name}: more than {MOST_OBJECTS} objects; join some meshes")
+    return objects
+
+
+def _actor(
+    name: str,
+    given: Any,
+    opened: Callable[[str], Map],
+    loaded: Callable[[str], Mesh],
+    maps: "tuple[Map, ...] | list[Map]",
+) -> Actor:
+    if not isinstance(given, dict) or not set(given) <= set(_KEYS):
+        wrong = sorted(set(given) - set(_KEYS)) if isinstance(given, dict) else [given]
+        raise ValueError(f"{str(wrong[0])[:40]!r} is none of {', '.join(_KEYS)}; correct it")
+    folder = Path(name).parent
+    mesh = loaded(str(folder / _text(given, "mesh", True)))
+    own, diffuse = _text(given, "map"), _text(given, "irradiance")
+    shown = Shown(
+        None if not own else opened(str(folder / own)),
+        _roughness(given),
+        _f0(given.get("f0")),
+        None if not diffuse else as_irradiance(str(folder / diffuse), opened),
+        _brush(given.get("brush")),
+    )
+    light = shown.map or (maps[0] if maps else None)
+    moved = mesh.transformed(
+        transformation(
+            _numbers(given, "translate", 0.0),
+            _numbers(given, "rotate", 0.0),
+            _numbers(given, "scale", 1.0),
+        )
+    )
+    return shown.actor(moved, None if light is None else light.info.chromaticities)
+
+
+def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Irradiance:
+    """Return the irradiance map of a file.
+
+    Raises
+    ------
+    MeshError
+        If it is another map.
+    """
+    found = opened(path)
+    if not isinstance(found, Irradiance):
+        raise MeshError(
+            f"{path}: {found.what}, not irradiance; shrm prefilter PROBE --to irradiance makes one"
+        )
+    return found
+
+
+def _text(given: Mapping[str, Any], key: str, required: bool = False) -> str:
+    value = given.get(key, "")
+    if not isinstance(value, str) or (required and not value) or "\0" in value:
+        raise ValueError(f"{key} must be the name of a file; correct it")
+    return value
+
+
+def _roughness(given: Mapping[str, Any]) -> float | None:
+    value = given.get("roughness")
+    if value is not None and not (_is_number(value) and MIN_ROUGHNESS <= value <= 1):
+        raise ValueError(f"roughness must be a number within {MIN_ROUGHNESS:g} .. 1; correct it")
+    return value
+
+
+def _f0(value: Any) -> str | None:
+    if isinstance(value, list) and len(value) == 3 and all(_is_number(each) for each in value):
+        return "/".join(f"{each:g}" for each in value)
+    if _is_number(value):
+        return f"{value:g}"
+    if value is None or (isinstance(value, str) and not set(value) & set(",:+*=")):
+        return value
+    raise ValueError("f0 must be a number, [R, G, B] or a metal's name; correct it")
+
+
+def _brush(value: Any) -> "str | tuple[float, float, float] | None":
+    if value is None or value == "uv":
+        return value
+    if isinstance(value, list) and len(value) == 3 and all(_is_number(each) for each in value):
+        x, y, z = (float(each) for each in value)
+        if (x, y, z) != (0, 0, 0):
+            return x, y, z
+    raise ValueError('brush must be "uv" or a direction [X, Y, Z]; correct it')
+
+
+def _numbers(given: Mapping[str, Any], key: str, default: float) -> list[float]:
+    value = given.get(key, default)
+    numbers = value if isinstance(value, list) else [value] * 3
+    is_one = key == "scale" or key not in given or isinstance(value, list)
+    if len(numbers) != 3 or not is_one or not all(_is_number(each) for each in numbers):
+        raise ValueError(f"{key} must be three finite numbers; correct it")
+    if key == "scale" and not all(numbers):
+        raise ValueError("scale must not be 0; correct it")
+    return [float(each) for each in numbers]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

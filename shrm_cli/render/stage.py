@@ -1,0 +1,243 @@
+"""What stands before the camera: meshes in one, and what each triangle is made of."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.brdf.base import Color
+from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, joined
+from shrm_cli.geometry.tangents import projected_tangents, tangents_from_uvs
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.render.shading import ggx_surface, outside_range
+from shrm_cli.sphere.directions import horizontal_tangents
+
+Array = NDArray[np.floating]
+
+_DIELECTRIC = 0.04
+"""Reflectance at normal incidence of glTF's materials that are no metals."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a surface reflects: a map, and the parameters that maps of light alone need.
+
+    Attributes
+    ----------
+    map : Map, optional
+        None for the map that the picture is drawn of.
+    roughness : float, optional
+        Perceptual roughness of the GGX surface that maps of light alone are shown as.
+    f0 : tuple of 3 float, optional
+        Its reflectance at normal incidence, linear RGB.
+    albedo : tuple of 3 float
+        What the surface reflects diffusely, linear RGB, where `irradiance` is known.
+    irradiance : Irradiance, optional
+        The light of the diffuse part, which is added to that of maps of light alone.
+    """
+
+    map: Map | None = None
+    roughness: float | None = None
+    f0: Color | None = None
+    albedo: Color = (0.0, 0.0, 0.0)
+    irradiance: Irradiance | None = None
+
+    @classmethod
+    def of_material(cls, material: SurfaceMaterial, irradiance: Irradiance | None) -> "Look":
+        """Return the look of glTF's metallic-roughness model.
+
+        The reflectance at normal incidence is ``lerp(0.04, base colour, metallic)``. What is left
+        of the base colour, times 1 - metallic, is diffuse.
+        """
+        metal, color = material.metallic, material.base_color
+        f0 = [_DIELECTRIC * (1 - metal) + channel * metal for channel in color]
+        albedo = [channel * (1 - metal) for channel in color]
+        return cls(
+            roughness=material.roughness,
+            f0=(f0[0], f0[1], f0[2]),
+            albedo=(albedo[0], albedo[1], albedo[2]),
+            irradiance=irradiance,
+        )
+
+    def of(self, given: Map | None) -> "Reflector":
+        """Return the surface under the light of its map, or of the given map where it has none.
+
+        Raises
+        ------
+        MapError
+            If there is no map, or a value is out of range.
+        """
+        chosen = self.map or given
+        if chosen is None:
+            raise MapError("an object of the scene has no map; name one")
+        if not chosen.needs_surface:
+            return Reflector(chosen)
+        surface = ggx_surface(self.roughness, self.f0)
+        shown = chosen.shaded(surface.number("roughness"), surface.color("f0"))
+        return Reflector(chosen, shown, self.albedo, self.irradiance)
+
+    def warnings(self, name: str, given: Map | None) -> list[str]:
+        """Return a warning if the map was not made for the roughness."""
+        chosen = self.map or given
+        if chosen is None or not chosen.needs_surface:
+            return []
+        roughness = ggx_surface(self.roughness, self.f0).number("roughness")
+        return outside_range({name: chosen}, roughness)
+
+
+@dataclass(frozen=True)
+class Reflector:
+    """A map as one surface shows it."""
+
+    map: Map
+    shaded: "Map | None" = None
+    albedo: Color = (0.0, 0.0, 0.0)
+    irradiance: Irradiance | None = None
+
+    def radiance(self, normals: Array, views: Array, tangents: Array | None = None) -> Array:
+        """Return reflected radiance, shape (n, 3), for unit vectors (n, 3) in world axes."""
+        if self.shaded is None:
+            if tangents is None:
+                return self.map.radiance(normals, views)
+            return self.map.brushed_radiance(normals, tangents, views)
+        found = self.shaded.radiance(normals, views)
+        if self.irradiance is None or not any(self.albedo):
+            return found
+        return found + self.irradiance.radiance(normals, views) * np.array(self.albedo)
+
+
+@dataclass(frozen=True)
+class Actor:
+    """A mesh in its place, and how it looks.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        In world axes.
+    looks : sequence of Look
+        That of triangles without a material, and then one for each of the mesh's materials.
+    brush : {"uv"} or tuple of 3 float, optional
+        What the tangents follow: texture coordinates, or a direction in world axes. By default
+        they run around +Y.
+    """
+
+    mesh: Mesh
+    looks: Sequence[Look]
+    brush: "str | tuple[float, float, float] | None" = None
+
+    def tangents(self) -> Array:
+        """Return unit tangents of the vertices, shape (n, 3).
+
+        Raises
+        ------
+        ArgumentError
+            If they are to follow texture coordinates, and the mesh has none.
+        """
+        if self.brush is None:
+            return horizontal_tangents(self.mesh.normals)
+        if not isinstance(self.brush, str):
+            return projected_tangents(self.mesh.normals, self.brush)
+        if self.mesh.uvs is None:
+            raise ArgumentError(
+                "brush", f"cannot be uv: {self.mesh.name} has no texture coordinates"
+            )
+        return tangents_from_uvs(self.mesh)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """All meshes of a picture as one.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    looks : tuple of Look
+    face_looks : ndarray of int64, shape (m,)
+        Which look each triangle has.
+    tangents : ndarray, shape (n, 3), optional
+        Of the vertices; None where nothing is brushed.
+    """
+
+    mesh: Mesh
+    looks: tuple[Look, ...]
+    face_looks: NDArray[np.int64]
+    tangents: Array | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, actors: Iterable[Actor]) -> "Stage":
+        """Put meshes on a stage."""
+        actors = list(actors)
+        looks: list[Look] = []
+        owners = []
+        for actor in actors:
+            owners.append(actor.mesh.face_materials + 1 + len(looks))
+            looks += actor.looks
+        brushed = any(actor.brush is not None for actor in actors)
+        return cls(
+            joined(actors[0].mesh.name, [actor.mesh for actor in actors]),
+            tuple(looks),
+            np.concatenate(owners),
+            np.concatenate([actor.tangents() for actor in actors]) if brushed else None,
+        )
+
+    @property
+    def needs_map(self) -> bool:
+        """Whether a triangle is drawn by the map that the picture is of."""
+        return any(self.looks[k].map is None for k in self._used())
+
+    def reflectors(self, given: Map | None) -> list[Reflector | None]:
+        """Return the surfaces of all looks under the light of a map; None for unused ones."""
+        used = self._used()
+        return [look.of(given) if k in used else None for k, look in enumerate(self.looks)]
+
+    def warnings(self, name: str, given: Map | None) -> list[str]:
+        """Return a warning for each roughness that a map was not made for."""
+        found = [line for k in sorted(self._used()) for line in self.looks[k].warnings(name, given)]
+        return list(dict.fromkeys(found))
+
+    def maps(self) -> list[Map]:
+        """Return the maps that the looks name."""
+        return [look.map for look in self.looks if look.map is not None]
+
+    def lacks_diffuse(self, maps: Sequence[Map]) -> bool:
+        """Whether a material has a diffuse part, and no light for it, under one of some maps."""
+        for look in (self.looks[k] for k in self._used()):
+            lit = [look.map] if look.map else maps
+            if any(look.albedo) and not look.irradiance and any(m.needs_surface for m in lit):
+                return True
+        return False
+
+    def _used(self) -> set[int]:
+        return {int(k) for k in np.unique(self.face_looks)}
+
+
+def transformation(
+    translate: ArrayLike = (0, 0, 0), rotate: ArrayLike = (0, 0, 0), scale: ArrayLike = 1.0
+) -> Array:
+    """Return the matrix that scales, then rotates about x, y and z in turn, and then translates.
+
+    Parameters
+    ----------
+    translate : array_like, shape (3,)
+    rotate : array_like, shape (3,)
+        Degrees, counterclockwise as seen from the end of the axis.
+    scale : array_like, shape () or (3,)
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+    """
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.diag(np.broadcast_to(np.asarray(scale, dtype=float), (3,)))
+    for axis, degrees in enumerate(np.asarray(rotate, dtype=float)):
+        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        turn = np.eye(3)
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn[[i, j], [i, j]] = cosine
+        turn[i, j], turn[j, i] = -sine, sine
+        matrix[:3, :3] = turn @ matrix[:3, :3]
+    matrix[:3, 3] = translate
+    return matrix

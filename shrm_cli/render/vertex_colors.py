@@ -1,0 +1,88 @@
+"""Surfaces that are shaded at the vertices of their mesh, by its precomputed transfer."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.errors import TransferError
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.sphere.directions import normalize
+from shrm_cli.transfer.bake import mesh_digest
+from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
+from shrm_cli.transfer.transfer import Transfer
+
+Array = NDArray[np.floating]
+
+
+class VertexColors:
+    """A mesh with its own shadows, under one light.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The one that the transfer was baked for.
+    transfer : Transfer
+    lighting : array_like, shape (n, 3)
+        Coefficients of the light in world axes.
+    product : ProductTexture, optional
+        That of a glossy surface; by default the surface is diffuse, with the transfer's albedo.
+
+    Raises
+    ------
+    TransferError
+        If the transfer was baked for another mesh, or lacks the matrices of a glossy surface.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        transfer: Transfer,
+        lighting: ArrayLike,
+        product: ProductTexture | None = None,
+    ) -> None:
+        transfer.check_mesh(mesh_digest(mesh.vertices, mesh.faces), mesh.name)
+        self._mesh, self._transfer, self._product = mesh, transfer, product
+        self._lighting = np.asarray(lighting, dtype=float)
+        self._eye: Array | None = None
+        self._colors = np.empty(0)
+        if product is None:
+            self._colors = diffuse_colors(transfer, self._lighting)
+        else:
+            transfer.check_glossy()
+
+    def seen_from(self, eye: Array) -> Array:
+        """Return the radiance of each vertex towards a point, shape (v, 3)."""
+        if self._product is None:
+            return self._colors
+        if self._eye is None or not np.array_equal(eye, self._eye):
+            views = normalize(eye - self._mesh.vertices)
+            arguments = self._transfer, self._product, self._lighting, views
+            self._colors, self._eye = glossy_colors(*arguments), np.array(eye)
+        return self._colors
+
+
+def vertex_colors(mesh: Mesh, transfer: Transfer, light: Map) -> VertexColors:
+    """Return a mesh as a map lights it: diffuse under irradiance, glossy by a product texture.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    transfer : Transfer
+    light : Map
+        An irradiance map, or a product texture with light.
+
+    Raises
+    ------
+    TransferError
+        If the map is another one, or the transfer does not fit.
+    """
+    if isinstance(light, Irradiance):
+        return VertexColors(mesh, transfer, light.coefficients)
+    if isinstance(light, ProductTexture) and light.lighting is not None:
+        return VertexColors(mesh, transfer, light.lighting, light)
+    raise TransferError(
+        f"{transfer.facts.mesh}: transfer shades by irradiance maps and by product textures, not "
+        f"by a map of the form {light.representation}; make one with shrm prefilter --to irradiance"
+    )

@@ -1,0 +1,255 @@
+"""From a mesh to its transfer: blocks of vertices on all threads, bounce after bounce."""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli import settings
+from shrm_cli.errors import ArgumentError
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.directions import horizontal_tangents
+from shrm_cli.transfer.gather import Gathering, Rays, frames_along
+from shrm_cli.transfer.transfer import Facts, Transfer
+from shrm_cli.transfer.work import Work, unfinished
+from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
+
+if TYPE_CHECKING:
+    from shrm_cli.geometry.mesh import Mesh
+
+Array = NDArray[np.floating]
+
+_RAYS_AT_ONCE = 2**16
+"""Rays of the vertices that a thread takes at a time."""
+_MOST_BOUNCES = 64
+"""The most bounces; each of them dims the light at least as much as the one before it did."""
+_MOST_SAMPLES = 2**16
+"""The most rays of a vertex."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be baked, and what it will take.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    order : int
+        The largest degree of the harmonics.
+    bounces : int
+        How often light may be reflected within the mesh.
+    samples : int
+        Rays that are traced for each vertex and bounce.
+    albedo : array_like
+        What the mesh reflects of its irradiance, for bounces and for pictures: a number, three for
+        R, G and B, or an array of shape (v, 1 or 3).
+    glossy : bool
+        Whether matrices are baked besides the vectors.
+    tangents : ndarray, shape (v, 3), optional
+        The x axes of the vertices' frames, unit vectors at right angles to the normals; horizontal
+        by default.
+
+    Raises
+    ------
+    ArgumentError
+        If an option has a value that it cannot have.
+    """
+
+    mesh: "Mesh"
+    order: int = 4
+    bounces: int = 0
+    samples: int = 1024
+    albedo: ArrayLike = 0.5
+    glossy: bool = False
+    tangents: Array | None = None
+
+    def __post_init__(self) -> None:
+        limits = {
+            "order": (0, MAX_TRANSFER_ORDER),
+            "bounces": (0, _MOST_BOUNCES),
+            "samples": (1, _MOST_SAMPLES),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ArgumentError(name, f"is {value}, but must be {low} .. {high}")
+        self.reflected()
+
+    def reflected(self) -> Array:
+        """The albedo as an array of shape (1 or v, channels).
+
+        Raises
+        ------
+        ArgumentError
+            If it has another shape, or numbers outside of 0 .. 1.
+        """
+        albedo = np.atleast_2d(np.asarray(self.albedo, dtype=float))
+        rows, channels = albedo.shape[0], albedo.shape[-1]
+        if albedo.ndim != 2 or rows not in (1, len(self.mesh.vertices)) or channels not in (1, 3):
+            raise ArgumentError("albedo", f"has the shape {albedo.shape}; give one row or one each")
+        if not (albedo.min() >= 0 and albedo.max() <= 1):  # NaN is neither
+            raise ArgumentError("albedo", "has numbers outside 0 .. 1")
+        return albedo
+
+    @property
+    def channels(self) -> int:
+        """Channels of the transfer: colours matter only where light is reflected."""
+        return self.reflected().shape[1] if self.bounces else 1
+
+    @property
+    def step(self) -> int:
+        """Vertices of a block."""
+        return max(1, _RAYS_AT_ONCE // self.samples)
+
+    def frames(self) -> Array:
+        """The frames of the vertices, shape (v, 3, 3), with axes as rows."""
+        normals = self.mesh.normals
+        tangents = horizontal_tangents(normals) if self.tangents is None else self.tangents
+        return frames_along(normals, tangents)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of the arrays that are filled, in the order of the work."""
+        vertices, count = len(self.mesh.vertices), (self.order + 1) ** 2
+        channels = self.channels
+        found: dict[str, tuple[int, ...]] = {_stage(0): (vertices, count, 1)}
+        for bounce in range(1, self.bounces + 1):
+            found[_stage(bounce)] = (vertices, count, channels)
+        if self.glossy:
+            found["matrices"] = (vertices, count, count, channels)
+        return found
+
+    def size(self) -> int:
+        """The bytes of all arrays together, which are on disk where there is an output."""
+        return 4 * sum(int(np.prod(shape)) for shape in self.shapes().values())
+
+    def facts(self) -> Facts:
+        """What the transfer's file says of it."""
+        mesh = self.mesh
+        return Facts(Path(mesh.name).name, mesh_digest(mesh.vertices, mesh.faces), self.bounces, self.samples)
+
+    def key(self) -> str:
+        """A digest of everything that the arrays depend on."""
+        options = json.dumps([self.order, self.bounces, self.samples, self.glossy])
+        digest = hashlib.sha256(options.encode())
+        mesh = self.mesh
+        for array in (mesh.vertices, mesh.faces, mesh.normals, self.frames(), self.reflected()):
+            digest.update(np.ascontiguousarray(array).data)
+        return digest.hexdigest()
+
+
+def mesh_digest(vertices: Array, faces: NDArray[np.integer]) -> str:
+    """SHA-256 of the vertices and triangles of a mesh, in hexadecimal digits."""
+    digest = hashlib.sha256(np.ascontiguousarray(vertices, "<f8").data)
+    digest.update(np.ascontiguousarray(faces, "<i8").data)
+    return digest.hexdigest()
+
+
+def bake(
+    plan: Plan,
+    *,
+    rays: Rays | None = None,
+    keep: str | os.PathLike[str] | None = None,
+    use: Callable[[Transfer], Any] | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Bake the transfer of a mesh.
+
+    Parameters
+    ----------
+    plan : Plan
+    rays : Rays, optional
+        What traces rays; `geometry.rays.Rays` of the mesh by default.
+    keep : path-like, optional
+        An output beside which unfinished work is kept, so that a later run goes on with it. The
+        arrays are on disk then rather than in memory.
+    use : callable, optional
+        Called with the transfer; unfinished work is kept until it returns. With `keep` the
+        transfer is valid until then only.
+    progress : callable, optional
+        Called with the blocks done, and with all of them.
+
+    Returns
+    -------
+    Transfer, or what `use` returns
+
+    Raises
+    ------
+    OutputError
+        If unfinished work cannot be kept.
+    """
+    use = use or (lambda transfer: transfer)
+    if rays is None:
+        from shrm_cli.geometry.rays import Rays as MeshRays
+
+        rays = MeshRays(plan.mesh)
+    shapes, step = plan.shapes(), plan.step
+    place = (
+        nullcontext(Work(shapes, step))
+        if keep is None
+        else unfinished(Path(keep), plan.key(), shapes, step)
+    )
+    with place as work:
+        _fill(work, plan, rays, progress)
+        vectors, matrices = work.arrays[_stage(plan.bounces)], work.arrays.get("matrices")
+        frames = plan.frames() if plan.glossy else None
+        return use(Transfer(vectors, plan.reflected(), plan.facts(), matrices, frames))
+
+
+def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None:
+    mesh = plan.mesh
+    gathering = Gathering(
+        mesh.vertices, mesh.normals, mesh.faces, plan.frames(), rays, plan.order, plan.samples
+    )
+    albedo = plan.reflected()[:, None]
+    total = (plan.bounces + 1) * -(-len(mesh.vertices) // plan.step)
+    for bounce in range(plan.bounces + 1):
+        glossy = plan.glossy and bounce == plan.bounces
+        sent = None
+        if bounce:
+            sent = (albedo / np.pi * work.arrays[_stage(bounce - 1)]).astype(np.float32)
+        pending = _pending(work, bounce, glossy)
+        finished = (bounce + 1) * total // (plan.bounces + 1) - len(pending)
+
+        def one(part: slice, sent: Any = sent, glossy: bool = glossy, bounce: int = bounce) -> None:
+            vectors, matrices = gathering.transfer(part, sent, glossy)
+            if matrices is not None:
+                work.put("matrices", part, matrices)
+            work.put(_stage(bounce), part, vectors.astype(np.float32))
+
+        for done, _ in enumerate(_in_threads(one, pending), start=1):
+            if progress is not None:
+                progress(finished + done, total)
+
+
+def _pending(work: Work, bounce: int, glossy: bool) -> list[slice]:
+    """The blocks of a bounce that are not done: the matrices of a block come before its vectors."""
+    names = ["matrices", _stage(bounce)] if glossy else [_stage(bounce)]
+    starts = {part.start: part for name in names for part in work.blocks(name)}
+    return [starts[start] for start in sorted(starts)]
+
+
+def _in_threads(work: Callable[[slice], None], parts: list[slice]) -> Iterator[None]:
+    """Call a function with all parts, and yield whenever one is done.
+
+    Rays are traced and matrices multiplied without Python's lock.
+    """
+    threads = settings.current().threads or os.cpu_count() or 1
+    pool = ThreadPoolExecutor(threads)
+    try:
+        for future in as_completed([pool.submit(work, part) for part in parts]):
+            yield future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _stage(bounce: int) -> str:
+    """The name of the array of transfer vectors after so many bounces."""
+    return f"bounce{bounce}"

@@ -1,0 +1,135 @@
+"""Files of transfer: numpy's .npz archives, which may come from anywhere.
+
+An archive holds the arrays ``vectors`` and ``albedo`` of a `Transfer`, ``matrices`` and ``frames``
+if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what `Facts` says.
+Arrays are not packed, so that a file is never smaller than what it unpacks to.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import TransferError
+from shrm_cli.files import npz
+from shrm_cli.files.inputs import note
+from shrm_cli.files.json_text import parse_json
+from shrm_cli.transfer.transfer import Facts, Transfer
+from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
+
+Array = NDArray[np.floating]
+
+SUFFIX = ".npz"
+_VERSION = 1
+_DIMENSIONS = {"vectors": 3, "albedo": 2, "matrices": 4, "frames": 3}
+_ROUNDING = 1e-3
+"""How far frames may be from orthonormal."""
+_AT_ONCE = 2**22
+"""Numbers that are checked at a time."""
+_AGAIN = "make it again with shrm transfer"
+
+
+def write_transfer(path: str | os.PathLike[str], transfer: Transfer) -> None:
+    """Write a transfer, whole or not at all; the same transfer gives the same bytes.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
+    if transfer.matrices is not None and transfer.frames is not None:
+        arrays |= {"frames": transfer.frames, "matrices": transfer.matrices}
+    settings = json.dumps({"version": _VERSION, **vars(transfer.facts)})
+    npz.write_npz(path, {**arrays, "settings": settings})
+
+
+def read_transfer(path: str | os.PathLike[str]) -> Transfer:
+    """Read a transfer.
+
+    Raises
+    ------
+    TransferError
+        If the file is missing or damaged, or holds something else.
+    """
+    path = Path(path)
+    note(path)
+    try:
+        if not path.is_file():
+            raise TransferError(f"{path}: no such file; name a transfer that shrm transfer wrote")
+        with npz.opened(path) as archive:
+            arrays = {name: _array(archive, name) for name in _DIMENSIONS if name in archive.names}
+            facts = _facts(parse_json(archive.text("settings")))
+        if "vectors" not in arrays or "albedo" not in arrays:
+            raise ValueError("not a transfer")
+        _check(arrays)
+        return Transfer(facts=facts, **arrays)
+    except ValueError as error:
+        raise TransferError(f"{path}: {error}; {_AGAIN}") from error
+    except OSError as error:
+        raise TransferError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def is_transfer(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file holds a transfer; whether it is sound, reading it tells."""
+    try:
+        with npz.opened(Path(path)) as archive:
+            return {"vectors", "albedo", "settings"} <= archive.names
+    except (ValueError, OSError):
+        return False
+
+
+def _array(archive: npz.Archive, name: str) -> Array:
+    return archive.numbers(name, _DIMENSIONS[name])
+
+
+def _check(arrays: dict[str, Array]) -> None:
+    """Check what the shapes of a `Transfer` do not tell.
+
+    Raises
+    ------
+    ValueError
+    """
+    for name, array in arrays.items():
+        flat = array.reshape(-1)
+        for start in range(0, len(flat), _AT_ONCE):
+            if not np.isfinite(flat[start : start + _AT_ONCE]).all():
+                raise ValueError(f"{name} holds NaN or infinite values")
+    vectors, albedo, frames = (arrays.get(name) for name in ("vectors", "albedo", "frames"))
+    if vectors is None or not 0 < vectors.shape[1] <= (MAX_TRANSFER_ORDER + 1) ** 2:
+        raise ValueError("its order is out of range")
+    if not vectors.size:
+        raise ValueError("it has no vertices")
+    if albedo is None or albedo.min(initial=0) < 0 or albedo.max(initial=0) > 1:
+        raise ValueError("its albedo is outside 0 .. 1")
+    if frames is not None:
+        if frames.shape[1:] != (3, 3):
+            raise ValueError(f"frames of shape {frames.shape}")
+        for start in range(0, len(frames), _AT_ONCE // 9):
+            part = frames[start : start + _AT_ONCE // 9]
+            if np.abs(part @ np.swapaxes(part, 1, 2) - np.eye(3)).max(initial=0) > _ROUNDING:
+                raise ValueError("its frames are not orthonormal")
+
+
+def _facts(held: Any) -> Facts:
+    """Return the facts of a JSON object.
+
+    Raises
+    ------
+    ValueError
+        If they are not sound.
+    """
+    if not isinstance(held, dict):
+        raise ValueError("its settings are not a JSON object")
+    version = held.get("version")
+    if isinstance(version, int) and version > _VERSION:
+        raise ValueError(f"written by a newer shrm (transfer format {version})")
+    texts = [held.get(name) for name in ("mesh", "mesh_sha256")]
+    numbers = [held.get(name) for name in ("bounces", "samples")]
+    sound = all(isinstance(text, str) for text in texts)
+    if not sound or not all(type(number) is int and number >= 0 for number in numbers):
+        raise ValueError(f"its settings are wrong: {json.dumps(held)[:80]}")
+    return Facts(*texts, *numbers)  # type: ignore[arg-type]

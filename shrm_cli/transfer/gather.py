@@ -1,0 +1,251 @@
+"""What reaches the vertices of a mesh: integrals over the directions that the mesh itself blocks.
+
+Light comes from far away: its radiance L(s) has the coefficients L_j over the harmonics of world
+axes. Light from the direction s reaches a vertex with the unit normal N unless the mesh is in the
+way. Let V(s) be 1 where the way is free and 0 where it is not. Then the irradiance of the vertex is
+``E = sum_j T_j L_j``, with its transfer vector
+
+    T_j = int V(s) max(0, N.s) Y_j(s) ds = A_l Y_j(N) - int (1 - V(s)) max(0, N.s) Y_j(s) ds.
+
+The first term of the right side has a closed form. Only the second one is estimated, so that a
+vertex which sees the whole sky has no error at all, and any other an error in proportion to what is
+blocked.
+
+A glossy surface needs more than the irradiance: the radiance that arrives, as a function of the
+direction in the vertex's own frame. Its coefficients are ``sum_j M_ij L_j``, with the transfer
+matrix
+
+    M_ij = int V(s) Y_i(F s) Y_j(s) ds = D_ij - int (1 - V(s)) Y_i(F s) Y_j(s) ds,
+
+where F takes directions into the frame, and D is the rotation of coefficients that belongs to it.
+Below the horizon V counts as 1: a BRDF's product function with the cosine is 0 there, so no true
+value depends on it. This choice makes an unshadowed vertex exact, whereas a function that is cut
+off at the horizon has no short expansion.
+
+A direction that is blocked brings the light that the point in the way reflects. All surfaces count
+as diffuse for this, so that point sends ``albedo / pi`` times its own irradiance, which is
+interpolated between the three vertices of its triangle. A triangle that is met from behind blocks
+light, and sends none.
+
+All vertices use the same directions of their own frames. With these the sums over the directions
+are products of matrices, and neighbours on a smooth surface share their errors, which are not seen
+as noise then.
+
+References
+----------
+Sloan, Kautz and Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
+Low-Frequency Lighting Environments, sections 4 and 5.
+Kautz, Sloan and Snyder 2002, Fast, Arbitrary BRDF Shading for Low-Frequency Lighting Using
+Spherical Harmonics, section 5.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.sphere.harmonics import degrees, real_harmonics
+from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.sphere.rotation import rotate_into_frames
+
+Array = NDArray[np.floating]
+Both = tuple[Array, Array | None]
+"""Transfer vectors and matrices of some vertices."""
+
+OFFSET = 1e-5
+"""How far above its vertex a ray begins, as a part of the diagonal of the mesh's box.
+
+It is some hundred times the rounding of the 32-bit coordinates that rays are traced with.
+"""
+
+
+INSET = 0.01
+"""How far a ray begins from a vertex on a border, as a part of the way into its triangles.
+
+Where walls meet, each with vertices of its own, rays from the very edge would slip between them.
+"""
+
+
+class Rays(Protocol):
+    """What is asked of `geometry.rays.Rays`."""
+
+    def occluded(self, origins: Array, directions: Array) -> NDArray[np.bool_]:
+        """Whether each ray, both arrays of shape (k, 3), meets the mesh; shape (k,)."""
+
+    def first_hits(
+        self, origins: Array, directions: Array
+    ) -> tuple[NDArray[np.integer], Array, Array]:
+        """First triangle of each ray, -1 for none, its barycentric (k, 3), and the distance."""
+
+
+class Gathering:
+    """Transfer of light to the vertices of a mesh, for some of them at a time.
+
+    Parameters
+    ----------
+    vertices, normals : ndarray, shape (v, 3)
+        World axes; the normals are unit vectors.
+    faces : ndarray of int, shape (f, 3)
+        Indices of the triangles' vertices.
+    frames : ndarray, shape (v, 3, 3)
+        The rows are the axes x', y', z' of each vertex's frame in world axes; z' is the normal.
+    rays : Rays
+        They meet the same mesh.
+    order : int
+        The largest degree of the harmonics.
+    samples : int
+        Directions of the hemisphere above each vertex, along which a ray is traced.
+    """
+
+    def __init__(
+        self,
+        vertices: Array,
+        normals: Array,
+        faces: NDArray[np.integer],
+        frames: Array,
+        rays: Rays,
+        order: int,
+        samples: int,
+    ) -> None:
+        self.order, self.samples, self._rays = order, samples, rays
+        self._normals, self._faces, self._frames = normals, faces, frames
+        # The upper half of directions that fill the sphere evenly. The cosines of the n of them
+        # are (k + 1/2) / n, so that the cosine's integral pi comes out exactly.
+        local = spiral_directions(2 * samples)[samples:]
+        harmonics = real_harmonics(order, local)
+        weight = 2 * np.pi / samples
+        self._local = local
+        self._cosines = (weight * local[:, 2]).astype(np.float32)
+        self._harmonics = (weight * harmonics).astype(np.float32)
+        self._lambert = (weight * local[:, 2:] * harmonics).astype(np.float32)
+        self._pairs = np.triu_indices(harmonics.shape[1])
+        rows, columns = self._pairs
+        self._products = (weight * harmonics[:, rows] * harmonics[:, columns]).astype(np.float32)
+        self._factors = lambert_factors(order)[degrees(order)]
+        lift = OFFSET * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        inset = INSET * _ways_inwards(vertices, normals, faces)
+        self._origins = vertices + lift * normals + inset
+        self._sides = _outer_sides(vertices, normals, faces)
+
+    def unshadowed(self, part: slice) -> Array:
+        """Transfer vectors ``A_l Y_lm(N)`` of a mesh that blocks nothing, shape (k, n)."""
+        return self._factors * real_harmonics(self.order, self._normals[part])
+
+    def rotations(self, part: slice) -> Array:
+        """Matrices of the rotation of coefficients from world axes into the frames, (k, n, n)."""
+        every = np.eye((self.order + 1) ** 2)
+        return np.moveaxis(rotate_into_frames(every, self._frames[part]), -1, 0)
+
+    def transfer(self, part: slice, sent: Array | None = None, glossy: bool = False) -> Both:
+        """Transfer vectors of some vertices, and their matrices if these are asked for.
+
+        Parameters
+        ----------
+        part : slice
+            Which vertices, k in number.
+        sent : ndarray of float32, shape (v, n, channels), optional
+            What each vertex of the mesh sends: coefficients of a radiance, which is ``albedo / pi``
+            times a transfer vector. By default the mesh blocks light and sends none.
+        glossy : bool
+            Whether to return matrices.
+
+        Returns
+        -------
+        vectors : ndarray, shape (k, n, channels)
+            ``n = (order+1)^2``, index l(l+1)+m, world axes. One channel if nothing is sent.
+        matrices : ndarray of float32, shape (k, n, n, channels), or None
+            From coefficients in world axes (columns) to those in the vertex's frame (rows).
+        """
+        blocked, seen = self._look(part, sent)
+        rotations = self.rotations(part)
+        # The rotation is orthogonal: its transpose leads from the frame back to the world.
+        shadow = np.einsum("kij,ki->kj", rotations, blocked @ self._lambert)
+        vectors = (self.unshadowed(part) - shadow)[..., None]
+        matrices = self._free(blocked, rotations)[..., None] if glossy else None
+        if sent is not None:
+            shape = len(vectors), -1, *sent.shape[1:]
+            vectors = vectors + (self._cosines @ seen).reshape(len(vectors), *sent.shape[1:])
+            if matrices is not None:
+                matrices = matrices + (self._harmonics.T @ seen).reshape(shape)
+        return vectors, matrices
+
+    def _free(self, blocked: Array, rotations: Array) -> Array:
+        """Matrices of the light that is not blocked, shape (k, n, n)."""
+        count = rotations.shape[-1]
+        free = np.empty((len(blocked), count, count), np.float32)
+        rows, columns = self._pairs
+        free[:, rows, columns] = free[:, columns, rows] = -(blocked @ self._products)
+        free[:, range(count), range(count)] += 1
+        return free @ rotations.astype(np.float32)
+
+    def _look(self, part: slice, sent: Array | None) -> tuple[Array, Array]:
+        """What is in the way of the rays of some vertices, and what it sends.
+
+        Returns
+        -------
+        blocked : ndarray of float32, shape (k, samples)
+            1 where the mesh is in the way and 0 elsewhere.
+        seen : ndarray of float32, shape (k, samples, n * channels)
+            Coefficients of the radiance that arrives from the mesh; empty if nothing is sent.
+        """
+        origins, directions = self._bundle(part)
+        if sent is None:
+            hit = self._rays.occluded(origins, directions)
+            return hit.reshape(-1, self.samples).astype(np.float32), np.empty(0)
+        faces, inside, _ = self._rays.first_hits(origins, directions)
+        blocked = (faces >= 0).reshape(-1, self.samples).astype(np.float32)
+        rays = np.flatnonzero(faces >= 0)
+        rays = rays[np.einsum("ij,ij->i", self._sides[faces[rays]], directions[rays]) < 0]
+        corners, shares = self._faces[faces[rays]], inside[rays].astype(np.float32)
+        flat = sent.reshape(len(sent), -1)
+        seen = np.zeros((len(faces), flat.shape[1]), np.float32)
+        seen[rays] = sum(shares[:, each, None] * flat[corners[:, each]] for each in range(3))
+        return blocked, seen.reshape(-1, self.samples, flat.shape[1])
+
+    def _bundle(self, part: slice) -> tuple[Array, Array]:
+        """Origins and directions of the rays of some vertices, shapes (k * samples, 3)."""
+        directions = self._local @ self._frames[part]
+        origins = np.broadcast_to(self._origins[part, None], directions.shape)
+        return origins.reshape(-1, 3), directions.reshape(-1, 3)
+
+
+def frames_along(normals: Array, tangents: Array) -> Array:
+    """Frames with the rows x' = T, y' = N x T, z' = N, shape (v, 3, 3).
+
+    Parameters
+    ----------
+    normals, tangents : ndarray, shape (v, 3)
+        Unit vectors, world axes, at right angles to each other.
+    """
+    return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
+
+
+def _ways_inwards(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
+    """Ways from vertices on a border to the middle of their triangles, 0 for all others; (v, 3).
+
+    A border is an edge of one triangle only. The ways do not lead below the tangent plane, where
+    a surface that is convex is closed.
+    """
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, counts = np.unique(edges, axis=0, return_counts=True)
+    ways, triangles = np.zeros_like(vertices), np.zeros((len(vertices), 1))
+    for corner in faces.T:
+        np.add.at(ways, corner, vertices[faces].mean(axis=1) - vertices[corner])
+        np.add.at(triangles, corner, 1)
+    ways /= np.maximum(triangles, 1)
+    ways -= np.minimum(np.einsum("vi,vi->v", ways, normals), 0)[:, None] * normals
+    on_border = np.zeros(len(vertices), bool)
+    on_border[unique[counts == 1]] = True
+    return np.where(on_border[:, None], ways, 0)
+
+
+def _outer_sides(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
+    """Normals of the triangles, of any length, on the side where their vertices' normals are.
+
+    Not all files wind their triangles the same way round.
+    """
+    a, b, c = (vertices[faces[:, each]] for each in range(3))
+    across = np.cross(b - a, c - a)
+    along = np.einsum("fi,fi->f", across, normals[faces].sum(axis=1))
+    return np.where(along < 0, -1.0, 1.0)[:, None] * across

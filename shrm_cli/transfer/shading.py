@@ -1,0 +1,138 @@
+"""Colours of a mesh's vertices under any light, with the shadows and reflections of its transfer."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.transfer.transfer import Transfer
+
+Array = NDArray[np.floating]
+
+_VERTICES_AT_ONCE = 2**13
+"""Vertices whose products are in memory at a time."""
+
+
+class Product(Protocol):
+    """What is asked of `maps.product.product.ProductTexture`."""
+
+    def values(self, local_views: Array) -> Array:
+        """Coefficients c_i(v) of views in the surface's frame, shape (..., n, 3)."""
+
+
+def fitted(lighting: ArrayLike, count: int) -> Array:
+    """Return coefficients of light to another order: cut off, or followed by zeros.
+
+    Parameters
+    ----------
+    lighting : array_like, shape (m, 3)
+    count : int
+        How many coefficients are asked for.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+    """
+    lighting = np.asarray(lighting, dtype=float)
+    result = np.zeros((count, 3))
+    result[: len(lighting)] = lighting[:count]
+    return result
+
+
+def diffuse_colors(transfer: Transfer, lighting: ArrayLike, albedo: ArrayLike | None = None) -> Array:
+    """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance.
+
+    Parameters
+    ----------
+    transfer : Transfer
+    lighting : array_like, shape (m, 3)
+        Coefficients of the light in world axes, of any order, index l(l+1)+m.
+    albedo : array_like, shape (1 or 3,) or (v, 1 or 3), optional
+        That of the transfer by default.
+
+    Returns
+    -------
+    ndarray, shape (v, 3)
+    """
+    vectors = transfer.vectors
+    light = fitted(lighting, vectors.shape[1])
+    if vectors.shape[2] == 1:
+        irradiance = vectors[..., 0] @ light
+    else:
+        irradiance = np.einsum("vjc,jc->vc", vectors, light)
+    return irradiance * np.asarray(transfer.albedo if albedo is None else albedo) / np.pi
+
+
+def arriving_light(transfer: Transfer, lighting: ArrayLike, part: slice = slice(None)) -> Array:
+    """Return coefficients of the radiance that arrives at vertices, in their frames.
+
+    Parameters
+    ----------
+    transfer : Transfer
+        With matrices.
+    lighting : array_like, shape (m, 3)
+        As `diffuse_colors` takes it.
+    part : slice
+        Which vertices; all by default.
+
+    Returns
+    -------
+    ndarray, shape (k, n, 3)
+
+    Raises
+    ------
+    TransferError
+        If the transfer has no matrices.
+    """
+    transfer.check_glossy()
+    assert transfer.matrices is not None
+    matrices = transfer.matrices[part]
+    count, size, _, channels = matrices.shape
+    light = fitted(lighting, size).astype(matrices.dtype)
+    if channels == 1:
+        # One product with a tall matrix is faster than one for each vertex.
+        return (matrices.reshape(-1, size) @ light).reshape(count, size, 3)
+    return np.einsum("vijc,jc->vic", matrices, light)
+
+
+def glossy_colors(
+    transfer: Transfer, product: Product, lighting: ArrayLike, views: ArrayLike
+) -> Array:
+    """Return the radiance of a glossy surface towards a viewer.
+
+    Parameters
+    ----------
+    transfer : Transfer
+        With matrices.
+    product : Product
+        The product function of the surface's BRDF.
+    lighting : array_like, shape (m, 3)
+        As `diffuse_colors` takes it.
+    views : array_like, shape (3,) or (v, 3)
+        Unit vectors to the viewer in world axes.
+
+    Returns
+    -------
+    ndarray, shape (v, 3)
+        0 where a vertex faces away.
+
+    Raises
+    ------
+    TransferError
+        If the transfer has no matrices.
+    """
+    count = len(transfer.vectors)
+    views = np.broadcast_to(np.asarray(views, dtype=float), (count, 3))
+    result = np.zeros((count, 3))
+    for start in range(0, count, _VERTICES_AT_ONCE):
+        part = slice(start, start + _VERTICES_AT_ONCE)
+        arriving = arriving_light(transfer, lighting, part)
+        assert transfer.frames is not None
+        local = np.einsum("vij,vj->vi", transfer.frames[part], views[part])
+        facing = local[:, 2] > 0
+        values = product.values(local[facing])
+        terms = min(values.shape[1], arriving.shape[1])
+        result[part][facing] = np.einsum(
+            "vic,vic->vc", values[:, :terms], arriving[facing, :terms]
+        )
+    return result

@@ -1,0 +1,136 @@
+"""The transfer of a mesh: what its vertices need to know of light to shadow and light themselves."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import TransferError
+from shrm_cli.sphere.harmonics import order_of
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """How a transfer was made.
+
+    Attributes
+    ----------
+    mesh : str
+        The name of the mesh, for messages.
+    mesh_sha256 : str
+        The digest of its vertices and triangles, by `bake.mesh_digest`.
+    bounces : int
+        How often light is reflected within the mesh.
+    samples : int
+        Rays of each vertex and bounce.
+    """
+
+    mesh: str
+    mesh_sha256: str
+    bounces: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Precomputed radiance transfer of a mesh, for light of any coefficients.
+
+    Attributes
+    ----------
+    vectors : ndarray of float32, shape (v, n, 1 or 3)
+        Transfer vectors: the irradiance of a vertex, without 1/pi and without its albedo, is
+        ``sum_j vectors[:, j] * L_j`` for light of the coefficients L_j in world axes, index
+        l(l+1)+m. Three channels where coloured surfaces light each other.
+    albedo : ndarray, shape (1 or v, 1 or 3)
+        What the surface reflects of its irradiance.
+    facts : Facts
+    matrices : ndarray of float32, shape (v, n, n, 1 or 3), optional
+        Transfer matrices: ``sum_j matrices[:, i, j] * L_j`` are the coefficients of the radiance
+        that arrives at a vertex, in its frame.
+    frames : ndarray, shape (v, 3, 3), optional
+        The frames of the matrices. The rows are the axes x', y', z' in world axes; z' is the
+        normal.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit each other.
+    """
+
+    vectors: Array
+    albedo: Array
+    facts: Facts
+    matrices: Array | None = None
+    frames: Array | None = None
+
+    def __post_init__(self) -> None:
+        count, size, channels = self.vectors.shape
+        glossy = (count, size, size, channels), (count, 3, 3)
+        found = tuple(None if x is None else x.shape for x in (self.matrices, self.frames))
+        if (self.order + 1) ** 2 != size or channels not in (1, 3):
+            raise ValueError(f"transfer vectors of shape {self.vectors.shape}")
+        if found not in ((None, None), glossy):
+            raise ValueError(f"matrices and frames of shapes {found} beside {self.vectors.shape}")
+        rows, colors = self.albedo.shape
+        if rows not in (1, count) or colors not in (1, 3):
+            raise ValueError(f"albedo of shape {self.albedo.shape}")
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return order_of(self.vectors.shape[1])
+
+    @property
+    def is_glossy(self) -> bool:
+        """Whether there are matrices."""
+        return self.matrices is not None
+
+    def check_mesh(self, digest: str, name: str) -> None:
+        """Check that a mesh is the one that the transfer was baked for.
+
+        Parameters
+        ----------
+        digest : str
+            `bake.mesh_digest` of the mesh.
+        name : str
+            The mesh's name, for the message.
+
+        Raises
+        ------
+        TransferError
+            If it is another one.
+        """
+        if digest != self.facts.mesh_sha256:
+            raise TransferError(
+                f"{name}: not the mesh that the transfer was baked for, which was "
+                f"{self.facts.mesh}; bake it again with shrm transfer"
+            )
+
+    def check_glossy(self) -> None:
+        """Check that there are matrices.
+
+        Raises
+        ------
+        TransferError
+            If there are none.
+        """
+        if self.matrices is None:
+            raise TransferError(
+                f"{self.facts.mesh}: its transfer has no matrices, which glossy surfaces need; "
+                "bake it with shrm transfer --matrices"
+            )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told of the transfer."""
+        vertices, size, channels = self.vectors.shape
+        return {
+            "vertices": vertices,
+            "order": self.order,
+            "coefficients": size,
+            "channels": channels,
+            "matrices": self.is_glossy,
+            **vars(self.facts),
+        }

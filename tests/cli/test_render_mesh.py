@@ -1,0 +1,197 @@
+"""`shrm render --mesh`: files, scenes, cameras and errors."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.maps.file import save
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from tests.cli.helpers import run
+from tests.cli.test_render import read
+from tests.geometry.shapes import TETRAHEDRON, glb, gltf_tree, icosphere, obj
+from tests.render.materials import INFO, furnace, under_random_light
+
+PBR = {"baseColorFactor": [0.8, 0.4, 0.2, 1], "metallicFactor": 0, "roughnessFactor": 0.5}
+SCENE = """
+[[objects]]
+mesh = "ball.obj"
+map = "red.exr"
+translate = [-2, 0, 0]
+[[objects]]
+mesh = "ball.obj"
+translate = [2, 0, 0]
+scale = 0.5
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with meshes, maps and a scene."""
+    rng = np.random.default_rng(5)
+    (tmp_path / "ball.obj").write_bytes(obj(*icosphere(2)))
+    made = gltf_tree(*TETRAHEDRON, material={"pbrMetallicRoughness": PBR})
+    (tmp_path / "paint.glb").write_bytes(glb(*made))
+    (tmp_path / "scene.toml").write_text(SCENE)
+    save(tmp_path / "a.exr", under_random_light(), "float")
+    save(tmp_path / "red.exr", furnace((1.0, 0, 0)), "float")
+    levels = tuple(rng.random((6 * size, size, 3)) for size in (8, 4))
+    save(tmp_path / "split.exr", SplitSum(levels, (0.0, 1.0), "linear", INFO), "float")
+    even = 0.1 * rng.random((9, 3)) + [[4, 4, 4], *[[0] * 3] * 8]  # positive from all sides
+    irradiance = Irradiance(even, replace(INFO, order_f=2))
+    save(tmp_path / "irradiance.exr", irradiance, "float")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def done(*arguments):
+    result = run("render", *arguments)
+    assert result.code == 0, result.err
+    return result
+
+
+def test_a_picture_of_a_mesh(folder):
+    said = json.loads(
+        done("a.exr", "--mesh", "ball.obj", "--size", "48x32", "--fov", "50", "--json").out
+    )
+    assert [each["file"] for each in said["files"]] == ["a.ball.png"]
+    assert (said["width"], said["height"], said["triangles"]) == (48, 32, 320)
+    assert said["fov"] == 50
+    np.testing.assert_allclose(said["target"], 0, atol=1e-6)
+    assert read("a.ball.png").shape[:2] == (32, 48)
+
+
+def test_pictures_do_not_depend_on_folders(folder):
+    (folder / "sub").mkdir()
+    (folder / "sub" / "ball.obj").write_bytes((folder / "ball.obj").read_bytes())
+    done("a.exr", "--mesh", "ball.obj", "--size", "16", "-o", "one.exr")
+    done("a.exr", "--mesh", "sub/ball.obj", "--size", "16", "-o", "two.exr")
+    assert (folder / "one.exr").read_bytes() == (folder / "two.exr").read_bytes()
+
+
+def test_turntables_and_sheets(folder):
+    done("a.exr", "red.exr", "--mesh", "ball.obj", "--size", "32x16", "--frames", "2")
+    frames = [read(f"sheet.ball.000{k}.png") for k in (1, 2)]
+    assert frames[0].shape == frames[1].shape
+    height, width = frames[0].shape[:2]
+    assert width > 64
+    assert 16 < height < 100
+    assert not np.array_equal(*frames)
+
+
+def test_the_camera_is_given(folder):
+    near, far = (
+        read_of("red.exr", "--distance", each, "--target", "0,0,0", "--fov", "30")
+        for each in (4, 8)
+    )
+    assert (near > 0).sum() > 3.5 * (far > 0).sum()
+
+
+def read_of(*arguments):
+    done(*arguments, "--mesh", "ball.obj", "--size", "64", "-o", "x.exr")
+    return read("x.exr")[..., 0]
+
+
+def test_a_scene_of_two_maps(folder):
+    done("a.exr", "--mesh", "scene.toml", "--size", "60x30", "-o", "x.exr")
+    picture = read("x.exr")
+    assert picture[15, 17, 0] == pytest.approx(1, rel=0.01)
+    np.testing.assert_allclose(picture[15, 17, 1:], 0, atol=0.01)
+    # The first ball is twice as large as the other.
+    red = np.abs(picture[:, :30]).max(axis=-1) > 0
+    other = np.abs(picture[:, 30:]).max(axis=-1) > 0
+    assert red.sum() == pytest.approx(4 * other.sum(), rel=0.2)
+
+
+def test_materials_of_gltf_need_light_for_their_diffuse_part(folder):
+    result = done("split.exr", "--mesh", "paint.glb", "--size", "32", "-o", "x.exr")
+    assert "only the specular part" in result.err
+    assert "--irradiance" in result.err
+    specular = read("x.exr")
+    arguments = ("--irradiance", "irradiance.exr", "--size", "32", "-o", "y.exr")
+    assert done("split.exr", "--mesh", "paint.glb", *arguments).err == ""
+    both = read("y.exr")
+    assert (both >= specular).all()
+    assert both.mean() > specular.mean()
+    rougher = done("split.exr", "--mesh", "paint.glb", *arguments, "--roughness", "0.9")
+    assert rougher.err == ""
+    assert not np.array_equal(read("y.exr"), both)
+
+
+def refused(*arguments):
+    result = run("render", *arguments)
+    assert result.code in (1, 2)
+    assert result.err.startswith("Error: ")
+    assert result.err.count("\n") == 1
+    assert "internal" not in result.err
+    return result.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "Missing argument"),
+        (("--mesh", "ball.obj"), "Missing argument"),
+        (("a.exr", "--fov", "30"), "--fov applies with --mesh"),
+        (("a.exr", "--brush", "uv"), "--brush applies with --mesh"),
+        (("a.exr", "--size", "32x16"), "--size"),
+        (("a.exr", "--size", "32x"), "not a size"),
+        (("a.exr", "--size", "8"), "range"),
+        (("a.exr", "--mesh", "ball.obj", "--brush", "uv"), "texture coordinates"),
+        (("a.exr", "--mesh", "ball.obj", "--brush", "0,0,0"), "direction"),
+        (("a.exr", "--mesh", "ball.obj", "--target", "1,2"), "X,Y,Z"),
+        (("a.exr", "--mesh", "ball.obj", "--distance", "0"), "--distance"),
+        (("a.exr", "--mesh", "ball.obj", "--roughness", "0.3"), "--roughness applies"),
+        (("a.exr", "--mesh", "none.obj"), "none.obj: no such file"),
+        (("a.exr", "--mesh", "a.exr"), "ends in"),
+        (("a.exr", "--mesh", "none.toml"), "none.toml: no such file"),
+        (("split.exr", "--mesh", "ball.obj", "--irradiance", "irradiance.exr"), "no materials"),
+        (("split.exr", "--mesh", "paint.glb", "--irradiance", "a.exr"), "not irradiance"),
+        (("--mesh", "scene.toml"), "Missing argument"),
+        (("a.exr", "--mesh", "ball.obj", "-o", "ball.obj"), "ball.obj"),
+    ],
+)
+def test_what_is_refused(folder, arguments, words):
+    assert words in refused(*arguments)
+    assert not list(folder.glob("*.png"))
+
+
+BALL = '[[objects]]\nmesh = "ball.obj"\n'
+BAD = {
+    "": "[[objects]]",
+    "x = ": "not TOML",
+    "x = 1": "[[objects]]",
+    "objects = [1]": "none of",
+    "[[objects]]": "mesh",
+    '[[objects]]\nmesh = "gone.obj"': "gone.obj: no such file",
+    BALL + "color = 1": "'color' is none of",
+    BALL + "roughness = 7": "roughness",
+    BALL + "roughness = nan": "roughness",
+    BALL + 'f0 = "unobtainium"': "unobtainium",
+    BALL + "f0 = [1, 2]": "f0",
+    BALL + "brush = [0, 0, 0]": "brush",
+    BALL + "scale = 0": "scale",
+    BALL + "scale = inf": "scale",
+    BALL + "translate = 3": "translate",
+    BALL + 'map = "gone.exr"': "gone.exr",
+    BALL + 'irradiance = "a.exr"': "not irradiance",
+    BALL * 300: "more than 256",
+    "a = " + "[" * 5000: "not TOML",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_scenes(folder, text):
+    (folder / "bad.toml").write_text(text)
+    said = refused("a.exr", "--mesh", "bad.toml")
+    assert BAD[text] in said
+    assert said.startswith(("Error: bad.toml: ", "Error: gone.", "Error: a.exr: "))
+
+
+def test_a_scene_with_maps_of_its_own_takes_no_other(folder):
+    (folder / "own.toml").write_text(BALL + 'map = "red.exr"\n')
+    assert "leave MAP out" in refused("a.exr", "--mesh", "own.toml")
+    done("--mesh", "own.toml", "--size", "16")
+    assert (folder / "own.png").exists()

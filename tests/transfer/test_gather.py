@@ -1,0 +1,176 @@
+"""Transfer vectors and matrices against closed forms, and against sums over directions."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.transfer.bake import Plan, bake
+from shrm_cli.transfer.gather import Gathering
+from tests.oracles import real_harmonics as harmonics
+from tests.transfer import meshes
+
+
+def baked(mesh, **options):
+    return bake(Plan(mesh, **options))
+
+
+def test_a_vertex_that_sees_the_whole_sky_is_exact():
+    """T is A_l Y_lm(N), with A_l by its integral; M only rotates."""
+    mesh = meshes.sphere(2)
+    found = baked(mesh, samples=64, glossy=True)
+    z, weights = np.polynomial.legendre.leggauss(40)
+    z, weights = (z + 1) / 2, weights / 2  # the upper half
+    factors = [
+        2 * np.pi * np.sum(weights * z * np.polynomial.legendre.legval(z, np.eye(5)[degree]))
+        for degree in range(5)
+    ]
+    expected = harmonics(4, mesh.normals) * np.repeat(factors, [1, 3, 5, 7, 9])
+    np.testing.assert_allclose(found.vectors[..., 0], expected, atol=1e-6)
+    directions, areas = meshes.whole_sphere(8)  # exact for products of two of degree 4
+    for vertex in (0, 7, 100):
+        local = directions @ found.frames[vertex].T
+        rotation = (harmonics(4, local) * areas[:, None]).T @ harmonics(4, directions)
+        np.testing.assert_allclose(found.matrices[vertex, ..., 0], rotation, atol=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [20, 45, 70])
+def test_a_wall_beside_a_vertex(degrees):
+    """The free directions are a lune from `angle` to pi about the y axis."""
+    angle = np.radians(degrees)
+    found = baked(meshes.wall(angle), order=1, samples=4096).vectors[0, :, 0]
+    constant, linear = np.sqrt(1 / (4 * np.pi)), np.sqrt(3 / (4 * np.pi))
+    # int sin(t)^2 dt = pi / 2 and int sin(t)^3 dt = 4 / 3 over the polar angle t from the y axis.
+    expected = [
+        constant * np.pi / 2 * (1 + np.cos(angle)),
+        0,
+        linear * 4 / 3 * ((np.pi - angle) / 2 + np.sin(2 * angle) / 4),
+        linear * 4 / 3 * (-(np.sin(angle) ** 2) / 2),
+    ]
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def test_matrices_beside_a_wall():
+    """Every entry is an integral over the free directions, and those below the horizon."""
+    angle = np.radians(50)
+    mesh = meshes.wall(angle)
+    found = baked(mesh, order=2, samples=8192, glossy=True)
+    directions, areas = meshes.whole_sphere()
+    x, _, z = directions.T
+    free = (z < 0) | (np.arctan2(z, x) > angle)
+    frame = found.frames[0]
+    np.testing.assert_allclose(frame[2], mesh.normals[0], atol=1e-12)
+    local = harmonics(2, directions @ frame.T)
+    expected = (local * (areas * free)[:, None]).T @ harmonics(2, directions)
+    np.testing.assert_allclose(found.matrices[0, ..., 0], expected, atol=2e-3)
+
+
+def test_matrices_and_vectors_agree_where_the_cosine_is_the_surface():
+    """c = A_l at m = 0 of the frame is a diffuse surface, to the order's own truncation."""
+    mesh = meshes.bumps()
+    found = baked(mesh, order=6, samples=256, glossy=True)
+    product = np.zeros(49)
+    product[[0, 2, 6, 20]] = np.sqrt(np.array([1, 3, 5, 9]) / (4 * np.pi)) * [
+        np.pi, 2 * np.pi / 3, np.pi / 4, -np.pi / 24,
+    ]  # fmt: skip
+    product[42] = np.sqrt(13 / (4 * np.pi)) * np.pi / 64
+    light = np.random.default_rng(3).standard_normal(9)
+    glossy = np.einsum("i,vij,j->v", product, found.matrices[..., :9, 0], light)
+    diffuse = found.vectors[:, :9, 0] @ light
+    assert np.sqrt(np.mean((glossy - diffuse) ** 2) / np.mean(diffuse**2)) < 0.03
+
+
+def test_white_boxes_are_furnaces():
+    """Light that is sent by all walls alike comes back times the albedo, exactly."""
+    mesh = meshes.box()
+    gathering = Gathering(
+        mesh.vertices, mesh.normals, mesh.faces, Plan(mesh).frames(), Rays(mesh), 0, 128
+    )
+    everything = slice(0, len(mesh.vertices))
+    albedo, emitted = 0.5, 2.0
+    total = np.full((len(mesh.vertices), 1, 1), emitted, np.float32)
+    for bounces in range(1, 15):
+        arrived, _ = gathering.transfer(everything, albedo / np.pi * total)
+        total = (emitted + arrived).astype(np.float32)
+        series = emitted * (1 - albedo ** (bounces + 1)) / (1 - albedo)
+        np.testing.assert_allclose(total, series, rtol=1e-4)
+    np.testing.assert_allclose(total, emitted / (1 - albedo), rtol=1e-4)
+
+
+def test_an_integrating_sphere():
+    """Within a sphere all points see each other alike, so E = pi f / (1 - a (1 - f)).
+
+    f is the part of the sphere that is open. The cavity has flat triangles, which close as many
+    directions as they are seen at.
+    """
+    mesh = meshes.sphere(2, inwards=True, hole=0.5)
+    lowest = mesh.vertices[:, 2].argmin()
+    albedo = 0.5
+    found = baked(mesh, order=0, samples=512, bounces=12, albedo=albedo).vectors[..., 0]
+    direct = baked(mesh, order=0, samples=512).vectors[..., 0]
+    constant = np.sqrt(4 * np.pi)  # radiance 1 has this coefficient
+    open_part = constant * direct[lowest, 0] / np.pi
+    assert 0.2 < open_part < 0.3  # (1 - 0.5) / 2, but for the jagged edge
+    expected = np.pi * open_part / (1 - albedo * (1 - open_part))
+    assert constant * found[lowest, 0] == pytest.approx(expected, rel=0.01)
+    dark = baked(meshes.sphere(1, inwards=True), order=2, samples=256, bounces=3)
+    np.testing.assert_allclose(dark.vectors, 0, atol=2e-3)
+
+
+def test_shadows_take_light_away_and_bounces_bring_some():
+    """Under light that is nowhere negative, for each vertex and channel."""
+    mesh = meshes.bumps()
+    light = nowhere_negative(np.random.default_rng(5))
+    shadowed = baked(mesh).vectors[..., 0] @ light
+    bounced = np.einsum(
+        "vjc,j->vc", baked(mesh, bounces=2, albedo=(0.2, 0.5, 1.0)).vectors, light
+    )
+    factors = np.repeat([np.pi, 2 * np.pi / 3, np.pi / 4, 0, -np.pi / 24], [1, 3, 5, 7, 9])
+    free = harmonics(4, mesh.normals) @ (factors * light)
+    assert (shadowed <= free + 1e-5).all()
+    assert shadowed.mean() < 0.9 * free.mean()
+    assert (np.diff(np.column_stack([shadowed, bounced]), axis=1) >= -1e-5).all()
+    assert (bounced[:, 2] > 1.02 * shadowed).mean() > 0.5
+
+
+def nowhere_negative(rng):
+    """Coefficients to order 4 of the square of a random function of order 2."""
+    directions, areas = meshes.whole_sphere(12)
+    values = (harmonics(2, directions) @ rng.standard_normal(9)) ** 2
+    return harmonics(4, directions).T @ (areas * values)
+
+
+def test_the_estimator_of_pifu():
+    """The mean over random directions, as `prt_util.py` of PIFu takes it, order 2."""
+    mesh = meshes.bumps(12)
+    some = slice(44, 54)
+    found = baked(mesh, order=2, samples=2048).vectors[some, :, 0]
+    count, rng = 50_000, np.random.default_rng(1)
+    z, phi = rng.uniform(-1, 1, count), rng.uniform(0, 2 * np.pi, count)
+    sine = np.sqrt(1 - z**2)
+    directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)
+    rays = Rays(mesh)
+    expected = []
+    for vertex, normal in zip(mesh.vertices[some], mesh.normals[some], strict=True):
+        cosines = directions @ normal
+        free = ~rays.occluded(vertex + 1e-3 * normal, directions)
+        lit = np.where((cosines > 0) & free, cosines, 0)
+        expected.append(4 * np.pi / count * (lit @ harmonics(2, directions)))
+    # The standard error of the mean of so many random directions is 0.007.
+    assert np.abs(found - expected).max() < 0.025
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.009
+
+
+def test_triangles_may_be_wound_either_way():
+    """The side of a triangle that sends light is where its vertices' normals are."""
+    mesh = meshes.box()
+    turned = meshes.make_mesh("turned", mesh.vertices, mesh.faces[:, ::-1], mesh.normals)
+    options = {"order": 1, "samples": 64, "bounces": 1}
+    with_hole = [slice(None), slice(2, None)]
+    for part in with_hole:
+        one, other = (
+            meshes.make_mesh("open", each.vertices, each.faces[part], each.normals)
+            for each in (mesh, turned)
+        )
+        np.testing.assert_allclose(
+            baked(one, **options).vectors, baked(other, **options).vectors, atol=1e-6
+        )

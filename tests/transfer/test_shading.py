@@ -1,0 +1,122 @@
+"""Colours of vertices against integrals over light and visibility, and the modes against each other."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import TransferError
+from shrm_cli.transfer.bake import Plan, bake
+from shrm_cli.transfer.modes import FixedLight, FixedView, General, ViewFunctions
+from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
+from tests.oracles import real_harmonics as harmonics
+from tests.oracles import sphere_rule
+from tests.transfer import meshes
+
+
+class Cushion:
+    """The product function of a BRDF that is a polynomial, anisotropic and coloured.
+
+    It is ``(V.L)^2 + x_L x_V / 2`` times a colour that depends on the view, of degree 2 in L.
+    """
+
+    def values(self, local_views):
+        directions, weights = sphere_rule(4)
+        columns = self.of(directions, local_views[..., None, :])
+        found = np.einsum("q,...qc,qi->...ic", weights, columns, harmonics(2, directions))
+        return np.concatenate([found, np.zeros((*found.shape[:-2], 16, 3))], axis=-2)
+
+    @staticmethod
+    def of(light, view):
+        grey = np.sum(light * view, axis=-1) ** 2 + light[..., 0] * view[..., 0] / 2
+        return grey[..., None] * np.stack([1 + 0 * view[..., 2], view[..., 2], view[..., 0] ** 2], -1)
+
+
+@pytest.fixture(scope="module")
+def glossy():
+    return bake(Plan(meshes.bumps(16), samples=256, glossy=True))
+
+
+def random_light(order=4):
+    return np.random.default_rng(8).standard_normal(((order + 1) ** 2, 3))
+
+
+def unit(*vector):
+    return np.array(vector) / np.linalg.norm(vector)
+
+
+def test_glossy_colors_without_shadows_are_integrals():
+    """A convex mesh: light of order 4 times the product function, in each vertex's own frame."""
+    mesh = meshes.sphere(1)
+    rng = np.random.default_rng(2)
+    turned = np.cross(mesh.normals, rng.standard_normal(mesh.normals.shape))
+    tangents = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    baked = bake(Plan(mesh, samples=32, glossy=True, tangents=tangents))
+    light, view = random_light(), unit(0.3, 0.5, 0.8)
+    found = glossy_colors(baked, Cushion(), light, view)
+    directions, weights = sphere_rule(8)
+    frames = np.stack([tangents, np.cross(mesh.normals, tangents), mesh.normals], axis=1)
+    arriving = harmonics(4, directions) @ light
+    for frame, color in zip(frames, found, strict=True):
+        if frame[2] @ view <= 0:
+            assert (color == 0).all()
+            continue
+        product = Cushion.of(directions @ frame.T, frame @ view)
+        expected = np.einsum("q,qc,qc->c", weights, product, arriving)
+        np.testing.assert_allclose(color, expected, atol=2e-5)
+
+
+def test_light_of_other_orders_is_cut_or_filled(glossy):
+    long, short = random_light(6), random_light(1)
+    np.testing.assert_array_equal(diffuse_colors(glossy, long), diffuse_colors(glossy, long[:25]))
+    filled = np.concatenate([short, np.zeros((21, 3))])
+    np.testing.assert_array_equal(diffuse_colors(glossy, short), diffuse_colors(glossy, filled))
+
+
+def test_diffuse_colors_take_the_albedo(glossy):
+    light = random_light()
+    irradiance = np.einsum("vj,jc->vc", glossy.vectors[..., 0], light)
+    np.testing.assert_allclose(diffuse_colors(glossy, light), 0.5 / np.pi * irradiance, atol=1e-6)
+    red = diffuse_colors(glossy, light, (1.0, 0.0, 0.0))
+    np.testing.assert_allclose(red[:, 0], irradiance[:, 0] / np.pi, atol=1e-6)
+    assert (red[:, 1:] == 0).all()
+
+
+def test_glossy_surfaces_need_matrices():
+    baked = bake(Plan(meshes.sphere(0), samples=4))
+    with pytest.raises(TransferError, match="--matrices"):
+        glossy_colors(baked, Cushion(), random_light(), unit(0, 0, 1))
+
+
+@pytest.mark.parametrize("shadows", [True, False])
+@pytest.mark.parametrize("distant", [True, False])
+def test_the_three_modes_agree(glossy, shadows, distant):
+    """To what leaving out functions of the view may cost, which they state."""
+    functions = ViewFunctions(Cushion(), 1e-4)
+    assert len(functions.maps) < 25
+    matrices = glossy.matrices if shadows else None
+    general = General(functions, glossy.frames, matrices)
+    light, view = random_light(), unit(0.2, -0.3, 0.9)
+    if not distant:
+        offsets = np.random.default_rng(1).standard_normal((len(glossy.frames), 3))
+        view = view + 0.1 * offsets
+        view /= np.linalg.norm(view, axis=1, keepdims=True)
+    found = general.colors(light, view)
+    scale = np.sqrt(np.mean(found**2))
+    fixed_light = FixedLight(general, light, 1e-4)
+    np.testing.assert_allclose(fixed_light.colors(view), found, atol=2e-3 * scale)
+    np.testing.assert_allclose(FixedView(general, view).colors(light), found, atol=1e-4 * scale)
+    if shadows:
+        expected = glossy_colors(glossy, Cushion(), light, view)
+        np.testing.assert_allclose(found, expected, atol=0.01 * scale)
+
+
+def test_a_fixed_light_states_its_error(glossy):
+    general = General(ViewFunctions(Cushion()), glossy.frames, glossy.matrices)
+    fixed = FixedLight(general, random_light(), 0.1)
+    assert 0.01 < fixed.error <= 0.1
+    assert len(fixed.maps) < len(general.functions.maps)
+    directions = np.random.default_rng(4).standard_normal((40, 3))
+    views = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    pairs = [(fixed.colors(view), general.colors(random_light(), view)) for view in views]
+    error = sum(np.sum((one - other) ** 2) for one, other in pairs)
+    whole = sum(np.sum(other**2) for _, other in pairs)
+    assert np.sqrt(error / whole) == pytest.approx(fixed.error, rel=0.5)
