@@ -8,6 +8,10 @@ from shrm_cli.geometry.mesh import MOST_FACES, too_many
 MOST_BYTES = 2**28
 """The most bytes of a mesh's file, and of all buffers of a glTF together."""
 
+_MOST_TEXT = 2**27
+_MOST_ROWS = 2**22
+"""The most bytes of text, and rows of PLY as text, which take 250 bytes each to be read."""
+_MOST_SOLIDS = 2**10
 _MOST_HEADER = 2**16
 _MOST_PROPERTIES = 256
 _BYTES = {
@@ -50,6 +54,11 @@ def check_ply(name: str, data: bytes) -> None:
     if len(lines) > _MOST_PROPERTIES:
         raise MeshError(f"{name}: its PLY header is too long; export it again")
     _check_rows(name, rows, len(data) - end)
+    if not binary:
+        _check_text(name, data)
+        declared = sum(count for _, count, _ in rows)
+        if max(declared, data.count(b"\n", end)) > _MOST_ROWS:
+            raise MeshError(f"{name}: more than {_MOST_ROWS:,} rows of text; export it as binary")
 
 
 def _check_rows(name: str, rows: list[tuple[str, int, int]], left: int) -> None:
@@ -83,5 +92,11 @@ def check_stl(name: str, data: bytes) -> None:
             f"{name}: neither STL text nor binary STL (it declares {count:,} triangles and has "
             f"bytes for {held:,}); copy or export it again"
         )
-    if data.lower().count(b"endloop") > MOST_FACES:
-        raise too_many(name, data.lower().count(b"endloop"))
+    _check_text(name, data)
+    if data.lower().count(b"endsolid") > _MOST_SOLIDS:
+        raise MeshError(f"{name}: more than {_MOST_SOLIDS:,} solids; export them as one")
+
+
+def _check_text(name: str, data: bytes) -> None:
+    if len(data) > _MOST_TEXT:
+        raise MeshError(f"{name}: {len(data):,} bytes of text; export it as binary")

@@ -35,6 +35,8 @@ _TRIANGLES, _STRIP = 4, 5
 _TRANSFORMS = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3}
 _MOST_ITEMS = 2**16
 """The most nodes, meshes, primitives, accessors and the like."""
+_MOST_PRIMITIVES = 2**12
+"""The most primitives, each of which becomes a mesh of its own."""
 _MOST_DEPTH = 64
 _GLB_HEAD, _JSON, _BIN = b"glTF", b"JSON", b"BIN\0"
 _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_")
@@ -110,6 +112,7 @@ def _rewritten(
             )
     buffers = _buffers(name, tree, chunk)
     views = [_view(each, buffers) for each in _list(tree, "bufferViews")]
+    _check_sum(name, [each["byteLength"] for each in views])  # trimesh copies each of them
     materials = [_material(each) for each in _list(tree, "materials")]
     plain = _Plain(name, _list(tree, "accessors"), views)
     meshes, owners = [], []
@@ -123,13 +126,19 @@ def _rewritten(
         meshes.append({"name": "mesh", "primitives": primitives})
     if not owners:
         raise MeshError(f"{name}: it has no triangles; export it with its faces")
-    if len(owners) > _MOST_ITEMS:
-        raise MeshError(f"{name}: more than {_MOST_ITEMS:,} primitives; join its meshes")
+    if len(owners) > _MOST_PRIMITIVES:
+        raise MeshError(f"{name}: more than {_MOST_PRIMITIVES:,} primitives; join its meshes")
+    _check_sum(name, plain.sizes)
     nodes = [_node(each, tree) for each in _list(tree, "nodes")]
+    roots = _roots(tree, nodes)
+    _check_tree(nodes, roots)
+    shown = sum(len(meshes[node["mesh"]]["primitives"]) for node in nodes if "mesh" in node)
+    if shown > _MOST_ITEMS:
+        raise MeshError(f"{name}: it shows {shown:,} primitives; join its meshes")
     header = {
         "asset": {"version": "2.0"},
         "scene": 0,
-        "scenes": [{"nodes": _roots(tree, nodes)}],
+        "scenes": [{"nodes": roots}],
         "nodes": nodes,
         "meshes": meshes,
         "accessors": plain.accessors,
@@ -139,12 +148,26 @@ def _rewritten(
     return _packed(header, buffers), "glb", owners
 
 
+def _check_sum(name: str, sizes: list[int]) -> None:
+    """Refuse parts that are read from the same bytes again and again."""
+    if sum(sizes) > 2 * MOST_BYTES:
+        raise MeshError(f"{name}: it reads {sum(sizes):,} bytes of its buffers; export it again")
+
+
+def _check_tree(nodes: list[Json], roots: list[int]) -> None:
+    """Refuse nodes that are shown from more than one place, and so circles."""
+    shown = roots + [child for node in nodes for child in node.get("children", ())]
+    if len(set(shown)) < len(shown):
+        raise ValueError("a node with several parents")
+
+
 class _Plain:
-    """Checks what primitives name, and writes down the accessors that they use."""
+    """Checks what primitives name, and writes down the accessors that they use, and their bytes."""
 
     def __init__(self, name: str, accessors: list[Json], views: list[Json]) -> None:
         self.name, self._given, self._views = name, accessors, views
         self.accessors: list[Json] = []
+        self.sizes: list[int] = []
         self._places: dict[int, int] = {}
 
     def primitive(self, primitive: Json) -> Json:
@@ -189,6 +212,7 @@ class _Plain:
             )
         if number not in self._places:
             self._places[number] = len(self.accessors)
+            self.sizes.append(count * width)
             self.accessors.append({
                 "bufferView": given["bufferView"], "byteOffset": start, "componentType": component,
                 "count": count, "type": kind,

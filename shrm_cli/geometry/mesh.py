@@ -12,8 +12,8 @@ from shrm_cli.geometry.normals import face_normals, smooth_normals
 Array = NDArray[np.floating]
 Integers = NDArray[np.int64]
 
-MOST_FACES = 2**23
-"""The most triangles of a mesh, which take about 2 GiB while they are read."""
+MOST_FACES = 2**22
+"""The most triangles of a mesh."""
 
 _LARGEST = 1e30
 """The largest coordinate, so that products of three of them are finite."""

@@ -14,7 +14,6 @@ An example, with everything that an object may have:
     translate = [0, 1, 0]           # last
 """
 
-import math
 import os
 import tomllib
 from collections.abc import Callable, Mapping
@@ -36,6 +35,7 @@ from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 MOST_OBJECTS = 256
 _MOST_BYTES = 2**20
+_LARGEST = 1e30
 _KEYS = (
     "mesh", "map", "roughness", "f0", "irradiance", "brush", "translate", "rotate", "scale",
 )  # fmt: skip
@@ -243,4 +243,6 @@ def _numbers(given: Mapping[str, Any], key: str, default: float) -> list[float]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Whether it is a number of moderate size; TOML has NaN, infinity and endless integers."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and -_LARGEST <= value <= _LARGEST

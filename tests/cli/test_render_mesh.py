@@ -174,6 +174,7 @@ BAD = {
     BALL + "brush = [0, 0, 0]": "brush",
     BALL + "scale = 0": "scale",
     BALL + "scale = inf": "scale",
+    BALL + "scale = [1, 1, 1" + "0" * 400 + "]": "scale",
     BALL + "translate = 3": "translate",
     BALL + 'map = "gone.exr"': "gone.exr",
     BALL + 'irradiance = "a.exr"': "not irradiance",

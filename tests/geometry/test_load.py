@@ -205,6 +205,7 @@ BAD = {
     "none.stl": stl(TETRAHEDRON[0], TETRAHEDRON[1][:0].reshape(0, 3)),
     "word.stl": stl(*TETRAHEDRON, binary=False).replace(b"vertex 1", b"vertex x"),
     "open.stl": b"solid a\nfacet normal 0 0 1\n",
+    "solids.stl": b"solid a\nfacet normal 0 0 1\nendsolid a\n" * 2000,
     "nan.stl": stl(TETRAHEDRON[0] * np.nan, TETRAHEDRON[1]),
     "short.glb": glb(*TREE)[:-9],
     "one.glb": glb(*TREE).replace(b"glTF\2", b"glTF\1"),
@@ -284,7 +285,41 @@ def test_a_mesh_shown_ten_thousand_times_is_too_much(tmp_path):
 def test_nodes_in_a_circle_end(tmp_path):
     tree, data = gltf_tree(*TETRAHEDRON)
     tree["nodes"] = [{"mesh": 0, "children": [1]}, {"children": [0]}]
+    with pytest.raises(MeshError, match="several parents"):
+        load(tmp_path, "a.glb", glb(tree, data))
+
+
+def test_nodes_in_nodes_have_an_end(tmp_path):
+    tree, data = gltf_tree(*TETRAHEDRON)
+    tree["nodes"] = [*({"children": [k + 1]} for k in range(99)), {"mesh": 0}]
     with pytest.raises(MeshError, match="nested"):
+        load(tmp_path, "a.glb", glb(tree, data))
+
+
+def test_bytes_are_not_read_again_and_again(tmp_path):
+    """As those of an archive that unpacks to a thousand times its size."""
+    tree, data = gltf_tree(*TETRAHEDRON)
+    data += bytes(5000 * len(data))
+    many = 2 * claims.MOST_BYTES // len(data) + 2
+    tree["buffers"][0]["byteLength"] = len(data)
+    tree["bufferViews"] += [{"buffer": 0, "byteLength": len(data)}] * many
+    with pytest.raises(MeshError, match="bytes of its buffers"):
+        load(tmp_path, "a.glb", glb(tree, data))
+    del tree["bufferViews"][2:]
+    tree["bufferViews"][0] = {"buffer": 0, "byteLength": len(data)}
+    whole = {"bufferView": 0, "componentType": 5126, "count": len(data) // 36 * 3, "type": "VEC3"}
+    tree["accessors"] += [whole] * many
+    tree["meshes"][0]["primitives"] = [{"attributes": {"POSITION": 2 + k}} for k in range(many)]
+    with pytest.raises(MeshError, match="bytes of its buffers"):
+        load(tmp_path, "a.glb", glb(tree, data))
+
+
+def test_a_mesh_of_many_parts_is_not_shown_many_times(tmp_path):
+    tree, data = gltf_tree(*TETRAHEDRON)
+    tree["meshes"][0]["primitives"] *= 1000
+    tree["nodes"] = [{"mesh": 0}] * 1000
+    tree["scenes"] = [{"nodes": list(range(1000))}]
+    with pytest.raises(MeshError, match="1,000,000 primitives"):
         load(tmp_path, "a.glb", glb(tree, data))
 
 
