@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import conclude, precision_option, progress_bar, report_options
 from shrm_cli.cli.outputs import brdf_label, check_outputs
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import (
     CONTAINERS,
     DEFAULT_PRODUCT_ORDER,
@@ -23,6 +25,9 @@ from shrm_cli.vocabulary import (
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
+
+_STEPS = 8
+"""Values of a parameter that varies, by default."""
 
 
 @click.command()
@@ -36,6 +41,15 @@ if TYPE_CHECKING:
     show_default=True, help="Texels along the edge of the parabolic map of views.",
 )  # fmt: skip
 @click.option(
+    "--vary", metavar="NAME=LOW..HIGH",
+    help="A parameter of the BRDF that varies over the surface: a texture for each of --steps "
+    "values.",
+)  # fmt: skip
+@click.option(
+    "--steps", type=click.IntRange(2, 64), metavar="N",
+    help=f"Values of --vary, evenly spaced.  [default: {_STEPS}]",
+)  # fmt: skip
+@click.option(
     "-o", "--output", type=click.Path(),
     help="OpenEXR file to write.  [default: BRDF.product.exr in the current folder]",
 )  # fmt: skip
@@ -46,6 +60,8 @@ def product(
     spec: str,
     order: int,
     size: int,
+    vary: str | None,
+    steps: int | None,
     output: str | None,
     force: bool,
     precision: Precision,
@@ -62,19 +78,26 @@ def product(
     \b
       shrm product ward:ax=0.5,ay=0.15 -o brushed.exr
       shrm render brushed.exr --probe probe.exr --view 30,20
+      shrm product ward:ax=0.5 --vary ay=0.1..0.5 -o worn.exr
     """
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.file import store
-    from shrm_cli.maps.product.prefilter import product_texture
+    from shrm_cli.maps.product.prefilter import product_texture, varying_texture
     from shrm_cli.maps.product.report import report
 
     brdf = parse_spec(spec)
-    target = output or f"{brdf_label(spec)}.product.exr"
+    refuse_inapplicable({"steps": Applies(vary is not None, "with --vary")})
+    varying = None if vary is None else _range(vary, steps or _STEPS)
+    label = brdf_label(spec if vary is None else f"{spec},{vary}")
+    target = output or f"{label}.product.exr"
     check_outputs([target], specs=[spec], suffixes=CONTAINERS)
     if not (output or force):
-        _keep_other_texture(target, brdf, order, size)
+        _keep_other_texture(target, brdf, order, size, varying)
     with progress_bar("integrating", quiet) as progress:
-        made = product_texture(brdf, order, size, progress)
+        if varying is None:
+            made = product_texture(brdf, order, size, progress)
+        else:
+            made = varying_texture(brdf, *varying, order, size, progress)
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),
@@ -88,13 +111,43 @@ def product(
     conclude(result, [title, *(f"  {line}" for line in lines)], [], as_json, quiet)
 
 
-def _keep_other_texture(target: str, brdf: Brdf, order: int, size: int) -> None:
-    """Refuse to replace a file that is not the texture of this BRDF, order and size."""
+def _range(text: str, steps: int) -> tuple[str, list[float]]:
+    """Return the name and the values that an argument of --vary means.
+
+    Raises
+    ------
+    click.UsageError
+        If it is not NAME=LOW..HIGH with LOW below HIGH.
+    """
+    name, equals, interval = text.partition("=")
+    low, dots, high = interval.partition("..")
+    try:
+        ends = float(low), float(high)
+    except ValueError:
+        ends = math.nan, math.nan
+    if not (name and equals and dots and -math.inf < ends[0] < ends[1] < math.inf):
+        raise click.UsageError(
+            f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5",
+            click.get_current_context(),
+        )
+    span = ends[1] - ends[0]
+    return name.strip(), [ends[0] + span * k / (steps - 1) for k in range(steps)]
+
+
+def _keep_other_texture(
+    target: str,
+    brdf: Brdf,
+    order: int,
+    size: int,
+    varying: tuple[str, list[float]] | None,
+) -> None:
+    """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
     from shrm_cli.errors import MapError
     from shrm_cli.files.inputs import protecting
     from shrm_cli.files.whole import kept
     from shrm_cli.maps.file import open_map
-    from shrm_cli.maps.product.product import ProductTexture
+    from shrm_cli.maps.product.product import ProductMap
+    from shrm_cli.maps.product.varying import VaryingProduct
     from shrm_cli.maps.provenance import record_of, same_brdf
 
     if not os.path.lexists(target):
@@ -102,9 +155,12 @@ def _keep_other_texture(target: str, brdf: Brdf, order: int, size: int) -> None:
     found = None
     with suppress(MapError), protecting():  # what is only looked at is no input
         found = open_map(target)
-    if not isinstance(found, ProductTexture) or found.lighting is not None:
+    if not isinstance(found, ProductMap) or found.lighting is not None:
         raise kept(target, "it is no product texture without light that can be read")
-    if not same_brdf(found.info.brdf, record_of(brdf)):
-        raise kept(target, "it is for another BRDF")
     if (found.order, found.size) != (order, size):
         raise kept(target, f"it has order {found.order} and {found.size} texels")
+    there = (found.parameter, list(found.values)) if isinstance(found, VaryingProduct) else None
+    if there != varying:
+        raise kept(target, "another parameter varies in it, or over another range")
+    if varying is None and not same_brdf(found.info.brdf, record_of(brdf)):
+        raise kept(target, "it is for another BRDF")

@@ -109,3 +109,28 @@ def test_options_of_the_form(tmp_path, probe):
                "--window", "hann", "-o", target)  # fmt: skip
     assert "window         hann" in out
     assert open_map(target).lighting.shape == (25, 3)
+
+
+def test_a_parameter_that_varies(tmp_path, probe, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    varied = ("product", "ward:ax=0.5", "--vary", "ay=0.2..0.5", "--steps", "3", *SMALL)
+    result = json.loads(done(*varied, "--json"))
+    assert result["values"] == pytest.approx([0.2, 0.35, 0.5])
+    assert "3 values of ay from 0.2 to 0.5" in done(*varied)
+    found = open_map(result["file"])
+    assert (found.parameter, len(found.textures)) == ("ay", 3)
+    assert found.textures[1].info.brdf["parameters"]["ay"] == pytest.approx(0.35)
+    done("render", result["file"], "--probe", probe, "--size", "16", "-o", "x.exr")
+    done("product", "ward:ax=0.5,ay=0.35", *SMALL, "-o", "middle.exr")
+    done("render", "middle.exr", "--probe", probe, "--size", "16", "-o", "y.exr")
+    _, middle = read_exr("x.exr")
+    _, alone = read_exr("y.exr")
+    np.testing.assert_allclose(middle["G"], alone["G"], rtol=2e-3, atol=1e-4)
+    for given, code, words in (
+        (["--vary", "az=0..1"], 1, ["no parameter 'az'", "ax, ay, color"]),
+        (["--vary", "ay=0.5..0.2"], 2, ["NAME=LOW..HIGH"]),
+        (["--vary", "ay=0..9"], 1, ["outside"]),
+        (["--steps", "3"], 2, ["--vary"]),
+    ):
+        assert_refused(run("product", "ward:ax=0.5", *SMALL, *given, "-o", "z.exr"), code, *words)
+    assert_refused(run(*varied[:4], *SMALL), 1, "another range")

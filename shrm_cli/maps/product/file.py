@@ -1,22 +1,29 @@
-"""Writing product textures to files of one part, and reading them again.
+"""Writing product textures to files, and reading them again.
 
-The part is the parabolic map. Its channels are ``sh000``, ``sh001`` ... for a grey BRDF, and
+A part is a parabolic map. Its channels are ``sh000``, ``sh001`` ... for a grey BRDF, and
 ``sh000.R``, ``sh000.G``, ``sh000.B``, ``sh001.R`` ... for a coloured one, by index l(l+1)+m.
+Where a parameter varies there is a part for each of its values, ``value00``, ``value01`` ...
 """
 
 import json
+import math
+from itertools import pairwise
 
 import numpy as np
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.parts import Part, StoredFile
+from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import common_header, map_info, read_attributes, read_numbers
 from shrm_cli.maps.product.product import ProductTexture
-from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.stored import COLORS
 from shrm_cli.vocabulary import MAX_PRODUCT_ORDER, MAX_PRODUCT_SIZE
 
 _LIGHTING = "lighting_coefficients"
+_VARYING = "varying"
+_MOST_NAME = 64
+"""The most characters of a parameter's name."""
 
 
 def channel_names(order: int, channels: int) -> list[str]:
@@ -25,28 +32,76 @@ def channel_names(order: int, channels: int) -> list[str]:
     return names if channels == 1 else [f"{name}.{c}" for name in names for c in COLORS]
 
 
-def encode(texture: ProductTexture) -> list[Part]:
-    """Return the part of a file; the light, where there is any, is the JSON of an attribute."""
+def encode(made: ProductTexture | VaryingProduct) -> list[Part]:
+    """Return the parts of a file: one, or one for each value of a parameter that varies.
+
+    The light, where there is any, is the JSON of an attribute, and so are the parameter and its
+    values.
+    """
+    if isinstance(made, ProductTexture):
+        return [_part(made)]
+    varying = json.dumps({"parameter": made.parameter, "values": list(made.values)})
+    parts = [_part(each) for each in made.textures]
+    for name, part in zip(_names(len(parts)), parts, strict=True):
+        part.header.update({"name": name, f"shrm:{_VARYING}": varying})
+    return parts
+
+
+def _part(texture: ProductTexture) -> Part:
     header = common_header(texture, 0)
     if texture.lighting is not None:
         header[f"shrm:{_LIGHTING}"] = json.dumps(texture.lighting.tolist())
     planes = texture.table.reshape(texture.size, texture.size, -1)
-    names = channel_names(texture.order, texture.table.shape[3])
-    return [Part({name: planes[..., k] for k, name in enumerate(names)}, header)]
+    names = channel_names(texture.order, texture.channels)
+    return Part({name: planes[..., k] for k, name in enumerate(names)}, header)
 
 
-def decode(file: StoredFile) -> ProductTexture:
-    """Return the texture that a file holds.
+def _names(count: int) -> list[str]:
+    return [f"value{k:02d}" for k in range(count)]
+
+
+def decode(file: StoredFile) -> ProductTexture | VaryingProduct:
+    """Return the texture, or the textures, that a file holds.
 
     Raises
     ------
     MapError
         If the file is not what `encode` makes.
     """
-    path, part = file.path, file.first
-    attributes = read_attributes(part)
-    if len(file.parts) != 1:
-        raise MapError(f"{path}: a product texture is one part, not {len(file.parts)} parts")
+    if len(file.parts) == 1:
+        return _texture(file.first)
+    parts = {part.name: part for part in file.parts}
+    names = _names(len(file.parts))
+    if sorted(parts) != names:
+        raise MapError(f"{file.path}: its parts are not the values of a parameter; make it again")
+    parameter, values = _varying(parts[names[0]], len(names))
+    textures = [_texture(parts[name]) for name in names]
+    shapes = {(each.table.shape, each.lighting is None) for each in textures}
+    if len(shapes) > 1:
+        raise MapError(f"{file.path}: its parts are of several shapes; make it again")
+    return VaryingProduct.of(textures, parameter, values)
+
+
+def _varying(part: StoredPart, count: int) -> tuple[str, list[float]]:
+    """Read which parameter varies, and its value in each part."""
+    wrong = MapError(f"{part.path}: its attribute shrm:{_VARYING} is missing or wrong")
+    try:
+        found = parse_json(part.text(f"shrm:{_VARYING}"))
+        parameter, values = found["parameter"], found["values"]
+    except (ValueError, TypeError, KeyError):
+        raise wrong from None
+    if not (isinstance(parameter, str) and 0 < len(parameter) <= _MOST_NAME):
+        raise wrong
+    is_list = isinstance(values, list) and len(values) == count
+    if not is_list or not all(type(v) in (int, float) and math.isfinite(v) for v in values):
+        raise wrong
+    if any(b <= a for a, b in pairwise(values)):
+        raise wrong
+    return parameter, [float(value) for value in values]
+
+
+def _texture(part: StoredPart) -> ProductTexture:
+    path, attributes = part.path, read_attributes(part)
     if (attributes["frame"], attributes["center"]) != ("local", "normal"):
         raise MapError(f"{path}: a product texture is local, about the normal; make it again")
     order, size = attributes["F"], part.width
@@ -59,8 +114,6 @@ def decode(file: StoredFile) -> ProductTexture:
     names = channel_names(order, channels)
     if not part.holds(names):
         raise MapError(f"{path}: its channels are not those of a product texture of order {order}")
-    if len(names) * size**2 > MAX_VALUES:
-        raise MapError(f"{path}: its coefficients are too many to load")
     lighting = None
     if part.attribute(f"shrm:{_LIGHTING}") is not None:
         lighting = read_numbers(part, _LIGHTING, ((order + 1) ** 2, 3))

@@ -1,5 +1,6 @@
 """Making product textures: of a BRDF alone, or with the light of a probe."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,12 +8,13 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions
-from shrm_cli.errors import MapError
+from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.table import product_table
+from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
@@ -69,6 +71,56 @@ def product_texture(
         If the texture would be too large.
     """
     return _texture(brdf, order, texels, progress)[0]
+
+
+def varying_texture(
+    brdf: Brdf,
+    parameter: str,
+    values: Sequence[float],
+    order: int = DEFAULT_PRODUCT_ORDER,
+    texels: int = DEFAULT_PRODUCT_SIZE,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Make product textures of a BRDF for several values of one of its parameters, without light.
+
+    Parameters
+    ----------
+    brdf, order, texels, progress
+        As `product_texture` takes them.
+    parameter : str
+        The name of a parameter that is a number or a colour.
+    values : sequence of float
+        Two or more values, rising.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF has no such parameter, a value is outside its range, or as `product_texture`
+        raises it.
+    MapError
+        If the textures would be too large.
+    """
+    _check_size(order, texels, len(values))
+    each = [_with_value(brdf, parameter, value) for value in values]
+    stages = Stages(progress, len(each))
+    made = []
+    for index, one in enumerate(each):
+        made.append(product_texture(one, order, texels, stages.within))
+        stages.done(index + 1, len(each))
+    textures = [one.map for one in made if isinstance(one.map, ProductTexture)]
+    varying = VaryingProduct.of(textures, parameter, values)
+    facts = {name: max(one.facts[name] for one in made) for name in ("residual", "nodes")}
+    return Prefiltered(varying, {"parameter": parameter, "values": list(varying.values), **facts})
+
+
+def _with_value(brdf: Brdf, parameter: str, value: float) -> Brdf:
+    """Return a model with one of its parameters changed."""
+    known = {each.name: each for each in brdf.parameters}
+    if parameter not in known or known[parameter].choices:
+        numbers = [name for name, each in known.items() if not each.choices]
+        having = ", ".join(numbers) or "none"
+        raise BrdfError(f"{brdf!r}: it has no parameter {parameter!r} to vary; it has {having}")
+    return type(brdf)(**{**brdf.values, parameter: value})
 
 
 def prefilter(
@@ -141,11 +193,7 @@ def _texture(
     """Make a texture, and return with it the energy of the product functions by degree, shape
     (degrees, channels), and in all, shape (channels,).
     """
-    if texels**2 * (order + 1) ** 2 * 3 > MAX_VALUES:
-        raise MapError(
-            f"{texels} x {texels} texels of {(order + 1) ** 2} coefficients are too many; lower "
-            "`texels` or `order`"
-        )
+    _check_size(order, texels, 1)
     functions = ProductFunctions.of(brdf, order)
     table = product_table(brdf, functions, order, texels, progress)
     views = _views()
@@ -166,6 +214,20 @@ def _texture(
     texture = replace(texture, info=replace(info, filter_error=filtered))
     facts = {"residual": functions.residual, "nodes": functions.most_nodes}
     return Prefiltered(texture, facts), power, energy
+
+
+def _check_size(order: int, texels: int, count: int) -> None:
+    """Refuse textures of more values than can be kept.
+
+    Raises
+    ------
+    MapError
+    """
+    if texels**2 * (order + 1) ** 2 * 3 * count > MAX_VALUES:
+        raise MapError(
+            f"{count} x {texels} x {texels} texels of {(order + 1) ** 2} coefficients are too "
+            "many; lower the size or the order"
+        )
 
 
 def _views() -> Array:

@@ -14,7 +14,7 @@ Spherical Harmonics", sections 3 and 4.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,24 +34,8 @@ _POINTS_AT_ONCE = 2**14
 """Points that are shaded at a time."""
 
 
-@dataclass(frozen=True)
-class ProductTexture(Map):
-    """The product functions of a BRDF over the view, and maybe the light that it is under.
-
-    Attributes
-    ----------
-    table : ndarray, shape (N, N, (order+1)^2, channels)
-        ``c_i(v)``, index l(l+1)+m, in the parabolic map of `sphere.parabolic`; one channel for a
-        grey BRDF, else three.
-    info : MapInfo
-        How the map was made.
-    lighting : ndarray, shape ((order+1)^2, 3), optional
-        The light's coefficients in world axes; None where the light is chosen when the map is used.
-    """
-
-    table: Array
-    info: MapInfo
-    lighting: Array | None = None
+class ProductMap(Map):
+    """A map that holds a BRDF over the view, and maybe the light that it is under."""
 
     representation = "product"
     format_version = 5
@@ -61,22 +45,14 @@ class ProductTexture(Map):
     center: ClassVar[Center] = "normal"
     sampling: ClassVar[Sampling] = "center"
 
-    def __post_init__(self) -> None:
-        shape, count = self.table.shape, (self.order + 1) ** 2
-        if len(shape) != 4 or shape[0] != shape[1] or shape[2] != count or shape[3] not in (1, 3):
-            raise ValueError(f"a product texture of shape {shape}")
-        if self.lighting is not None and self.lighting.shape != (count, 3):
-            raise ValueError(f"lighting coefficients of shape {self.lighting.shape}")
+    if TYPE_CHECKING:
 
-    @property
-    def order(self) -> int:
-        """The largest degree of the harmonics."""
-        return order_of(self.table.shape[2])
-
-    @property
-    def size(self) -> int:
-        """Texels along an edge of the parabolic map."""
-        return len(self.table)
+        @property
+        def order(self) -> int: ...
+        @property
+        def lighting(self) -> Array | None: ...
+        @property
+        def channels(self) -> int: ...
 
     @property
     def cube_count(self) -> int:
@@ -87,11 +63,10 @@ class ProductTexture(Map):
         """Return no cubes, since the map has none."""
         return ()
 
-    def with_planes(
-        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
-    ) -> "ProductTexture":
-        """Return the same texture with another `info`, since the map has no cubes."""
-        return replace(self, info=info)
+    @property
+    def needs_light(self) -> bool:  # type: ignore[override]
+        """Whether the map holds no light."""
+        return self.lighting is None
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
         """Return the map itself, because its texture can only be made from the BRDF.
@@ -113,8 +88,8 @@ class ProductTexture(Map):
             "center": self.center,
             "size": self.size,
             "order": self.order,
-            "coefficients": self.table.shape[2],
-            "channels": self.table.shape[3],
+            "coefficients": (self.order + 1) ** 2,
+            "channels": self.channels,
             "lit": self.lighting is not None,
             "brdf_energy_captured": info.captured,
             "predicted_error": info.predicted_error,
@@ -128,11 +103,6 @@ class ProductTexture(Map):
         if self.lighting is None:
             return {}
         return {"lighting_coefficients": self.lighting.tolist()}
-
-    @property
-    def needs_light(self) -> bool:  # type: ignore[override]
-        """Whether the map holds no light."""
-        return self.lighting is None
 
     def converted(
         self,
@@ -152,7 +122,68 @@ class ProductTexture(Map):
             raise no_way(self, to)
         return super().converted(to, size, sampling, **options)
 
-    # ---- shading -----------------------------------------------------------------------------
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the radiance that a surface reflects which is brushed around +Y.
+
+        The tangents are those of `sphere.directions.horizontal_tangents`; isotropic BRDFs do not
+        care. Parameters and result are those of `Map.radiance`.
+
+        Raises
+        ------
+        MapError
+            If the map holds no light.
+        """
+        return self.brushed_radiance(
+            normals, horizontal_tangents(np.asarray(normals, float)), views
+        )
+
+
+@dataclass(frozen=True)
+class ProductTexture(ProductMap):
+    """The product functions of a BRDF over the view, and maybe the light that it is under.
+
+    Attributes
+    ----------
+    table : ndarray, shape (N, N, (order+1)^2, channels)
+        ``c_i(v)``, index l(l+1)+m, in the parabolic map of `sphere.parabolic`; one channel for a
+        grey BRDF, else three.
+    info : MapInfo
+        How the map was made.
+    lighting : ndarray, shape ((order+1)^2, 3), optional
+        The light's coefficients in world axes; None where the light is chosen when the map is used.
+    """
+
+    table: Array
+    info: MapInfo
+    lighting: Array | None = None
+
+    def __post_init__(self) -> None:
+        shape, count = self.table.shape, (self.order + 1) ** 2
+        if len(shape) != 4 or shape[0] != shape[1] or shape[2] != count or shape[3] not in (1, 3):
+            raise ValueError(f"a product texture of shape {shape}")
+        if self.lighting is not None and self.lighting.shape != (count, 3):
+            raise ValueError(f"lighting coefficients of shape {self.lighting.shape}")
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return order_of(self.table.shape[2])
+
+    @property
+    def channels(self) -> int:
+        """The number of color channels of the BRDF, 1 or 3."""
+        return self.table.shape[3]
+
+    @property
+    def size(self) -> int:
+        """Texels along an edge of the parabolic map."""
+        return len(self.table)
+
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "ProductTexture":
+        """Return the same texture with another `info`, since the map has no cubes."""
+        return replace(self, info=info)
 
     def lit(self, lighting: ArrayLike) -> "ProductTexture":
         """Return the same texture under light of some coefficients.
@@ -194,21 +225,6 @@ class ProductTexture(Map):
         look_up = self._sampler.linear if linear else self._sampler
         flat = look_up(local_views)
         return flat.reshape(*flat.shape[:-1], *self.table.shape[2:])
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the radiance that a surface reflects which is brushed around +Y.
-
-        The tangents are those of `sphere.directions.horizontal_tangents`; isotropic BRDFs do not
-        care. Parameters and result are those of `Map.radiance`.
-
-        Raises
-        ------
-        MapError
-            If the map holds no light.
-        """
-        return self.brushed_radiance(
-            normals, horizontal_tangents(np.asarray(normals, float)), views
-        )
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the reflected radiance; see `Map.brushed_radiance`.

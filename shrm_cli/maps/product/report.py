@@ -13,8 +13,14 @@ def report(result: dict[str, Any]) -> list[str]:
     """
     size, order = result["size"], result["order"]
     color = "RGB" if result["channels"] == 3 else "grey"
+    varied = ""
+    if "parameter" in result:
+        low, *_, high = result["values"]
+        count = len(result["values"])
+        varied = f", for {count} values of {result['parameter']} from {low:g} to {high:g}"
     lines = [
-        f"product texture, {size} x {size} views of {result['coefficients']} coefficients, {color}",
+        f"product texture, {size} x {size} views of {result['coefficients']} coefficients, {color}"
+        f"{varied}",
         f"order          {order}, which captures {result['brdf_energy_captured']:.2%} of the "
         "BRDF's energy",
         f"quadrature     {result['residual']:.2g} relative change when the nodes are doubled, "

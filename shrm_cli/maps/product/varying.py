@@ -1,0 +1,158 @@
+"""Product textures of a BRDF of which one parameter varies over the surface.
+
+The table has one more axis: a texture for each of a few values of the parameter, between which the
+coefficients are interpolated linearly, as a 3D texture does it.
+
+References
+----------
+Kautz, Sloan and Snyder 2002, section 3: "we just need a higher-dimensional c_i(v, q) table indexed
+by whichever parameters q are to be spatially varied".
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.product.product import ProductMap, ProductTexture
+from shrm_cli.vocabulary import Sampling
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class VaryingProduct(ProductMap):
+    """Product textures for rising values of a parameter.
+
+    Attributes
+    ----------
+    textures : tuple of ProductTexture
+        Two or more, of one order, size and light.
+    parameter : str
+        The name of the BRDF's parameter.
+    values : tuple of float
+        Its value of each texture, rising.
+    info : MapInfo
+        How the map was made, with the largest errors of any texture.
+    """
+
+    textures: tuple[ProductTexture, ...]
+    parameter: str
+    values: tuple[float, ...]
+    info: MapInfo
+
+    sampling: ClassVar[Sampling] = "center"
+
+    def __post_init__(self) -> None:
+        first = self.textures[0]
+        if len(self.textures) != len(self.values) or len(self.values) < 2:
+            raise ValueError(f"{len(self.textures)} textures for {len(self.values)} values")
+        if any(b <= a for a, b in zip(self.values, self.values[1:], strict=False)):
+            raise ValueError("values that do not rise")
+        if any(each.table.shape != first.table.shape for each in self.textures):
+            raise ValueError("textures of several shapes")
+
+    @classmethod
+    def of(
+        cls, textures: Sequence[ProductTexture], parameter: str, values: Sequence[float]
+    ) -> "VaryingProduct":
+        """Join textures; those of grey BRDFs among coloured ones become coloured."""
+        channels = max(each.table.shape[3] for each in textures)
+        same = [
+            replace(each, table=np.repeat(each.table, channels // each.table.shape[3], axis=3))
+            for each in textures
+        ]
+        infos = [each.info for each in textures]
+        info = replace(
+            infos[0],
+            captured=min(each.captured for each in infos),
+            **{
+                name: max(getattr(each, name) for each in infos)
+                for name in ("tolerance", "predicted_error", "added_error", "filter_error")
+            },
+        )
+        return cls(tuple(same), parameter, tuple(map(float, values)), info)
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return self.textures[0].order
+
+    @property
+    def size(self) -> int:
+        """Texels along an edge of the parabolic maps."""
+        return self.textures[0].size
+
+    @property
+    def lighting(self) -> Array | None:
+        """The light's coefficients in world axes, or None."""
+        return self.textures[0].lighting
+
+    @property
+    def channels(self) -> int:
+        """The number of color channels of the BRDF, 1 or 3."""
+        return self.textures[0].channels
+
+    def details(self) -> dict[str, Any]:
+        """Return the parameter, its values, and the light where the map holds it."""
+        return {"parameter": self.parameter, "values": list(self.values), **super().details()}
+
+    def with_planes(
+        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
+    ) -> "VaryingProduct":
+        """Return the same textures with another `info`, since the map has no cubes."""
+        return replace(self, info=info)
+
+    def lit(self, lighting: ArrayLike) -> "VaryingProduct":
+        """Return the same textures under light of some coefficients; see `ProductTexture.lit`."""
+        return replace(self, textures=tuple(each.lit(lighting) for each in self.textures))
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate what is reflected where the parameter is in the middle of its range."""
+        return self.varied_radiance(normals, tangents, views, 0.5)
+
+    def varied_radiance(
+        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
+    ) -> Array:
+        """Evaluate what a surface reflects over which the parameter varies.
+
+        Parameters
+        ----------
+        normals, tangents, views : array_like, shape (..., 3), broadcastable
+            As `Map.brushed_radiance` takes them.
+        shares : array_like, shape (...), broadcastable with them
+            The parameter as a share of the way from its least to its largest value, 0 .. 1.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+
+        Raises
+        ------
+        MapError
+            If the map holds no light.
+        """
+        normals, tangents, views = np.broadcast_arrays(normals, tangents, views)
+        shares = np.broadcast_to(np.asarray(shares, dtype=float), normals.shape[:-1])
+        flat = [each.reshape(-1, 3) for each in (normals, tangents, views)]
+        low, high = self.values[0], self.values[-1]
+        place = self._places(low + np.clip(shares.reshape(-1), 0, 1) * (high - low))
+        result = np.zeros((len(place), 3))
+        for index, texture in enumerate(self.textures):
+            weight = np.maximum(1 - np.abs(place - index), 0)
+            near = np.flatnonzero(weight)
+            found = texture.brushed_radiance(*(each[near] for each in flat))
+            result[near] += weight[near, None] * found
+        return result.reshape(normals.shape)
+
+    def _places(self, values: Array) -> Array:
+        """Return where values lie among those of the textures, as broken indices."""
+        return np.interp(values, self.values, self._indices)
+
+    @cached_property
+    def _indices(self) -> Array:
+        return np.arange(len(self.values), dtype=float)
