@@ -15,9 +15,9 @@ _NO_DIRECTION = 1e-6
 def tangents_from_uvs(mesh: Mesh) -> Array:
     """Return the directions in which the texture coordinate u grows.
 
-    Each triangle's gradient of u, in its own plane, counts by the triangle's angle-free share of
-    the area; the sum at a vertex is made perpendicular to its normal. As MikkTSpace has it, only
-    the direction counts, not how fast u grows.
+    In each triangle it is the direction along which u grows and v stays the same. The sum at a
+    vertex, weighted by the areas of its triangles, is made perpendicular to the vertex's normal.
+    How fast u grows does not count.
 
     Parameters
     ----------
