@@ -126,7 +126,7 @@ def render(
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
       shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
       shrm render brushed.product.exr --probe probe.exr
-      shrm render probe.irradiance.exr --mesh bunny.obj --transfer bunny.transfer.npz
+      shrm render sky.irradiance.exr --mesh a.obj --transfer a.transfer.npz
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
@@ -172,7 +172,7 @@ def render(
         stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance)
         subject = mesh_subject(stage, viewers, size, fov, distance, target)
         behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
-        drawn: list[list[Any]] = [stage.reflectors(each) for each in opened or [None]]
+        drawn: list[Any] = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
         if transfer is not None:
             drawn = shadowed(stage, mesh, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)

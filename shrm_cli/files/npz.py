@@ -55,9 +55,7 @@ class Archive:
         }
         self.names = self._members.keys()
 
-    def numbers(
-        self, name: str, dimensions: int, most: int | None = None
-    ) -> NDArray[np.floating]:
+    def numbers(self, name: str, dimensions: int, most: int | None = None) -> NDArray[np.floating]:
         """Return an array of 32 or 64-bit floats.
 
         Parameters

@@ -190,7 +190,9 @@ class MeshSubject:
             means[part] = values.reshape(-1, len(right), 3).mean(axis=1)
         return means
 
-    def _shaded(self, reflectors: "list[Reflector | VertexColors | None]", viewer: Viewer, hits: _Hits) -> Array:
+    def _shaded(
+        self, reflectors: "list[Reflector | VertexColors | None]", viewer: Viewer, hits: _Hits
+    ) -> Array:
         """Return the radiance of points that rays meet, shape (n, 3)."""
         result = np.empty((len(hits.faces), 3))
         views = -hits.directions

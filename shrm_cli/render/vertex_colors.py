@@ -46,7 +46,7 @@ class VertexColors:
         self._mesh, self._transfer, self._product = mesh, transfer, product
         self._lighting = np.asarray(lighting, dtype=float)
         self._eye: Array | None = None
-        self._colors = np.empty(0)
+        self._colors: Array = np.empty((0, 3))
         if product is None:
             self._colors = diffuse_colors(transfer, self._lighting)
         else:

@@ -133,7 +133,9 @@ class Plan:
     def facts(self) -> Facts:
         """What the transfer's file says of it."""
         mesh = self.mesh
-        return Facts(Path(mesh.name).name, mesh_digest(mesh.vertices, mesh.faces), self.bounces, self.samples)
+        return Facts(
+            Path(mesh.name).name, mesh_digest(mesh.vertices, mesh.faces), self.bounces, self.samples
+        )
 
     def key(self) -> str:
         """A digest of everything that the arrays depend on."""

@@ -1,7 +1,8 @@
 """Files of transfer: numpy's .npz archives, which may come from anywhere.
 
 An archive holds the arrays ``vectors`` and ``albedo`` of a `Transfer`, ``matrices`` and ``frames``
-if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what `Facts` says.
+if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what `Facts`
+says.
 Arrays are not packed, so that a file is never smaller than what it unpacks to.
 """
 

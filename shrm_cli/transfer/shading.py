@@ -1,4 +1,4 @@
-"""Colours of a mesh's vertices under any light, with the shadows and reflections of its transfer."""
+"""Colours of a mesh's vertices under any light, with their shadows and reflections."""
 
 from typing import Protocol
 
@@ -39,7 +39,9 @@ def fitted(lighting: ArrayLike, count: int) -> Array:
     return result
 
 
-def diffuse_colors(transfer: Transfer, lighting: ArrayLike, albedo: ArrayLike | None = None) -> Array:
+def diffuse_colors(
+    transfer: Transfer, lighting: ArrayLike, albedo: ArrayLike | None = None
+) -> Array:
     """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance.
 
     Parameters
@@ -132,7 +134,5 @@ def glossy_colors(
         facing = local[:, 2] > 0
         values = product.values(local[facing])
         terms = min(values.shape[1], arriving.shape[1])
-        result[part][facing] = np.einsum(
-            "vic,vic->vc", values[:, :terms], arriving[facing, :terms]
-        )
+        result[part][facing] = np.einsum("vic,vic->vc", values[:, :terms], arriving[facing, :terms])
     return result

@@ -1,4 +1,4 @@
-"""The transfer of a mesh: what its vertices need to know of light to shadow and light themselves."""
+"""The transfer of a mesh: what its vertices need to know to shadow and light themselves."""
 
 from dataclasses import dataclass
 from typing import Any

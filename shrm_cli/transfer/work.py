@@ -1,4 +1,4 @@
-"""The arrays that a long computation fills block by block, in memory or in a file beside its output.
+"""Arrays that a long computation fills block by block, in memory or in a file beside its output.
 
 A file lets a run that was interrupted go on where it stopped. It begins with a header of fixed
 length, which names what is computed by a digest of all inputs and options. Then come one 64-bit

@@ -28,7 +28,9 @@ MAP = "sound.shrm.exr"
 LIGHT = "map.splitsum.exr"
 """A map of light alone, which the materials of meshes are shown with."""
 MESH = "sound.obj"
-"""A mesh that scenes name."""
+"""A mesh that scenes name, and that transfer was baked for."""
+IRRADIANCE, PRODUCT = "sound.irradiance.exr", "sound.product.exr"
+"""Light and a surface that meshes with transfer are rendered with."""
 
 _PROBE = (
     "info FILE --json --linearize",
@@ -97,6 +99,13 @@ _MESH = (
     "render map.splitsum.exr --mesh FILE --size 16 --roughness 0.3 -o OUT.png",
 )
 _SCENE = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",)
+_TRANSFER = (
+    "info FILE",
+    "info FILE --json",
+    "render sound.irradiance.exr --mesh sound.obj --transfer FILE --size 16 -o OUT.png",
+    "render sound.product.exr --probe sound.exr --mesh sound.obj --transfer FILE --size 16 "
+    "-o OUT.exr",
+)
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -138,6 +147,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
         Seed("scene", "scene.toml", _SCENE),
+        *(Seed("transfer", name, _TRANSFER) for name in _transfers(folder)),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
 
@@ -341,7 +351,21 @@ def _meshes(folder: Path) -> list[tuple[str, str]]:
     return [(f"mesh, {Path(name).suffix}", name) for name in made]
 
 
+def _transfers(folder: Path) -> list[str]:
+    """Transfer of the mesh, and what is rendered with it: names."""
+    with contextlib.chdir(folder):
+        return _bake()
+
+
+def _bake() -> list[str]:
+    _shrm("prefilter", SOUND, "--to", "irradiance", "--size", "4", "-o", IRRADIANCE)
+    _shrm("product", "lambertian", "--order", "2", "--size", "8", "-o", PRODUCT)
+    _shrm("transfer", MESH, "--samples", "4", "--bounces", "1", "-o", "diffuse.npz")
+    _shrm("transfer", MESH, "--samples", "4", "--order", "2", "--matrices", "-o", "glossy.npz")
+    return ["diffuse.npz", "glossy.npz"]
+
+
 def copy_sound(source: Path, target: Path) -> None:
     """Copy what commands need beside the damaged file into the folder of a case."""
-    for name in (SOUND, MAP, LIGHT, MESH):
+    for name in (SOUND, MAP, LIGHT, MESH, IRRADIANCE, PRODUCT):
         shutil.copyfile(source / name, target / name)

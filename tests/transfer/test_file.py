@@ -108,7 +108,8 @@ def test_files_that_lie(tmp_path, arrays, changes, what):
     objects = any(np.asarray(value).dtype == object for value in held.values())
     if objects:
         with zipfile.ZipFile(tmp_path / "t.npz", "w") as archive:
-            header = b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }"
+            facts = b"{'descr': '|O', 'fortran_order': False, 'shape': (1,), }"
+            header = b"\x93NUMPY\x01\x00v\x00" + facts
             archive.writestr("vectors.npy", header.ljust(127) + b"\n" + b"\x80\x04N.")
             archive.writestr("settings.npy", b"")
     else:

@@ -121,9 +121,7 @@ def test_shadows_take_light_away_and_bounces_bring_some():
     mesh = meshes.bumps()
     light = nowhere_negative(np.random.default_rng(5))
     shadowed = baked(mesh).vectors[..., 0] @ light
-    bounced = np.einsum(
-        "vjc,j->vc", baked(mesh, bounces=2, albedo=(0.2, 0.5, 1.0)).vectors, light
-    )
+    bounced = np.einsum("vjc,j->vc", baked(mesh, bounces=2, albedo=(0.2, 0.5, 1.0)).vectors, light)
     factors = np.repeat([np.pi, 2 * np.pi / 3, np.pi / 4, 0, -np.pi / 24], [1, 3, 5, 7, 9])
     free = harmonics(4, mesh.normals) @ (factors * light)
     assert (shadowed <= free + 1e-5).all()

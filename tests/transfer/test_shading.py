@@ -1,4 +1,4 @@
-"""Colours of vertices against integrals over light and visibility, and the modes against each other."""
+"""Colours of vertices against integrals over light, and the three modes against each other."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,8 @@ class Cushion:
     @staticmethod
     def of(light, view):
         grey = np.sum(light * view, axis=-1) ** 2 + light[..., 0] * view[..., 0] / 2
-        return grey[..., None] * np.stack([1 + 0 * view[..., 2], view[..., 2], view[..., 0] ** 2], -1)
+        colors = [np.ones_like(view[..., 2]), view[..., 2], view[..., 0] ** 2]
+        return grey[..., None] * np.stack(colors, axis=-1)
 
 
 @pytest.fixture(scope="module")

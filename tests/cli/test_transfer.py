@@ -1,0 +1,137 @@
+"""`shrm transfer`, and meshes that are rendered with what it bakes."""
+
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.transfer.file import read_transfer
+from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+from tests.transfer import meshes
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with a mesh in which there are valleys, and white light from everywhere."""
+    mesh = meshes.bumps(10)
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices]
+    lines += [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
+    (tmp_path / "bumps.obj").write_text("\n".join(lines) + "\n")
+    write_exr(tmp_path / "white.exr", np.ones((16, 32, 3), np.float32))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def pixels(path):
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+
+
+def test_it_says_what_it_wrote(folder):
+    said = json.loads(done("transfer", "bumps.obj", "--samples", "32", "--json"))
+    assert said["file"] == "bumps.transfer.npz"
+    assert (said["vertices"], said["order"], said["channels"]) == (100, 4, 1)
+    assert said["mesh"] == "bumps.obj"
+    assert said["bytes"] == (folder / "bumps.transfer.npz").stat().st_size
+    held = done("info", "bumps.transfer.npz")
+    assert "precomputed transfer" in held
+    assert "bumps.obj" in held
+    assert sorted(snapshot(folder)) == ["bumps.obj", "bumps.transfer.npz", "white.exr"]
+
+
+def test_the_same_run_gives_the_same_bytes(folder):
+    options = ("--samples", "32", "--bounces", "1", "--albedo", "0.9,0.5,0.1", "--matrices")
+    done("transfer", "bumps.obj", *options, "-o", "a.npz", "--threads", "1")
+    (folder / "deeper").mkdir()
+    (folder / "deeper" / "bumps.obj").write_bytes((folder / "bumps.obj").read_bytes())
+    done("transfer", "deeper/bumps.obj", *options, "-o", "b.npz", "--threads", "3")
+    assert (folder / "a.npz").read_bytes() == (folder / "b.npz").read_bytes()
+    assert read_transfer("a.npz").vectors.shape == (100, 25, 3)
+
+
+def test_a_file_of_the_default_name_is_kept(folder):
+    done("transfer", "bumps.obj", "--samples", "32")
+    done("transfer", "bumps.obj", "--samples", "32")
+    assert_refused(run("transfer", "bumps.obj", "--samples", "16"), 1, "exists", "--force")
+    done("transfer", "bumps.obj", "--samples", "16", "--force")
+    assert not (folder / "bumps.transfer.npz.part").exists()
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.ply", "bounce0.txt"])
+def test_other_formats(folder, name):
+    done("transfer", "bumps.obj", "--samples", "16", "--order", "2", "-o", name)
+    assert (folder / name).stat().st_size > 1000
+    assert (folder / "face.npy").exists() == (name == "bounce0.txt")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "parts"),
+    [
+        (("--order", "9"), 2, ["--order"]),
+        (("--bounces", "3"), 2, ["--bounces"]),
+        (("--albedo", "1.1"), 2, ["--albedo"]),
+        (("--albedo", "nan"), 2, ["--albedo"]),
+        (("--albedo", "vertex"), 2, ["--albedo", "no vertex colours"]),
+        (("--brush", "1,0,0"), 2, ["--brush", "with --matrices"]),
+        (("--brush", "uv", "--matrices"), 2, ["--brush", "no texture coordinates"]),
+        (("-o", "a.exr"), 1, ["a.exr", ".npz"]),
+        (("-o", "a.ply", "--matrices"), 1, ["a.ply", ".npz only"]),
+        (("-o", "bounce0.txt", "--order", "1"), 1, ["order 2"]),
+        (("-o", "none/a.npz"), 1, ["there is no folder"]),
+    ],
+)
+def test_what_is_refused(folder, arguments, code, parts):
+    assert_refused(run("transfer", "bumps.obj", "--samples", "4", *arguments), code, *parts)
+
+
+def test_the_mesh_is_not_overwritten(folder):
+    done("transfer", "bumps.obj", "--samples", "4", "-o", "a.ply")
+    assert_refused(run("transfer", "a.ply", "--samples", "4", "-o", "a.ply"), 1, "the input")
+
+
+def test_rendered_meshes_have_shadows(folder):
+    """In white light a free diffuse surface is its albedo, and valleys are darker."""
+    done("prefilter", "white.exr", "--to", "irradiance", "-o", "white.irradiance.exr")
+    done("product", "lambertian:albedo=0.8", "-o", "paint.exr", "--size", "16")
+    options = ("--samples", "128", "--albedo", "0.8")
+    done("transfer", "bumps.obj", *options, "-o", "direct.npz", "--matrices")
+    done("transfer", "bumps.obj", *options, "-o", "bounced.npz", "--bounces", "2")
+    camera = ("--mesh", "bumps.obj", "--view", "0,0", "--size", "48")
+    done("render", "white.irradiance.exr", *camera, "-o", "free.exr")
+    free = pixels("free.exr")
+    seen = free[..., 0] > 0.9
+    shaded = {}
+    for name in ("direct", "bounced"):
+        given = (*camera, "--transfer", f"{name}.npz", "-o", f"{name}.exr")
+        done("render", "white.irradiance.exr", *given)
+        shaded[name] = pixels(f"{name}.exr")[seen].mean(axis=1)
+    assert shaded["direct"].max() <= 0.81
+    assert shaded["direct"].min() < 0.6
+    assert (shaded["bounced"] >= shaded["direct"] - 1e-3).all()
+    assert shaded["bounced"].mean() > 1.03 * shaded["direct"].mean()
+    glossy = ("--probe", "white.exr", "--transfer", "direct.npz", "-o", "glossy.exr")
+    done("render", "paint.exr", *camera, *glossy)
+    np.testing.assert_allclose(pixels("glossy.exr")[seen].mean(axis=1), shaded["direct"], atol=0.03)
+
+
+def test_renders_that_are_refused(folder):
+    done("prefilter", "white.exr", "--to", "irradiance", "-o", "white.irradiance.exr")
+    done("product", "lambertian", "-o", "paint.exr", "--size", "8")
+    done("prefilter", "white.exr", "--to", "splitsum", "--size", "8", "-o", "split.exr")
+    done("transfer", "bumps.obj", "--samples", "4", "-o", "t.npz")
+    text = (folder / "bumps.obj").read_text()
+    (folder / "other.obj").write_text(text.replace("v -1 -1", "v -2 -1", 1))
+    diffuse, glossy = ("white.irradiance.exr",), ("paint.exr", "--probe", "white.exr")
+    for arguments, code, *parts in (
+        ((*diffuse, "--transfer", "t.npz"), 2, "with --mesh"),
+        ((*diffuse, "--mesh", "other.obj", "--transfer", "t.npz"), 1, "other.obj: not the mesh"),
+        ((*glossy, "--mesh", "bumps.obj", "--transfer", "t.npz"), 1, "--matrices"),
+        (("split.exr", "--mesh", "bumps.obj", "--transfer", "t.npz"), 1, "splitsum"),
+        (
+            (*diffuse, "--mesh", "bumps.obj", "--transfer", "t.npz", "--brush", "1,0,0"),
+            2,
+            "without --transfer",
+        ),
+        ((*diffuse, "--mesh", "bumps.obj", "--transfer", "none.npz"), 1, "none.npz: no such file"),
+    ):
+        assert_refused(run("render", *arguments, "--size", "16", "-o", "a.png"), code, *parts)
