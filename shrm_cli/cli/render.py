@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from shrm_cli.maps.info import MapInfo
     from shrm_cli.vocabulary import Precision
 
-_FILES = ("mesh", "irradiance", "transfer")
+_FILES = ("mesh", "vary", "irradiance", "transfer")
 """What the recipe of a picture says of files, whose folders it leaves out."""
 
 
@@ -97,6 +97,7 @@ def render(
     distance: float | None,
     target: tuple[float, float, float] | None,
     brush: str | tuple[float, float, float] | None,
+    vary: str | None,
     irradiance: str | None,
     transfer: str | None,
     roughness: float | None,
@@ -149,7 +150,8 @@ def render(
     options = make_read_options(sampling, reading)
     probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
     sky = None if background is None else probes[background]
-    check_outputs(targets, files=maps if mesh is None else (*maps, mesh))
+    named = [path for path in (mesh, vary) if path not in (None, "vertex")]
+    check_outputs(targets, files=(*maps, *named))
     opened = [open_map(path) for path in maps]
     needs_light = any(each.needs_light for each in opened)
     what = "to product textures that hold no light, and no MAP is one"
@@ -169,7 +171,7 @@ def render(
         seen = [each.info for each in loaded]
         said = {"size": width, **surface_values(surface)}
     else:
-        stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance)
+        stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance, vary)
         subject = mesh_subject(stage, viewers, size, fov, distance, target)
         behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
         drawn: list[Any] = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
@@ -177,7 +179,13 @@ def render(
             drawn = shadowed(stage, mesh, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
         seen = [each.info for each in (*opened, *stage.maps())]
-        given = {"roughness": roughness, "f0": f0, "brush": brush, "irradiance": irradiance}
+        given = {
+            "roughness": roughness,
+            "f0": f0,
+            "brush": brush,
+            "vary": vary,
+            "irradiance": irradiance,
+        }
         given["transfer"] = transfer
         said = {
             "size": list(size),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_OPTIONS = ("fov", "distance", "target", "brush", "irradiance", "transfer")
+_OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "transfer")
 _LARGEST = 1e30
 
 
@@ -49,6 +49,11 @@ def mesh_options(command: Command) -> Command:
             "--brush", type=Brush(),
             help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
             "direction.  [default: around +Y]",
+        ),
+        click.option(
+            "--vary", metavar="vertex|IMAGE",
+            help="What the parameter of a product texture follows that varies: the brightness of "
+            "the mesh's vertex colours, or of an image over its texture coordinates.",
         ),
         click.option(
             "--irradiance", type=click.Path(), metavar="MAP",
@@ -84,6 +89,7 @@ def open_stage(
     f0: str | None,
     brush: str | tuple[float, float, float] | None,
     irradiance: str | None,
+    vary: str | None,
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
@@ -94,7 +100,7 @@ def open_stage(
     maps, names : sequence
         The maps that pictures are drawn of, and their files' names; objects of a scene may name
         their own.
-    roughness, f0, brush, irradiance
+    roughness, f0, brush, irradiance, vary
         The values of the options, for a mesh.
 
     Returns
@@ -114,17 +120,21 @@ def open_stage(
 
     if is_scene_name(mesh):
         in_scene = Applies(False, "to a single mesh; a scene says it of each object")
-        refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance"), in_scene))
+        refuse_inapplicable(
+            dict.fromkeys(("roughness", "f0", "brush", "irradiance", "vary"), in_scene)
+        )
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.needs_surface for each in maps)
         alone = Applies(lit, "to maps of light alone, such as split sums")
         refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
+        varies = Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
+        refuse_inapplicable({"vary": varies})
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
         if light is not None and not found.materials:
             raise ArgumentError("irradiance", f"does not apply: {mesh} has no materials")
-        shown = Shown(None, roughness, f0, light, brush)
+        shown = Shown(None, roughness, f0, light, brush, vary)
         primaries = maps[0].info.chromaticities if maps else None
         stage = Stage.of([shown.actor(found, primaries)])
     if stage.needs_map and not maps:
@@ -152,7 +162,7 @@ def refuse_transfer_options(transfer: str | None) -> None:
         If one is given with a transfer.
     """
     baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
-    refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance"), baked))
+    refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance", "vary"), baked))
 
 
 def shadowed(stage: Stage, mesh: str, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:

@@ -71,6 +71,8 @@ class Map(ABC):
         Whether the map holds light for any GGX surface, which is chosen when the map is used.
     needs_light : bool
         Whether the map holds a BRDF alone, whose light is chosen when the map is used.
+    varies : bool
+        Whether a parameter of the BRDF may vary over the surface; see `varied_radiance`.
     against_negatives : str
         What a user can do where the map is negative.
     """
@@ -81,6 +83,7 @@ class Map(ABC):
     is_rearrangeable: ClassVar[bool] = True
     needs_surface: ClassVar[bool] = False
     needs_light: bool = False
+    varies: ClassVar[bool] = False
     against_negatives: ClassVar[str] = (
         "lower `eps` or raise `max_size` to keep more orders, take `to` principal"
     )
@@ -134,6 +137,26 @@ class Map(ABC):
         ndarray, shape (..., 3)
         """
         return self.radiance(normals, views)
+
+    def varied_radiance(
+        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
+    ) -> Array:
+        """Evaluate the radiance of a surface over which a parameter of the BRDF varies.
+
+        Maps of which nothing varies do not care, so that this is `brushed_radiance` here.
+
+        Parameters
+        ----------
+        normals, tangents, views : array_like, shape (..., 3), broadcastable
+            As `brushed_radiance` takes them.
+        shares : array_like, shape (...), broadcastable with them
+            The parameter as a share of the way from its least to its largest value, 0 .. 1.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+        """
+        return self.brushed_radiance(normals, tangents, views)
 
     def glimpse(self, reflections: Array, views: Array) -> Array:
         """Evaluate the reflected radiance roughly, but fast, without preparing any filter.

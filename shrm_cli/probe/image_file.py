@@ -7,7 +7,7 @@ import re
 import stat
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -270,6 +270,37 @@ class ImageFile:
         if spec.tile_height * spec.width > _BAND_PIXELS and stop < high:
             held.rows, held.pixels = (low, high), pixels
         return np.asarray(pixels[start - low : stop - low])
+
+
+def stored_image(path: str | os.PathLike[str], most: int) -> Array:
+    """Read an image that is no light, such as a texture: its numbers as they are stored.
+
+    Parameters
+    ----------
+    path : path-like
+    most : int
+        The most pixels that it may have.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W, 3)
+        Integers as shares of their largest.
+
+    Raises
+    ------
+    ProbeError
+        If there is no such image, it is too large, or a number is not finite.
+    """
+    opened = replace(ImageFile.open(path, linearize=True), encoding=Encoding())
+    note(path)
+    if opened.width * opened.height > most:
+        raise ProbeError(
+            f"{path}: {opened.width} x {opened.height} pixels are more than {most:,}; scale it down"
+        )
+    pixels = opened.read(0, opened.height)
+    if not np.isfinite(pixels).all():
+        raise ProbeError(f"{path}: it holds numbers that are not finite; export it again")
+    return pixels
 
 
 def check_file(name: str | os.PathLike[str]) -> Path:

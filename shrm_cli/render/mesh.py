@@ -212,7 +212,11 @@ class MeshSubject:
                     result[part] = self.stage.mesh.interpolated(colors, *picked)
                 elif reflector is not None:
                     brushed = None if tangents is None else tangents[part]
-                    result[part] = reflector.radiance(normals[part], views[part], brushed)
+                    shares = None
+                    if reflector.variation is not None:
+                        picked = hits.faces[part], hits.weights[part]
+                        shares = reflector.variation.shares(self.stage.mesh, *picked)
+                    result[part] = reflector.radiance(normals[part], views[part], brushed, shares)
         return result
 
     def _smooth(self, hits: _Hits) -> Array:

@@ -9,6 +9,7 @@ An example, with everything that an object may have:
     f0 = "gold"                     # or a number, or [R, G, B]
     irradiance = "city.irradiance.exr"
     brush = [1, 0, 0]               # or "uv": what the tangents follow
+    vary = "wear.png"               # or "vertex": what a parameter that varies follows
     scale = 2                       # or [x, y, z]
     rotate = [0, 90, 0]             # degrees about x, y and z in turn, after the scale
     translate = [0, 1, 0]           # last
@@ -31,13 +32,14 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.render.shading import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
+from shrm_cli.render.variation import open_variation
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 MOST_OBJECTS = 256
 _MOST_BYTES = 2**20
 _LARGEST = 1e30
 _KEYS = (
-    "mesh", "map", "roughness", "f0", "irradiance", "brush", "translate", "rotate", "scale",
+    "mesh", "map", "roughness", "f0", "irradiance", "brush", "vary", "translate", "rotate", "scale",
 )  # fmt: skip
 
 
@@ -57,6 +59,8 @@ class Shown:
         The light of the diffuse part of the mesh's materials.
     brush : {"uv"} or tuple of 3 float, optional
         As `Actor` has it.
+    vary : str, optional
+        What a parameter that varies follows, as `open_variation` takes it.
     """
 
     map: Map | None = None
@@ -64,6 +68,7 @@ class Shown:
     f0: str | None = None
     irradiance: Irradiance | None = None
     brush: "str | tuple[float, float, float] | None" = None
+    vary: str | None = None
 
     def actor(self, mesh: Mesh, primaries: tuple[float, ...] | None) -> Actor:
         """Return the mesh as it is shown.
@@ -80,6 +85,8 @@ class Shown:
             If `f0` is no colour.
         """
         given: dict[str, Any] = {"map": self.map}
+        if self.vary is not None:
+            given["variation"] = open_variation(self.vary, mesh)
         if self.roughness is not None:
             given["roughness"] = self.roughness
         if self.f0 is not None:
@@ -169,6 +176,7 @@ def _actor(
         _f0(given.get("f0")),
         None if not diffuse else as_irradiance(str(folder / diffuse), opened),
         _brush(given.get("brush")),
+        _vary(folder, _text(given, "vary")),
     )
     light = shown.map or (maps[0] if maps else None)
     moved = mesh.transformed(
@@ -202,6 +210,11 @@ def _text(given: Mapping[str, Any], key: str, required: bool = False) -> str:
     if not isinstance(value, str) or (required and not value) or "\0" in value:
         raise ValueError(f"{key} must be the name of a file; correct it")
     return value
+
+
+def _vary(folder: Path, text: str) -> str | None:
+    """Return what a parameter follows: ``vertex``, or the path of an image."""
+    return str(folder / text) if text not in ("", "vertex") else text or None
 
 
 def _roughness(given: Mapping[str, Any]) -> float | None:

@@ -13,6 +13,7 @@ from shrm_cli.geometry.tangents import projected_tangents, tangents_from_uvs
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.render.shading import ggx_surface, outside_range
+from shrm_cli.render.variation import Variation
 from shrm_cli.sphere.directions import horizontal_tangents
 
 Array = NDArray[np.floating]
@@ -37,6 +38,8 @@ class Look:
         What the surface reflects diffusely, linear RGB, where `irradiance` is known.
     irradiance : Irradiance, optional
         The light of the diffuse part, which is added to that of maps of light alone.
+    variation : Variation, optional
+        What a parameter of the BRDF follows, where the map lets one vary.
     """
 
     map: Map | None = None
@@ -44,6 +47,7 @@ class Look:
     f0: Color | None = None
     albedo: Color = (0.0, 0.0, 0.0)
     irradiance: Irradiance | None = None
+    variation: Variation | None = None
 
     @classmethod
     def of_material(cls, material: SurfaceMaterial, irradiance: Irradiance | None) -> "Look":
@@ -74,7 +78,7 @@ class Look:
         if chosen is None:
             raise MapError("an object of the scene has no map; name one")
         if not chosen.needs_surface:
-            return Reflector(chosen)
+            return Reflector(chosen, variation=self.variation)
         surface = ggx_surface(self.roughness, self.f0)
         shown = chosen.shaded(surface.number("roughness"), surface.color("f0"))
         return Reflector(chosen, shown, self.albedo, self.irradiance)
@@ -96,9 +100,27 @@ class Reflector:
     shaded: "Map | None" = None
     albedo: Color = (0.0, 0.0, 0.0)
     irradiance: Irradiance | None = None
+    variation: Variation | None = None
 
-    def radiance(self, normals: Array, views: Array, tangents: Array | None = None) -> Array:
-        """Return reflected radiance, shape (n, 3), for unit vectors (n, 3) in world axes."""
+    def radiance(
+        self,
+        normals: Array,
+        views: Array,
+        tangents: Array | None = None,
+        shares: Array | None = None,
+    ) -> Array:
+        """Return reflected radiance, shape (n, 3).
+
+        Parameters
+        ----------
+        normals, views, tangents : ndarray, shape (n, 3)
+            Unit vectors in world axes; tangents run around +Y by default.
+        shares : ndarray, shape (n,), optional
+            The values of the `variation`.
+        """
+        if self.shaded is None and shares is not None:
+            along = horizontal_tangents(normals) if tangents is None else tangents
+            return self.map.varied_radiance(normals, along, views, shares)
         if self.shaded is None:
             if tangents is None:
                 return self.map.radiance(normals, views)

@@ -45,7 +45,7 @@ class VaryingProduct(ProductMap):
     values: tuple[float, ...]
     info: MapInfo
 
-    sampling: ClassVar[Sampling] = "center"
+    varies: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         first = self.textures[0]
