@@ -258,7 +258,7 @@ class _Sampling:
         self.brdf, self.accuracy, self.max_q = brdf, accuracy, max_q
         self.center, self._progress, self._shown = brdf.center, progress, 0
         rule = light_rule(brdf)
-        self._is_single = brdf.is_measured or accuracy >= _SINGLE
+        self._is_single = bool(brdf.is_measured or accuracy >= _SINGLE)
         self._expander = LobeExpander(brdf, rule, order_f, max_q, self._is_single)
         self._budget = _MOST_SAMPLES[brdf.is_measured]
         self._spent = 0

@@ -21,10 +21,13 @@ VIEW = Viewer(30, 20)
 class Painter:
     """A stand-in for a reflector: radiance as a function of normals, views and tangents."""
 
+    variation = None
+
     def __init__(self, paint):
         self.paint = paint
 
-    def radiance(self, normals, views, tangents=None):
+    def radiance(self, normals, views, tangents=None, shares=None):
+        assert shares is None
         np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-12)
         assert np.einsum("ij,ij->i", normals, views).min() >= MIN_COSINE - 1e-12
         return np.broadcast_to(self.paint(normals, views, tangents), normals.shape)
