@@ -66,21 +66,24 @@ class ViewMaps:
         ndarray of float32, shape (k, v)
             0 for views from below the horizon.
         """
-        x, y, z = local_views
-        scale = np.float32(_SIZE / 2) / (1 + np.maximum(z, 0))
+        facing = np.flatnonzero(local_views[2] > 0)
+        x, y, z = local_views[:, facing]
+        scale = np.float32(_SIZE / 2) / (1 + z)
         last = _SIZE - 1 - _ROUNDING
         across = np.clip(x * scale + np.float32((_SIZE - 1) / 2), 0, last)
         down = np.clip(y * scale + np.float32((_SIZE - 1) / 2), 0, last)
         column, row = across.astype(np.intp), down.astype(np.intp)
         right, below = (across - column).astype(np.float32), (down - row).astype(np.float32)
-        pairs = ((1 - right) - 1j * right).astype(np.complex64) * (z > 0)
+        pairs = ((1 - right) - 1j * right).astype(np.complex64)
         first = row * _SIZE + column
         above = self._pairs.take(first, axis=1)
         above *= pairs * (1 - below)
-        result = self._pairs.take(first + _SIZE, axis=1)
-        result *= pairs * below
-        result += above
-        return np.ascontiguousarray(result.real)
+        values = self._pairs.take(first + _SIZE, axis=1)
+        values *= pairs * below
+        values += above
+        result = np.zeros((len(self), local_views.shape[1]), np.float32)
+        result[:, facing] = values.real
+        return result
 
 
 class ViewFunctions:
