@@ -34,6 +34,9 @@ _SIZE = 128
 _ROUNDING = 1e-3
 """How far from the last texel, in texels, the last pair of texels to filter between begins."""
 
+_ROUNDING_GREY = 1e-6
+"""The relative difference between channels that rounding makes."""
+
 
 class ViewMaps:
     """Functions of the view in a surface's frame, as parabolic maps that are looked up together.
@@ -274,11 +277,16 @@ class FixedView:
     """
 
     def __init__(self, general: General, views: ArrayLike) -> None:
-        sent = general.sent(general.products(views))
-        self._sent = np.ascontiguousarray(np.moveaxis(sent, -1, 0), dtype=np.float32)
+        sent = np.moveaxis(general.sent(general.products(views)), -1, 0)
+        # What is grey sends the same of each channel, but for rounding.
+        most = _ROUNDING_GREY * np.abs(sent).max(initial=0)
+        is_grey = all(np.abs(sent[c] - sent[0]).max(initial=0) <= most for c in (1, 2))
+        self._sent = np.ascontiguousarray(sent[: 1 if is_grey else 3], dtype=np.float32)
 
     def colors(self, lighting: ArrayLike) -> Array:
         """Return the radiance of each vertex, shape (v, 3); `lighting` as of `General.colors`."""
         light = fitted(lighting, self._sent.shape[2]).astype(np.float32)
+        if len(self._sent) == 1:
+            return self._sent[0] @ light
         channels = zip(self._sent, np.ascontiguousarray(light.T), strict=True)
         return np.stack([sent @ coefficients for sent, coefficients in channels], axis=1)
