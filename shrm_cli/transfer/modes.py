@@ -34,6 +34,9 @@ _SIZE = 128
 _ROUNDING = 1e-3
 """How far from the last texel, in texels, the last pair of texels to filter between begins."""
 
+_ROUNDING_GREY = 1e-6
+"""The relative difference between channels that rounding makes."""
+
 
 class ViewMaps:
     """Functions of the view in a surface's frame, as parabolic maps that are looked up together.
@@ -66,21 +69,24 @@ class ViewMaps:
         ndarray of float32, shape (k, v)
             0 for views from below the horizon.
         """
-        x, y, z = local_views
-        scale = np.float32(_SIZE / 2) / (1 + np.maximum(z, 0))
+        facing = np.flatnonzero(local_views[2] > 0)
+        x, y, z = local_views[:, facing]
+        scale = np.float32(_SIZE / 2) / (1 + z)
         last = _SIZE - 1 - _ROUNDING
         across = np.clip(x * scale + np.float32((_SIZE - 1) / 2), 0, last)
         down = np.clip(y * scale + np.float32((_SIZE - 1) / 2), 0, last)
         column, row = across.astype(np.intp), down.astype(np.intp)
         right, below = (across - column).astype(np.float32), (down - row).astype(np.float32)
-        pairs = ((1 - right) - 1j * right).astype(np.complex64) * (z > 0)
+        pairs = ((1 - right) - 1j * right).astype(np.complex64)
         first = row * _SIZE + column
         above = self._pairs.take(first, axis=1)
         above *= pairs * (1 - below)
-        result = self._pairs.take(first + _SIZE, axis=1)
-        result *= pairs * below
-        result += above
-        return np.ascontiguousarray(result.real)
+        values = self._pairs.take(first + _SIZE, axis=1)
+        values *= pairs * below
+        values += above
+        result = np.zeros((len(self), local_views.shape[1]), np.float32)
+        result[:, facing] = values.real
+        return result
 
 
 class ViewFunctions:
@@ -271,11 +277,16 @@ class FixedView:
     """
 
     def __init__(self, general: General, views: ArrayLike) -> None:
-        sent = general.sent(general.products(views))
-        self._sent = np.ascontiguousarray(np.moveaxis(sent, -1, 0), dtype=np.float32)
+        sent = np.moveaxis(general.sent(general.products(views)), -1, 0)
+        # What is grey sends the same of each channel, but for rounding.
+        most = _ROUNDING_GREY * np.abs(sent).max(initial=0)
+        is_grey = all(np.abs(sent[c] - sent[0]).max(initial=0) <= most for c in (1, 2))
+        self._sent = np.ascontiguousarray(sent[: 1 if is_grey else 3], dtype=np.float32)
 
     def colors(self, lighting: ArrayLike) -> Array:
         """Return the radiance of each vertex, shape (v, 3); `lighting` as of `General.colors`."""
         light = fitted(lighting, self._sent.shape[2]).astype(np.float32)
+        if len(self._sent) == 1:
+            return self._sent[0] @ light
         channels = zip(self._sent, np.ascontiguousarray(light.T), strict=True)
         return np.stack([sent @ coefficients for sent, coefficients in channels], axis=1)

@@ -87,6 +87,22 @@ def test_glossy_surfaces_need_matrices():
         glossy_colors(baked, Cushion(), random_light(), unit(0, 0, 1))
 
 
+class Grey(Cushion):
+    """The same in each channel."""
+
+    def values(self, local_views):
+        return np.repeat(super().values(local_views)[..., :1], 3, axis=-1)
+
+
+def test_grey_surfaces_keep_one_channel(glossy):
+    general = General(ViewFunctions(Grey()), glossy.frames, glossy.matrices)
+    light, view = random_light(), unit(0.2, -0.3, 0.9)
+    fixed = FixedView(general, view)
+    assert len(fixed._sent) == 1
+    found = general.colors(light, view)
+    np.testing.assert_allclose(fixed.colors(light), found, atol=1e-4 * np.abs(found).max())
+
+
 @pytest.mark.parametrize("shadows", [True, False])
 @pytest.mark.parametrize("distant", [True, False])
 def test_the_three_modes_agree(glossy, shadows, distant):
