@@ -20,7 +20,13 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.shading import f0_option, lit_maps, shaded_maps, surface_values
+from shrm_cli.cli.shading import (
+    f0_option,
+    lit_maps,
+    shaded_maps,
+    surface_values,
+    window_option,
+)
 from shrm_cli.cli.types import AzimuthElevation, Bytes, Fraction, Interval, Within
 from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, SAMPLINGS
@@ -37,7 +43,7 @@ _TRUTH = "truth"
 _SIZE = 128
 """Default width and height of a sphere's picture where maps are compared, pixels."""
 _NO_FLIP = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install 'shrm[flip]'"
-_OF_MAPS = ("spec", "amplify", "no_picture", "no_flip")
+_OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
 _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 """Arguments that apply only with --representations."""
@@ -66,6 +72,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
 @f0_option
+@window_option
 @click.option(
     "--steps", type=click.IntRange(2, 32), metavar="N",
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
@@ -118,6 +125,7 @@ def compare(
     representations: bool,
     roughness: tuple[float, float] | None,
     f0: str | None,
+    window: str | None,
     steps: int | None,
     tolerance: float,
     source_height: int | None,
@@ -179,8 +187,9 @@ def compare(
         file_type(target)
         check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
-    opened = lit_maps([open_map(path) for path in maps], maps, source)
-    loaded, surface, warnings = shaded_maps(opened, maps, roughness and roughness[0], f0)
+    opened, warnings = lit_maps([open_map(path) for path in maps], maps, source, window)
+    loaded, surface, outside = shaded_maps(opened, maps, roughness and roughness[0], f0)
+    warnings += outside
     infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
     baseline: Any = loaded[0]
     label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf

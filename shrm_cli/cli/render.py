@@ -25,6 +25,7 @@ from shrm_cli.cli.shading import (
     roughness_option,
     shaded_maps,
     surface_values,
+    window_option,
 )
 from shrm_cli.cli.stage import (
     mesh_options,
@@ -75,6 +76,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "--probe", type=click.Path(), metavar="PROBE",
     help="Light of product textures that hold none.",
 )  # fmt: skip
+@window_option
 @click.option(
     "--frames", type=click.IntRange(1, 9999), metavar="N",
     help="Walk around it in N steps, a file for each: the output's name holds %04d.",
@@ -105,6 +107,7 @@ def render(
     exposure: float,
     background: str | None,
     probe: str | None,
+    window: str | None,
     frames: int | None,
     columns: int | None,
     precision: Precision,
@@ -156,7 +159,7 @@ def render(
     needs_light = any(each.needs_light for each in opened)
     what = "to product textures that hold no light, and no MAP is one"
     refuse_inapplicable({"probe": Applies(needs_light, what)})
-    opened = lit_maps(opened, maps, probes.get(probe or ""))
+    opened, negative = lit_maps(opened, maps, probes.get(probe or ""), window)
     viewers = turntable(Viewer(*view), len(targets))
     said: dict[str, Any]
     scene: Scene[Any]
@@ -200,6 +203,7 @@ def render(
         "exposure": exposure,
         "background": background,
         "probe": probe,
+        "window": window,
         "frames": frames,
         "width": width,
         "height": height,
@@ -213,6 +217,7 @@ def render(
             pixel_type = write_picture(path, pixels, precision, attributes)
             written.append({"file": path, "azimuth": viewer.azimuth, "pixels": pixel_type})
             stages.done(len(written), len(targets))
+    warnings += negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
     conclude({"files": written, **settings}, lines, warnings, as_json, quiet)
@@ -236,6 +241,6 @@ def _attributes(
         **{key: Path(value).name if key in _FILES else value for key, value in said.items()},
         "exposure": settings["exposure"],
         "background": None if behind is None else Path(behind).name,
-        **({} if light is None else {"probe": Path(light).name}),
+        **({} if light is None else {"probe": Path(light).name, "window": settings["window"]}),
     }
     return picture_attributes(recipe, (each.chromaticities for each in maps))

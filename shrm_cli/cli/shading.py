@@ -96,7 +96,16 @@ def shaded_maps(
     return [each.shaded(*shown) for each in maps], surface, warnings
 
 
-def lit_maps(maps: Sequence[Map], names: Sequence[str], probe: Probe | None) -> list[Map]:
+window_option = click.option(
+    "--window", metavar="NAME[:WIDTH]",
+    help="Of the light of product textures that hold none: none, hann, lanczos, or auto, which "
+    "leaves nothing negative.  [default: auto]",
+)  # fmt: skip
+
+
+def lit_maps(
+    maps: Sequence[Map], names: Sequence[str], probe: Probe | None, window: str | None
+) -> tuple[list[Map], list[str]]:
     """Give the light of a probe to the maps that hold a BRDF alone, which are product textures.
 
     Parameters
@@ -105,27 +114,46 @@ def lit_maps(maps: Sequence[Map], names: Sequence[str], probe: Probe | None) -> 
     names : sequence of str
         Names of the maps' files, for the message.
     probe : Probe, optional
+    window : str, optional
+        The window of the light; ``auto`` by default.
+
+    Returns
+    -------
+    maps : list of Map
+    warnings : list of str
+        One for each map that reflects less than nothing somewhere.
 
     Raises
     ------
+    click.UsageError
+        If a window is asked for, and no map needs light.
     MapError
-        If a map needs light and there is none.
+        If a map needs light and there is none, or there is no such window.
     ProbeError
         If the probe cannot be read.
     """
     from shrm_cli.errors import MapError
+    from shrm_cli.maps.irradiance.window import make_window
+    from shrm_cli.maps.negative import negative_share, negative_warnings
     from shrm_cli.probe.lighting import Projection
 
+    needs_light = any(each.needs_light for each in maps)
+    what = "to product textures that hold no light, and no MAP is one"
+    refuse_inapplicable({"window": Applies(needs_light, what)})
     light = None if probe is None else Projection(probe)
-    found = []
+    found, warnings = [], []
     for each, name in zip(maps, names, strict=True):
         if not each.needs_light:
             found.append(each)
-        elif light is None:
+            continue
+        if light is None:
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
-        else:
-            found.append(each.lit(light.to_order(each.info.order_f).coefficients))
-    return found
+        order = each.info.order_f
+        series = light.to_order(order).coefficients[: (order + 1) ** 2]
+        lit = each.lit(make_window(window or "auto", series).apply(series))
+        warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
+        found.append(lit)
+    return found, warnings
 
 
 def surface_values(surface: Ggx | None) -> dict[str, Any]:

@@ -44,10 +44,15 @@ def examined(made: Prefiltered) -> Prefiltered:
     """Record the negative share of a map that was just made, and warn of it where it is seen."""
     share = negative_share(made.map)
     facts = {**made.facts, "negative_share": share}
+    warnings = (*made.warnings, *negative_warnings(made.map, share))
+    return replace(made, facts=facts, warnings=warnings)
+
+
+def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
+    """Return a line about the negative share of a map, and what helps, if anybody would see it."""
     if share <= _LARGEST:
-        return replace(made, facts=facts)
-    line = (
+        return ()
+    return (
         f"{share:.1%} of what is visible is negative, which screens show as black; "
-        f"{made.map.against_negatives}, or dim the lamps with `clamp`"
+        f"{map_.against_negatives}, or dim the lamps with `clamp`",
     )
-    return replace(made, facts=facts, warnings=(*made.warnings, line))

@@ -273,7 +273,7 @@ SHADER = Option(
 WINDOW = Option(
     "window",
     "irradiance, product: none, hann, lanczos, or auto, the factors that change the light least "
-    "and leave nothing negative.  [default: none]",
+    "and leave nothing negative.  [default: none; for product auto]",
     "text",
     metavar="NAME[:WIDTH]",
 )

@@ -128,7 +128,7 @@ def prefilter(
     brdf: Brdf,
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
-    window: str = "none",
+    window: str = "auto",
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Make the product texture of a BRDF that holds the light of a probe.
@@ -141,7 +141,8 @@ def prefilter(
     window : str
         A window's name, or ``NAME:WIDTH``, as `make_window` takes it. What surfaces reflect of
         light that is nowhere negative is not negative either, whatever the BRDF; so ``auto``
-        leaves nothing negative.
+        leaves nothing negative. Of so few orders a lamp would make black spots otherwise, which
+        the eye minds more than the blur.
 
     Returns
     -------

@@ -268,8 +268,8 @@ def test_a_window_leaves_nothing_negative():
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     views = brute_force.unit(rng, 3000)
     views *= np.sign(np.sum(views * normals, axis=1))[:, None]
-    plain = prefilter(probe, brdf, ORDER, 32)
-    made = prefilter(probe, brdf, ORDER, 32, window="auto")
+    plain = prefilter(probe, brdf, ORDER, 32, window="none")
+    made = prefilter(probe, brdf, ORDER, 32)
     assert plain.map.brushed_radiance(normals, tangents, views).min() < -0.01
     # The texture itself is right to its own look-ups only.
     shown = made.map.brushed_radiance(normals, tangents, views)
