@@ -8,14 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, no_way, refuse_arguments
+from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame, Sampling
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame
 
 Array = NDArray[np.floating]
 
 
-class LightMap(Map):
+class LightMap(FixedMap):
     """Light that is prefiltered without naming a BRDF, as game engines use it."""
 
     format_version = 3
@@ -29,35 +29,6 @@ class LightMap(Map):
             "frame": self.frame,
             "center": self.center,
         }
-
-    def converted(
-        self,
-        to: str,
-        size: int | None = None,
-        sampling: Sampling | None = None,
-        **options: Any,
-    ) -> Map:
-        """Return the map itself, `resampled` where that is asked; it has no other representation.
-
-        Raises
-        ------
-        ArgumentError
-            If another representation is asked for, or an argument does not apply.
-        """
-        if to != self.representation:
-            raise no_way(self, to)
-        return super().converted(to, size, sampling, **options)
-
-    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
-        """Return the map itself, because its cubes can only be made from the light.
-
-        Raises
-        ------
-        ArgumentError
-            If a size or a sampling is asked for.
-        """
-        refuse_arguments(self.what, size=size, sampling=sampling)
-        return self
 
 
 class SurfaceLightMap(LightMap):

@@ -105,6 +105,21 @@ def horizontal_tangents(normals: ArrayLike) -> Array:
     return np.stack([np.where(pole, 1, z / scale), np.zeros_like(z), -x / scale], axis=-1)
 
 
+def surface_frames(normals: Array, tangents: Array) -> Array:
+    """The axes of surfaces: the rows T, N x T and N, so that ``frame @ world = local``.
+
+    Parameters
+    ----------
+    normals, tangents : ndarray, shape (n, 3)
+        Unit vectors, world axes, at right angles to each other.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+    """
+    return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
+
+
 def tilted_frame(directions: Array, tilt: Array) -> Array:
     """Directions (..., 3) in a frame whose z axis is tilted by angles (...) from +Z towards +X.
 

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli import settings
 from shrm_cli.errors import ArgumentError
 from shrm_cli.progress import Progress
-from shrm_cli.sphere.directions import horizontal_tangents
-from shrm_cli.transfer.gather import Gathering, Rays, frames_along
+from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.transfer.gather import Gathering, Rays
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
@@ -113,7 +113,7 @@ class Plan:
         """The frames of the vertices, shape (v, 3, 3), with axes as rows."""
         normals = self.mesh.normals
         tangents = horizontal_tangents(normals) if self.tangents is None else self.tangents
-        return frames_along(normals, tangents)
+        return surface_frames(normals, tangents)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the arrays that are filled, in the order of the work."""

@@ -210,17 +210,6 @@ class Gathering:
         return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
 
-def frames_along(normals: Array, tangents: Array) -> Array:
-    """Frames with the rows x' = T, y' = N x T, z' = N, shape (v, 3, 3).
-
-    Parameters
-    ----------
-    normals, tangents : ndarray, shape (v, 3)
-        Unit vectors, world axes, at right angles to each other.
-    """
-    return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
-
-
 def _ways_inwards(vertices: Array, normals: Array, faces: NDArray[np.integer]) -> Array:
     """Ways from vertices on a border to the middle of their triangles, 0 for all others; (v, 3).
 

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.base import Map, no_way, refuse_arguments
+from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.sphere.directions import horizontal_tangents
+from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.rotation import rotate_into_frames
@@ -34,7 +34,7 @@ _POINTS_AT_ONCE = 2**14
 """Points that are shaded at a time."""
 
 
-class ProductMap(Map):
+class ProductMap(FixedMap):
     """A map that holds a BRDF over the view, and maybe the light that it is under."""
 
     representation = "product"
@@ -68,17 +68,6 @@ class ProductMap(Map):
         """Whether the map holds no light."""
         return self.lighting is None
 
-    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
-        """Return the map itself, because its texture can only be made from the BRDF.
-
-        Raises
-        ------
-        ArgumentError
-            If a size or a sampling is asked for.
-        """
-        refuse_arguments(self.what, size=size, sampling=sampling)
-        return self
-
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about the map."""
         info = self.info
@@ -103,24 +92,6 @@ class ProductMap(Map):
         if self.lighting is None:
             return {}
         return {"lighting_coefficients": self.lighting.tolist()}
-
-    def converted(
-        self,
-        to: str,
-        size: int | None = None,
-        sampling: Sampling | None = None,
-        **options: Any,
-    ) -> Map:
-        """Return the map itself, since other representations are made from the probe.
-
-        Raises
-        ------
-        ArgumentError
-            If another representation is asked for, or an argument does not apply.
-        """
-        if to != self.representation:
-            raise no_way(self, to)
-        return super().converted(to, size, sampling, **options)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the radiance that a surface reflects which is brushed around +Y.
@@ -253,11 +224,6 @@ class ProductTexture(ProductMap):
     @cached_property
     def _sampler(self) -> ParabolicSampler:
         return ParabolicSampler(self.table.reshape(self.size, self.size, -1))
-
-
-def surface_frames(normals: Array, tangents: Array) -> Array:
-    """Return the axes of surfaces, the rows T, N x T and N of shape (n, 3, 3), in world axes."""
-    return np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
 
 
 def shade(values: Array, light: Array) -> Array:
