@@ -253,20 +253,21 @@ def _turn_zyz(
     exchanged = bool((beta == np.pi / 2).all())
     quarter = 0.0 if exchanged else np.pi / 2
     about_z = gamma + quarter, beta, alpha - quarter
-    turns = [_phases(order, each, source.dtype) for each in about_z]
+    # Three turns and two products of single precision would lose a digit, so blocks are double.
+    turns = [_phases(order, each, np.dtype(float)) for each in about_z]
     points = source.shape[-1]
     step = max(_BLOCK * points // max(source[0].size, 1), 1)
     for degree, quarter_turn in enumerate(_quarter_turns(order)):
         if degree < lowest:
             continue
         rows = slice(degree**2, (degree + 1) ** 2)
-        matrix = quarter_turn.astype(source.dtype, copy=False)
         for at in range(0, points, step):
             some = np.s_[..., at : at + step]
             before, between, after = ((cosine[some], sine[some]) for cosine, sine in turns)
-            block = _product(matrix, _turned(source[rows][some], before))
+            block = source[rows][some].astype(float, copy=False)
+            block = _product(quarter_turn, _turned(block, before))
             if not exchanged:
-                block = _product(matrix.T, _turned(block, between))
+                block = _product(quarter_turn.T, _turned(block, between))
             result[rows][some] = _turned(block, after)
 
 

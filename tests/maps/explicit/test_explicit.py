@@ -354,7 +354,7 @@ def test_shapes_are_checked(shape):
 
 def test_table_of_representations():
     of_a_brdf = [name for name, each in registry.descriptions().items() if each.needs_brdf]
-    assert of_a_brdf == ["shrm", "cabral", "kautz-mccool", "lightfield", "principal"]
+    assert of_a_brdf == ["shrm", "cabral", "kautz-mccool", "lightfield", "principal", "product"]
     assert all(issubclass(kind, ExplicitMap) for kind in EXPLICIT.values())
     shrm = make_shrm(size=3)
     for name, kind in EXPLICIT.items():
