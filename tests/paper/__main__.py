@@ -176,7 +176,7 @@ def write_product(
         say("figure 4")
         written.add(page.figure_4(*textures.figure_4(probes[-1], folder, extent), extent))
         say("figures 5 and 7")
-        pair = shadows.figures_5_and_7(probes[0], found[-1], folder, extent)
+        pair = shadows.figures_5_and_7(probes[-1], found[-1], folder, extent)
         written.add(page.figures_5_and_7(*pair))
         say("figure 6")
         (small,) = small_probes(probes[-1:], extent.product_source)

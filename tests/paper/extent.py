@@ -105,7 +105,7 @@ class Extent:
         "ashikhmin-shirley:nu=48,nv=4", "poulin-fournier:distance=2,exponent=20",
     )  # fmt: skip
     product_picture: int = 256
-    product_small: int = 128
+    product_small: int = 96
     product_source: int = 64
     product_points: int = 400
     product_rows: int = 80

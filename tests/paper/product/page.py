@@ -184,8 +184,9 @@ def table_1(rows: Sequence[Speed], processor: str) -> str:
     text = f"""The paper drew pictures of 720 x 760 pixels on a 2.2 GHz Pentium IV with a Radeon
 8500, which multiplied product functions with light. Ours are the colours of all vertices for a
 frame, by numpy and in one thread ({processor}), without drawing triangles; so the ratios can be
-compared, and the frames only roughly. "Fixed" is of the mode with transfer, and how many times as
-fast of the general mode with transfer."""
+compared, and the frames only roughly. Without transfer the light is turned into the frame of every
+vertex; with it, the turn is part of the matrix. "Fixed" is of the
+mode with transfer, and how many times as fast of the general mode with transfer."""
     return f"""
 ## Table 1: frames a second
 

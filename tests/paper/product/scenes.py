@@ -35,7 +35,7 @@ FILES = "bunny.obj", "dragon.ply"
 """The meshes that are taken where they are in the folder."""
 UPRIGHT: Direction = (0.0, 1.0, 0.0)
 """The direction that surfaces are brushed along, projected onto them, if no other is said."""
-_PEAK = 97
+_PEAK = 99
 """The percentile of what is shown that becomes white."""
 
 
@@ -65,16 +65,18 @@ def knot(rows: int) -> Mesh:
 
 
 def vase(rows: int) -> Mesh:
-    """Make a vase of `rows` rows of vertices, whose colours are a smooth noise from 0 to 1."""
+    """Make a vase of twice `rows` rows of vertices, whose colours are a smooth noise, 0 .. 1."""
 
     def place(down: Array, around: Array) -> Array:
         width = np.sin(down) * (0.75 - 0.3 * np.cos(down) - 0.25 * np.exp(-8 * (down - 0.75) ** 2))
         return np.stack([width * np.sin(around), np.cos(down), width * np.cos(around)], axis=-1)
 
     # Beside the poles triangles would be narrow without end, so the ends are cut off.
-    down = np.linspace(np.pi - 0.02, 0.02, rows)
-    mesh = _grid("vase", place, down, np.linspace(0, 2 * np.pi, 2 * rows + 1))
-    return replace(mesh, colors=np.repeat(noise(9 * mesh.vertices)[:, None], 3, axis=1))
+    down = np.linspace(np.pi - 0.02, 0.02, 2 * rows)
+    mesh = _grid("vase", place, down, np.linspace(0, 2 * np.pi, 4 * rows + 1))
+    # Squared, because lobes change most at small exponents.
+    values = noise(8 * mesh.vertices)[:, None] ** 2
+    return replace(mesh, colors=np.repeat(values, 3, axis=1))
 
 
 def noise(points: Array) -> Array:
@@ -82,7 +84,7 @@ def noise(points: Array) -> Array:
     rng = np.random.default_rng(2002)
     waves = 2 * normalize(rng.standard_normal((12, 3)))
     total = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 12)).sum(axis=1)
-    return np.clip(0.5 + 0.16 * total, 0, 1)
+    return np.clip(0.5 + 0.14 * total, 0, 1)
 
 
 def _grid(name: str, place: Callable[[Array, Array], Array], rows: Array, columns: Array) -> Mesh:
