@@ -53,7 +53,7 @@ class Column:
 
 
 def columns(most: int) -> tuple[Column, ...]:
-    """Return the columns of the figure, of which the last ones have `most` coefficients."""
+    """Return the columns of the figure: up to `most` coefficients, then as many windowed."""
     few = [Column(count) for count in (9, 25, 49) if count < most]
     return *few, Column(most), Column(most, "hann")
 

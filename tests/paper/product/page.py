@@ -77,7 +77,8 @@ def figure_4(file: str, rows: Sequence[Varied], extent: Extent) -> str:
 
 An exponent follows a smooth noise on the vertices. There is a texture for each of {values}, and
 coefficients between them are interpolated linearly, as a 3D texture does it. Beside each vase that
-varies is the one with the largest exponent everywhere.
+varies are those with the least and with the largest exponent everywhere. Above, the exponent
+changes in both directions; below, in that across the grooves alone, and the last vase is isotropic.
 
 ![varying exponent and varying anisotropy]({file})
 
@@ -96,7 +97,7 @@ def figures_5_and_7(file: str, rows: Sequence[Shadowed]) -> str:
     )  # fmt: skip
     text = """Above without shadows (figure 5a), below with precomputed transfer (5b and 7), all
 with one exposure. The last column's material is brushed along +X instead of +Y. Numbers are of
-the vertices that face the camera, seen by nobody or not. The last one is the error at some of
+the vertices that face the camera, hidden by others or not. The last one is the error at some of
 them against sums over rays under light of the same 25 coefficients, which share only the rays
 with the transfer: it is what a transfer matrix and a product function of 25 coefficients each
 lose."""

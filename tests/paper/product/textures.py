@@ -127,25 +127,27 @@ def figure_4(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Vari
     light = light_of(probe)
     shot = Shot(vase(extent.product_rows), Viewer(0, 15), extent.product_picture)
     # An isotropic lobe whose exponent changes in both directions, and one that stays in one.
+    values, texels = extent.product_exponents, extent.product_texels
     cases = {
-        "varying exponent": "ashikhmin-shirley:nu={0:g}",
-        "varying anisotropy": "ashikhmin-shirley:nu=64,nv={0:g}",
+        "exponent": "ashikhmin-shirley:nu={0:g}",
+        "anisotropy": f"ashikhmin-shirley:nu={values[-1]:g},nv={{0:g}}",
     }
-    values = extent.product_exponents
-    drawn, found = [], []
+    rows, found = [], []
     for what, spec in cases.items():
         varying = VaryingProduct.of(
-            [texture(spec.format(each), extent.product_texels) for each in values],
-            "exponent", values,
-        )  # fmt: skip
+            [texture(spec.format(each), texels) for each in values], what, values
+        )
         lit = varying.lit(light)
-        for vary, label in ((None, f"{what}: everywhere {{:g}}"), (OfVertices(), what)):
-            surface = lit if vary else lit.textures[-1]
-            drawn.append((shot.picture(surface, vary), label.format(values[-1])))
-        ends = ", ".join(spec.format(each) for each in (values[0], values[-1]))
-        found.append(Varied(what, ends, _between(varying, spec, extent.product_texels)))
-    stops = exposure([each for each, _ in drawn])
-    return write_sheet(folder / "figure-4.png", [drawn], [stops]), found
+        shown = {
+            f"{values[0]:g} everywhere": shot.picture(lit.textures[0]),
+            f"varying {what}": shot.picture(lit, OfVertices()),
+            f"{values[-1]:g} everywhere": shot.picture(lit.textures[-1]),
+        }
+        rows.append([(picture, label) for label, picture in shown.items()])
+        ends = ", ".join(f"`{spec.format(each)}`" for each in (values[0], values[-1]))
+        found.append(Varied(f"varying {what}", ends, _between(varying, spec, texels)))
+    stops = exposure([picture for row in rows for picture, _ in row])
+    return write_sheet(folder / "figure-4.png", rows, [stops] * len(rows)), found
 
 
 def _between(varying: VaryingProduct, spec: str, texels: int) -> float:
