@@ -59,7 +59,7 @@ class Extent:
     product_points : int
         How many points are drawn at random to measure errors of product textures.
     product_rows : int
-        Rows of the vertices of surfaces that are made.
+        How finely surfaces that are made in code are divided: the knot has 10 rows^2 vertices.
     product_rays : int
         Rays a vertex of baked transfer; there are four times as many for the truth.
     product_vertices : tuple of int
@@ -108,7 +108,7 @@ class Extent:
     product_small: int = 96
     product_source: int = 64
     product_points: int = 400
-    product_rows: int = 80
+    product_rows: int = 32
     product_rays: int = 1024
     product_vertices: tuple[int, ...] = (50_000, 100_000, 152_413)
     product_pairs: int = 5

@@ -70,7 +70,7 @@ def figure_8(
             label = f"{name}, {Path(probes[at].name).stem}"
             row.append((shot.picture(made.lit(lights[at])), label))
         errors = [
-            measured_errors(probe, parse_spec(spec), [made.lit(light)], extent)[0]
+            measured_errors(probe, parse_spec(spec), [made.lit(light)], extent.product_points)[0]
             for probe, light in zip(small, small_lights, strict=True)
         ]
         found.append(Material(name, float(energy_of(spec).sum()), errors, seconds))

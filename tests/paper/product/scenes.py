@@ -65,15 +65,15 @@ def knot(rows: int) -> Mesh:
 
 
 def vase(rows: int) -> Mesh:
-    """Make a vase of twice `rows` rows of vertices, whose colours are a smooth noise, 0 .. 1."""
+    """Make a vase of `5 rows` rows of vertices, whose colours are a smooth noise, 0 .. 1."""
 
     def place(down: Array, around: Array) -> Array:
         width = np.sin(down) * (0.75 - 0.3 * np.cos(down) - 0.25 * np.exp(-8 * (down - 0.75) ** 2))
         return np.stack([width * np.sin(around), np.cos(down), width * np.cos(around)], axis=-1)
 
     # Beside the poles triangles would be narrow without end, so the ends are cut off.
-    down = np.linspace(np.pi - 0.02, 0.02, 2 * rows)
-    mesh = _grid("vase", place, down, np.linspace(0, 2 * np.pi, 4 * rows + 1))
+    down = np.linspace(np.pi - 0.02, 0.02, 5 * rows)
+    mesh = _grid("vase", place, down, np.linspace(0, 2 * np.pi, 10 * rows + 1))
     # Squared, because lobes change most at small exponents.
     values = noise(8 * mesh.vertices)[:, None] ** 2
     return replace(mesh, colors=np.repeat(values, 3, axis=1))
