@@ -19,7 +19,7 @@ MINUTES ?= 10
 FUZZ_FLAGS ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
 TABLES_FLAGS ?=
-# make survey MEASURED="a.bsdf b.binary": measured BRDFs beside the models
+# make survey MEASURED="a.bsdf b.binary": measured BRDFs beside the models; `make tables` draws two
 MEASURED ?=
 PREFILTER_FLAGS ?=
 RENDER_FLAGS ?=
@@ -89,7 +89,7 @@ bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks
 
 tables: $(VENV)/.dev
-	$(BIN)/python -m tests.paper build/paper $(TABLES_FLAGS)
+	$(BIN)/python -m tests.paper build/paper $(TABLES_FLAGS) $(MEASURED)
 
 # Without probes/real, which `make probes` fills, both take shipped probes.
 survey: $(VENV)/.dev

@@ -111,6 +111,7 @@ class ViewFunctions:
     def __init__(self, product: Product, tolerance: float = TOLERANCE) -> None:
         texels = parabolic_directions(_SIZE).reshape(-1, 3)
         values = np.asarray(product.values(texels), dtype=float)
+        values = np.broadcast_to(values, (*values.shape[:-1], 3))  # grey ones have one channel
         flat = values.reshape(len(texels), -1)
         kept, self.error = principal_axes(flat.T @ flat, tolerance)
         lengths = np.linalg.norm(flat @ kept, axis=0)

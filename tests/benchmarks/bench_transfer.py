@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from tests.benchmarks.table import Row, measure
 Array = NDArray[np.floating]
 
 VERTICES = 50_000
+MODES = "general", "fixed light", "fixed view"
 BRDFS = ("ggx:roughness=0.5,f0=gold", "ward:ax=0.2,ay=0.5")
 _PROBES = Path(__file__).parents[2] / "probes"
 _LIMIT = 500.0
@@ -39,7 +41,7 @@ def rows() -> Iterable[Row]:
         functions = ViewFunctions(Table(spec))
         for what, matrices in (("transfer", baked.matrices), ("no transfer", None)):
             name = f"{spec.partition(':')[0]}, {what}, {len(functions.series)} functions"
-            yield from _mode_rows(name, General(functions, baked.frames, matrices))
+            yield from mode_rows(name, General(functions, baked.frames, matrices))
 
 
 class Table:
@@ -104,19 +106,23 @@ def _bake_row() -> Row:
     )
 
 
-def _mode_rows(name: str, general: General) -> Iterable[Row]:
+def mode_rows(name: str, general: General, pairs: int = 9) -> Iterable[Row]:
+    """Yield a row for each of the `MODES`, timed `pairs` times."""
     light = project(open_probe(_PROBES / "studio.exr"), 4).coefficients
     view = np.array([0.0, 0.6, 0.8])
     fixed_light, fixed_view = FixedLight(general, light), FixedView(general, view)
-    frame = measure(f"{name}: general", lambda: general.colors(light, view), lambda: None)
+    frame = measure(
+        f"{name}: {MODES[0]}", lambda: general.colors(light, view), lambda: None, pairs=pairs
+    )
     per_second = 1e3 / frame.ours
     note = f"{per_second:.1f} frames a second; the reference is two of them"
     yield Row(frame.name, frame.ours, _LIMIT, frame.ours / _LIMIT, 1, note)
     for kind, bar, work in (
-        ("fixed light", 1 / 5, lambda: fixed_light.colors(view)),
-        ("fixed view", 1 / 20, lambda: fixed_view.colors(light)),
+        (MODES[1], 1 / 5, lambda: fixed_light.colors(view)),
+        (MODES[2], 1 / 20, lambda: fixed_view.colors(light)),
     ):
-        row = measure(f"{name}: {kind}", work, lambda: general.colors(light, view), bar=bar)
+        reference = partial(general.colors, light, view)
+        row = measure(f"{name}: {kind}", work, reference, bar=bar, pairs=pairs)
         faster = f"{1 / row.ratio:.0f} times as fast, {1e3 / row.ours:.0f} frames a second"
         yield Row(row.name, row.ours, row.reference, row.ratio, bar, faster)
 

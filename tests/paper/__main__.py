@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tests.paper.extent import Extent
 
 ROOT = Path(__file__).resolve().parents[2]
-_SEEN, _SURVEY = "seen.md", "brdfs.md"
+_SEEN, _PRODUCT, _SURVEY = "seen.md", "product.md", "brdfs.md"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -38,8 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     pictured = probe_files(given.probes, ("interior", "studio"))
     with settings.using(threads=1, cache=False):  # the times include sampling the BRDF
         write_tables(given.folder, files, pictured, extent)
+        write_product(given.folder, pictured, given.meshes, given.measured, extent)
         write_seen(given.folder, files, extent)
-    say(f"The pages are {(given.folder / 'index.md').resolve()} and {_SEEN}")
+    say(f"The pages are {(given.folder / 'index.md').resolve()}, {_PRODUCT} and {_SEEN}")
 
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -50,7 +51,13 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--probes", type=Path, default=ROOT / "probes" / "real", help="where the real probes are"
     )
-    parser.add_argument("measured", nargs="*", help="measured BRDFs, files of the survey")
+    parser.add_argument(
+        "--meshes", type=Path, default=ROOT.parent / "shared" / "meshes",
+        help="where bunny.obj and dragon.ply are; a knot takes their place",
+    )  # fmt: skip
+    parser.add_argument(
+        "measured", nargs="*", help="measured BRDFs, files of the survey and of product textures"
+    )
     return parser.parse_args(arguments)
 
 
@@ -121,6 +128,65 @@ def _pictures(
     picture = spheres.spheres((first, last), folder, extent.glossy_pictures[2])
     pictured = [f"`{Path(probe.name).name}`" for probe in (first, last)]
     yield page_engines.exponentials(results, picture, pictured)
+
+
+def write_product(
+    folder: Path,
+    pictured: Sequence[Path],
+    meshes: Path,
+    measured: Sequence[str],
+    extent: Extent,
+) -> None:
+    """Write the page on product textures into a folder, one figure at a time.
+
+    Parameters
+    ----------
+    folder : Path
+    pictured : sequence of Path
+        The probes of the figures, of which there may be one or two.
+    meshes : Path
+        The folder of the meshes, which need not exist.
+    measured : sequence of str
+        The files of measured BRDFs, which may be none.
+    extent : Extent
+    """
+    from tests.paper.inputs import Page, equal_probes, say, small_probes
+    from tests.paper.product import (
+        materials,
+        orders,
+        page,
+        scenes,
+        shadows,
+        textures,
+        times,
+        turned,
+    )
+
+    written = Page(folder / _PRODUCT)
+    found = scenes.meshes(meshes, extent.product_rows)
+    names = [f"{mesh.name} ({len(mesh.vertices)} vertices)" for mesh in found]
+    probes = equal_probes(pictured)
+    probe_names = [Path(probe.name).stem for probe in probes]
+    written.add(page.introduction(names, extent))
+    with settings.using(threads=os.cpu_count()):  # pictures are not timed
+        say("figure 2 of product textures")
+        written.add(page.figure_2(*textures.figure_2(folder, extent)))
+        say("figure 3")
+        written.add(page.figure_3(*turned.figure_3(pictured[-1], found[0], folder, extent)))
+        say("figure 4")
+        written.add(page.figure_4(*textures.figure_4(probes[-1], folder, extent), extent))
+        say("figures 5 and 7")
+        pair = shadows.figures_5_and_7(probes[-1], found[-1], folder, extent)
+        written.add(page.figures_5_and_7(*pair))
+        say("figure 6")
+        (small,) = small_probes(probes[-1:], extent.product_source)
+        written.add(page.figure_6(*orders.figure_6(small, folder, extent), probe_names[-1]))
+        shapes = [*found, scenes.vase(extent.product_rows)]
+        eight = materials.figure_8(probes, shapes, measured, folder, extent)
+        written.add(page.figure_8(*eight, probe_names, bool(measured)))
+    say("table 1 of product textures")
+    processor = platform.processor() or platform.machine()
+    written.add(page.table_1(times.table_1(found, extent), processor))
 
 
 def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:

@@ -44,6 +44,28 @@ class Extent:
     survey_rows, survey_picture : int
         The height of its probes, whose pixels are to be narrower than the lobes, and the width and
         height of its spheres.
+    product_texels : int
+        Texels along an edge of product textures.
+    product_exponents : tuple of float
+        The exponents at which the textures of figure 4 of product textures are made.
+    product_lobes, product_most
+        The exponents nu and nv of the models in figure 6, and its most coefficients.
+    product_models : tuple of str
+        The models of figure 8.
+    product_picture, product_small : int
+        The width and height of the pictures of meshes, and of the spheres of figure 6.
+    product_source : int
+        The height that probes are averaged down to for the truth of product textures.
+    product_points : int
+        How many points are drawn at random to measure errors of product textures.
+    product_rows : int
+        How finely surfaces that are made in code are divided: the knot has 10 rows^2 vertices.
+    product_rays : int
+        Rays a vertex of baked transfer; there are four times as many for the truth.
+    product_vertices : tuple of int
+        The vertices of the balls in table 1 of product textures.
+    product_pairs : int
+        How often frames are timed.
     """
 
     face_sizes: tuple[int, ...] = (128, 52)
@@ -75,6 +97,21 @@ class Extent:
     survey: tuple[str, ...] = ()
     survey_rows: int = 256
     survey_picture: int = 20
+    product_texels: int = 64
+    product_exponents: tuple[float, ...] = (2, 8, 16, 32, 64)
+    product_lobes: tuple[tuple[int, int], ...] = ((12, 4), (24, 8), (48, 16))
+    product_most: int = 225
+    product_models: tuple[str, ...] = (
+        "ashikhmin-shirley:nu=48,nv=4", "poulin-fournier:distance=2,exponent=20",
+    )  # fmt: skip
+    product_picture: int = 256
+    product_small: int = 96
+    product_source: int = 64
+    product_points: int = 400
+    product_rows: int = 32
+    product_rays: int = 1024
+    product_vertices: tuple[int, ...] = (50_000, 100_000, 152_413)
+    product_pairs: int = 5
 
 
 FULL = Extent()
@@ -98,4 +135,17 @@ SHORT = Extent(
     survey=("lambertian", "microfacet:sigma=0.5"),
     survey_rows=32,
     survey_picture=8,
+    product_texels=8,
+    product_exponents=(4, 8),
+    product_lobes=((12, 4),),
+    product_most=9,
+    product_models=("ashikhmin-shirley:nu=48,nv=4",),
+    product_picture=48,
+    product_small=32,
+    product_source=16,
+    product_points=30,
+    product_rows=12,
+    product_rays=64,
+    product_vertices=(),
+    product_pairs=1,
 )

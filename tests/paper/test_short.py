@@ -19,8 +19,9 @@ def folder(tmp_path_factory):
     """Where both programs wrote their pages, without real probes."""
     folder = tmp_path_factory.mktemp("paper")
     for survey_too in ([], ["--survey"]):
+        none = str(folder / "none")
         tables.main(
-            [str(folder / "pages"), "--short", "--probes", str(folder / "none"), *survey_too]
+            [str(folder / "pages"), "--short", "--probes", none, "--meshes", none, *survey_too]
         )
     return folder / "pages"
 
@@ -42,6 +43,52 @@ def test_the_tables_say_what_was_replaced_and_by_what(folder):
     assert "61 materials of the CUReT database, whose measurements are not at hand" in page
     assert SHORT.materials[0] in page
     assert "velvet is replaced by a microfacet lobe of sigma .5" in page
+
+
+def test_product_textures_have_all_figures_that_need_no_models_of_the_paper(folder):
+    page = (folder / "product.md").read_text()
+    titles = re.findall(r"^## ([^:\n]*)", page, re.MULTILINE)
+    assert titles == [
+        "Figure 2", "Figure 3", "Figure 4", "Figures 5 and 7", "Figure 6", "Figure 8", "Table 1",
+    ]  # fmt: skip
+    pictures = re.findall(r"!\[.*?\]\((.*?)\)", page)
+    assert len(pictures) == 6
+    assert all((folder / picture).stat().st_size > 1000 for picture in pictures)
+    assert f"knot ({10 * SHORT.product_rows**2} vertices), and a vase" in " ".join(page.split())
+
+
+def test_the_numbers_of_product_textures_are_in_range(folder):
+    page = (folder / "product.md").read_text()
+    bands = [share(line[2]) for line in rows_of(page, "Figure 2")]
+    assert len(bands) == 5
+    assert 0.5 < sum(bands) < 0.7  # a lobe of exponents (24, 8) is wider than a mirror
+    turned = float(re.search(r"differ from the turned ones by (\S+)", page)[1])
+    assert turned < 1e-6
+    for what, left, change, wrong in (
+        (line[0], float(line[2]), share(line[3]), share(line[4]))
+        for line in rows_of(page, "Figures 5 and 7")
+    ):
+        assert 0.5 < left < 0.95, what
+        assert (change > 0.05) == (what != "isotropic")
+        assert wrong < 0.25, what
+    for line in rows_of(page, "Figure 6"):
+        predicted, measured = share(line[2]), share(line[3])
+        assert 0.6 * predicted < measured < 1.6 * predicted
+    speeds = [line for line in rows_of(page, "Table 1") if line[0].startswith("ours")]
+    assert [line[0] for line in speeds] == ["ours: knot"]
+    assert all(float(each) > 1 for each in speeds[0][2:6])
+
+
+def rows_of(page, title):
+    """The cells of the table of a part of a page, line by line, without its head."""
+    part = page.split(f"\n## {title}:")[1].split("\n## ")[0]
+    lines = [line for line in part.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def share(text):
+    """The number that a percentage stands for."""
+    return float(text.rstrip("%")) / 100
 
 
 def test_what_is_seen_is_told_of_both_shipped_probes(folder):

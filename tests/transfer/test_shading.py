@@ -103,6 +103,25 @@ def test_grey_surfaces_keep_one_channel(glossy):
     np.testing.assert_allclose(fixed.colors(light), found, atol=1e-4 * np.abs(found).max())
 
 
+class OneChannel(Grey):
+    """The one channel that textures of grey BRDFs have."""
+
+    def values(self, local_views):
+        return super().values(local_views)[..., :1]
+
+
+def test_the_modes_take_textures_of_one_channel(glossy):
+    light, view = random_light(), unit(0.2, -0.3, 0.9)
+    one, three = (
+        General(ViewFunctions(product), glossy.frames, glossy.matrices)
+        for product in (OneChannel(), Grey())
+    )
+    for mode in (lambda g: g.colors(light, view), lambda g: FixedView(g, view).colors(light),
+                 lambda g: FixedLight(g, light).colors(view)):  # fmt: skip
+        found = mode(three)
+        np.testing.assert_allclose(mode(one), found, atol=1e-5 * np.abs(found).max())
+
+
 @pytest.mark.parametrize("shadows", [True, False])
 @pytest.mark.parametrize("distant", [True, False])
 def test_the_three_modes_agree(glossy, shadows, distant):
