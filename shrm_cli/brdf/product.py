@@ -45,7 +45,10 @@ nobody sees what they gain."""
 _GOOD = 1e-3
 _MOST_MEASURED_NODES = 2**13
 """The most nodes for measured data, which have kinks and noise that finer rules do not mend."""
-_SAMPLES_AT_ONCE = 2**16
+_MOST_BRUSHED_NODES = 2**11
+"""The most nodes for measured data that are anisotropic. No view is then another one turned, so
+that there are eight times as many of them."""
+_SAMPLES_AT_ONCE = 2**15
 _BANDS = 0.0, 0.5, 0.75, 0.9, 0.97, 1.0
 """Radii in the parabolic map between which views have a rule in common. Lobes are narrower and less
 regular the more the view grazes, so most nodes are needed in the narrowest bands."""
@@ -96,7 +99,9 @@ class ProductQuadrature:
         BrdfError
             If the BRDF is not finite.
         """
-        most = _MOST_MEASURED_NODES if brdf.is_measured else _MOST_NODES
+        most = _MOST_NODES
+        if brdf.is_measured:
+            most = _MOST_MEASURED_NODES if brdf.isotropic else _MOST_BRUSHED_NODES
         along, around = _LEAST_NODES
         made = cls(brdf, LightRule.of(brdf), along, around, np.inf)
         now = made.coefficients(views, order)
