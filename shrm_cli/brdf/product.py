@@ -37,17 +37,34 @@ ACCURACY = 1e-4
 """The relative RMS change, by doubling its nodes, that a rule may show."""
 _LEAST_NODES = 12, 24
 """The numbers of nodes along the radius and around it that are tried first."""
-_MOST_NODES = 2**15
-"""The most nodes of a rule."""
-_GOOD_NODES = 2**13
-"""The most nodes of a rule that misses no more than `_GOOD`. Models with kinks converge slowly, and
-nobody sees what they gain."""
-_GOOD = 1e-3
-_MOST_MEASURED_NODES = 2**13
-"""The most nodes for measured data, which have kinks and noise that finer rules do not mend."""
-_MOST_BRUSHED_NODES = 2**11
-"""The most nodes for measured data that are anisotropic. No view is then another one turned, so
-that there are eight times as many of them."""
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How many nodes a rule may have.
+
+    Attributes
+    ----------
+    most : int
+        The most nodes.
+    good : float
+        The relative residual with which a rule of many nodes will do.
+    good_most : int
+        The most nodes of such a rule.
+    """
+
+    most: int
+    good: float
+    good_most: int
+
+
+_MODELS = _Effort(2**15, 6e-4, 2**12)
+"""Models with kinks converge slowly, and files in half precision do not keep what they gain."""
+_MEASURED = _Effort(2**13, 0.0, 0)
+"""Measured data have kinks and noise that finer rules do not mend."""
+_BRUSHED = _Effort(2**12, 1e-2, 2**11)
+"""In measured data that are anisotropic no view is another one turned, so that there are eight
+times as many of them. Filtering between texels misses about a hundredth of such data."""
 _SAMPLES_AT_ONCE = 2**15
 _BANDS = 0.0, 0.5, 0.75, 0.9, 0.97, 1.0
 """Radii in the parabolic map between which views have a rule in common. Lobes are narrower and less
@@ -92,16 +109,17 @@ class ProductQuadrature:
         order : int
             The largest degree l of the harmonics.
         accuracy : float
-            The relative RMS change at which to stop. At most `_MOST_NODES` are taken.
+            The relative RMS change at which to stop, if no more nodes are needed than the BRDF
+            is worth.
 
         Raises
         ------
         BrdfError
             If the BRDF is not finite.
         """
-        most = _MOST_NODES
+        effort = _MODELS
         if brdf.is_measured:
-            most = _MOST_MEASURED_NODES if brdf.isotropic else _MOST_BRUSHED_NODES
+            effort = _MEASURED if brdf.isotropic else _BRUSHED
         along, around = _LEAST_NODES
         made = cls(brdf, LightRule.of(brdf), along, around, np.inf)
         now = made.coefficients(views, order)
@@ -112,8 +130,7 @@ class ProductQuadrature:
                 then = finer.coefficients(views, order)
                 changes.append((_change(now, then), finer, then))
             residual = float(np.hypot(changes[0][0], changes[1][0]))
-            if residual <= _GOOD:
-                most = min(most, _GOOD_NODES)
+            most = effort.good_most if residual <= effort.good else effort.most
             if residual <= accuracy or 2 * made.along * made.around > most:
                 return cls(brdf, made.rule, made.along, made.around, residual)
             # The axis that changes more is refined; the other will have its turn.
