@@ -14,8 +14,9 @@ Spherical Harmonics", section 3 and eq. 1.
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import ceil
 from typing import Self
 
 import numpy as np
@@ -174,6 +175,15 @@ class ProductQuadrature:
             raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
         return coefficients, energy
 
+    def fine_enough(self, order: int) -> Self:
+        """Return a rule with nodes enough to tell harmonics of a degree from those of others.
+
+        A rule that has converged at low degrees may have too few nodes for high ones, which would
+        seem to hold energy that is not theirs.
+        """
+        along, around = ceil(1.5 * order), 8 * ceil(0.75 * order)
+        return replace(self, along=max(self.along, along), around=max(self.around, around))
+
     def blocks(self, count: int) -> Iterator[slice]:
         """Cut a number of views into blocks whose samples fit into the cache."""
         step = max(1, _SAMPLES_AT_ONCE // (self.along * self.around))
@@ -293,7 +303,7 @@ class ProductFunctions:
         """
         coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
         for weight, rule, part in self._jobs(views):
-            values, energy = rule.expanded(views[part], order)
+            values, energy = rule.fine_enough(order).expanded(views[part], order)
             channels = max(values.shape[-1], coefficients.shape[-1])
             coefficients, beyond = (
                 np.repeat(each, channels // each.shape[-1], axis=-1)

@@ -26,7 +26,7 @@ from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
 
 Array = NDArray[np.floating]
 
-_KNOWN_ORDER = 32
+_KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""
 _LAST = 8
 """Degrees of the light, the last ones, that tell how dense it is beyond them."""

@@ -231,6 +231,19 @@ def test_sums_are_sums_of_their_terms():
     np.testing.assert_allclose(whole, expected, atol=1e-12)
 
 
+def test_energy_of_high_degrees_is_no_noise_of_the_nodes(hemisphere):
+    """Poulin and Fournier's cylinders have kinks, for which nodes are few."""
+    brdf = parse_spec("poulin-fournier")
+    functions = ProductFunctions.of(brdf, ORDER, 1e-2)
+    views = np.concatenate([scouts[::4] for scouts in scout_views()])
+    directions, weights = hemisphere
+    squares = np.array([brdf.transfer(directions, view)[:, 0] ** 2 @ weights for view in views])
+    for order in (ORDER, 16):
+        coefficients, energy = functions.expanded(views, order)
+        np.testing.assert_allclose(energy.sum(), squares.sum(), rtol=0.01)
+        assert np.sum(coefficients**2) < 1.01 * squares.sum()
+
+
 def test_fibres_along_the_tangent(hemisphere):
     """Kajiya and Kay's lobe is about the tangent, and lit from all around."""
     spec = "kajiya-kay:exponent=8"
