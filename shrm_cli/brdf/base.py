@@ -145,7 +145,7 @@ class Brdf(ABC):
         90 degrees (the "radially symmetric" BRDFs of section 5.3.1 of the thesis).
     isotropic : bool
         Whether turning light and view together about the normal changes nothing. Anisotropic
-        BRDFs can be evaluated, but not prefiltered in frequency space.
+        BRDFs can be evaluated, and prefiltered as product textures, but in no other form.
     """
 
     name: str

@@ -14,8 +14,9 @@ Spherical Harmonics", section 3 and eq. 1.
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import ceil
 from typing import Self
 
 import numpy as np
@@ -37,15 +38,35 @@ ACCURACY = 1e-4
 """The relative RMS change, by doubling its nodes, that a rule may show."""
 _LEAST_NODES = 12, 24
 """The numbers of nodes along the radius and around it that are tried first."""
-_MOST_NODES = 2**15
-"""The most nodes of a rule."""
-_GOOD_NODES = 2**13
-"""The most nodes of a rule that misses no more than `_GOOD`. Models with kinks converge slowly, and
-nobody sees what they gain."""
-_GOOD = 1e-3
-_MOST_MEASURED_NODES = 2**13
-"""The most nodes for measured data, which have kinks and noise that finer rules do not mend."""
-_SAMPLES_AT_ONCE = 2**16
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How many nodes a rule may have.
+
+    Attributes
+    ----------
+    most : int
+        The most nodes.
+    good : float
+        The relative residual with which a rule of many nodes will do.
+    good_most : int
+        The most nodes of such a rule.
+    """
+
+    most: int
+    good: float
+    good_most: int
+
+
+_MODELS = _Effort(2**15, 6e-4, 2**12)
+"""Models with kinks converge slowly, and files in half precision do not keep what they gain."""
+_MEASURED = _Effort(2**13, 0.0, 0)
+"""Measured data have kinks and noise that finer rules do not mend."""
+_BRUSHED = _Effort(2**12, 1e-2, 2**11)
+"""In measured data that are anisotropic no view is another one turned, so that there are eight
+times as many of them. Filtering between texels misses about a hundredth of such data."""
+_SAMPLES_AT_ONCE = 2**15
 _BANDS = 0.0, 0.5, 0.75, 0.9, 0.97, 1.0
 """Radii in the parabolic map between which views have a rule in common. Lobes are narrower and less
 regular the more the view grazes, so most nodes are needed in the narrowest bands."""
@@ -89,14 +110,17 @@ class ProductQuadrature:
         order : int
             The largest degree l of the harmonics.
         accuracy : float
-            The relative RMS change at which to stop. At most `_MOST_NODES` are taken.
+            The relative RMS change at which to stop, if no more nodes are needed than the BRDF
+            is worth.
 
         Raises
         ------
         BrdfError
             If the BRDF is not finite.
         """
-        most = _MOST_MEASURED_NODES if brdf.is_measured else _MOST_NODES
+        effort = _MODELS
+        if brdf.is_measured:
+            effort = _MEASURED if brdf.isotropic else _BRUSHED
         along, around = _LEAST_NODES
         made = cls(brdf, LightRule.of(brdf), along, around, np.inf)
         now = made.coefficients(views, order)
@@ -107,8 +131,7 @@ class ProductQuadrature:
                 then = finer.coefficients(views, order)
                 changes.append((_change(now, then), finer, then))
             residual = float(np.hypot(changes[0][0], changes[1][0]))
-            if residual <= _GOOD:
-                most = min(most, _GOOD_NODES)
+            most = effort.good_most if residual <= effort.good else effort.most
             if residual <= accuracy or 2 * made.along * made.around > most:
                 return cls(brdf, made.rule, made.along, made.around, residual)
             # The axis that changes more is refined; the other will have its turn.
@@ -152,6 +175,15 @@ class ProductQuadrature:
             raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
         return coefficients, energy
 
+    def fine_enough(self, order: int) -> Self:
+        """Return a rule with nodes enough to tell harmonics of a degree from those of others.
+
+        A rule that has converged at low degrees may have too few nodes for high ones, which would
+        seem to hold energy that is not theirs.
+        """
+        along, around = ceil(1.5 * order), 8 * ceil(0.75 * order)
+        return replace(self, along=max(self.along, along), around=max(self.around, around))
+
     def blocks(self, count: int) -> Iterator[slice]:
         """Cut a number of views into blocks whose samples fit into the cache."""
         step = max(1, _SAMPLES_AT_ONCE // (self.along * self.around))
@@ -159,11 +191,10 @@ class ProductQuadrature:
 
     def _block(self, views: Array, order: int) -> tuple[Array, Array]:
         light, weights = self.rule.nodes(views, self.along, self.around)
-        # Tables are no more exact than single precision, in which they are interpolated faster.
-        dtype: type = np.float32 if self.brdf.is_measured else np.float64
+        # Single precision is far more exact than any rule, and models and tables are faster in it.
         values = self.brdf.transfer(
-            own_frame(self.brdf, light.astype(dtype)),
-            own_frame(self.brdf, views[:, None].astype(dtype)),
+            own_frame(self.brdf, light.astype(np.float32)),
+            own_frame(self.brdf, views[:, None].astype(np.float32)),
         )
         if values.strides[-1] == 0:
             values = values[..., :1]
@@ -272,7 +303,7 @@ class ProductFunctions:
         """
         coefficients, beyond = (np.zeros((len(views), k, 1)) for k in ((order + 1) ** 2, 1))
         for weight, rule, part in self._jobs(views):
-            values, energy = rule.expanded(views[part], order)
+            values, energy = rule.fine_enough(order).expanded(views[part], order)
             channels = max(values.shape[-1], coefficients.shape[-1])
             coefficients, beyond = (
                 np.repeat(each, channels // each.shape[-1], axis=-1)

@@ -159,14 +159,19 @@ def harmonic_planes(order: int, directions: ArrayLike) -> Array:
     sine = np.hypot(x, y)
     safe = np.where(sine > 0, sine, 1.0)
     phase = np.where(sine > 0, x / safe, 1.0) + 1j * (y / safe)
-    powers = phase[None] ** np.arange(order + 1).reshape(-1, *[1] * z.ndim)
+    powers = np.empty((order + 1, *z.shape), dtype=complex)
+    powers[0] = np.sqrt(2)
+    for m in range(order):  # many times as fast as powers of complex numbers
+        np.multiply(powers[m], phase, out=powers[m + 1])
+    cosines, sines = np.ascontiguousarray(powers.real), np.ascontiguousarray(powers.imag)
     values = np.empty(((order + 1) ** 2, *z.shape))
     for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0), sine=sine):
         center = index(degree, 0)
         values[center] = legendre[0]
-        positive = np.sqrt(2) * legendre[1:] * powers[1 : degree + 1]
-        values[center + 1 : center + degree + 1] = positive.real
-        values[center - degree : center] = positive.imag[::-1]
+        above = values[center + 1 : center + degree + 1]
+        np.multiply(legendre[1:], cosines[1 : degree + 1], out=above)
+        below = values[center - degree : center][::-1]
+        np.multiply(legendre[1:], sines[1 : degree + 1], out=below)
     return values
 
 

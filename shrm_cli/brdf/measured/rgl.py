@@ -1,4 +1,4 @@
-"""RGL's `.bsdf` files: isotropic measurements on a grid that adapts to the material."""
+"""RGL's `.bsdf` files: measurements on a grid that adapts to the material."""
 
 import os
 from collections.abc import Mapping
@@ -19,20 +19,25 @@ from shrm_cli.errors import BrdfError
 # Limits of what is taken for sound: of numbers, of a density's integral, of sizes.
 _LARGEST = 1e30
 _SMALLEST = 1e-30
-_MOST_DENSITIES = 2**22
+_MOST_DENSITIES = 2**24
 _MOST_BYTES = 2**29
+_SLACK = 0.01  # of azimuths, radians
 _ZEMAX_WORDS = b"SpectralContent", b"ScatterType", b"SampleRotation", b"AngleOfIncidence"
 _HEAD = 4096
 
 
 class Rgl(MeasuredBrdf):
-    """A measured isotropic BRDF, parameterized by the visible normals of its microfacets.
+    """A measured BRDF, parameterized by the visible normals of its microfacets.
 
-    For a viewer at the angle theta, the cumulative distribution of visible normals maps the half
+    For a viewer in the direction v, the cumulative distribution of visible normals maps the half
     vector h to a point u of the unit square, over which the measurement M is smooth. Then
-    ``rho_hat = M(u) D(h) / (4 sigma(theta))``, which includes the cosine of the light's angle. As
-    in the database's own evaluator the grid adapts to the direction of the viewer, and values
-    between measured angles are linear. Spectra become linear sRGB.
+    ``rho_hat = M(u) D(h) / (4 sigma(v))``, which includes the cosine of the light's angle. As in
+    the database's own evaluator the grid adapts to the direction of the viewer, and values between
+    measured directions are linear in its angles. Spectra become linear sRGB.
+
+    A file of more than two azimuths of the viewer is anisotropic, and its x axis is the tangent.
+    Where these span half of the circle or a quarter of it, the material stays as it is under half
+    a turn, or under a mirror along each axis.
 
     Measured numbers below zero are noise; where the interpolated value is negative, it becomes 0.
 
@@ -43,7 +48,7 @@ class Rgl(MeasuredBrdf):
     """
 
     name = "rgl"
-    summary = "Measured isotropic BRDF of the RGL database, a transfer function"
+    summary = "Measured BRDF of the RGL database, a transfer function"
     source = "RGL material database format, Dupuy and Jakob 2018"
     includes_cosine = True
     reads = "RGL's .bsdf tensor files"
@@ -51,18 +56,23 @@ class Rgl(MeasuredBrdf):
 
     def __init__(self, file: TensorFile, values: Mapping[str, Value]) -> None:
         self.values = {**values}
-        self._nodes = _angles(file)
-        count = len(self._nodes)
-        self._warp = Warp(_density(file, count))
-        colors = _colors(file, count)
+        azimuths, self._angles = _azimuths(file), _angles(file)
+        self.isotropic = len(azimuths) <= 2
+        # If there are two azimuths, the second is the first after a whole turn.
+        self._azimuths = azimuths[:1] if self.isotropic else azimuths
+        self._symmetry = 1 if self.isotropic else _symmetry(file, azimuths)
+        measured = len(self._azimuths), len(azimuths), len(self._angles)
+        self._warp = Warp(_density(file, *measured))
+        colors = _colors(file, *measured)
         self._measured = Grid(colors)
-        self._normals, self._area = _profile(file, "ndf"), _profile(file, "sigma")
-        if self._area.min() <= 0:
+        normals, area = (_profile(file, name, self.isotropic) for name in ("ndf", "sigma"))
+        if area.min() <= 0:
             raise damaged(file.path, "its field 'sigma' is not positive")
         if not _flag(file, "jacobian"):  # the measurement is the transfer function itself
-            self._normals = np.ones(2, dtype=np.float32)
-            self._area = self._normals / 4
-        largest = np.abs(colors).max() * float(self._normals.max()) / float(self._area.min())
+            normals = np.ones((2, 2), dtype=np.float32)
+            area = normals / 4
+        self._normals, self._area = (Grid(each[None, ..., None]) for each in (normals, area))
+        largest = np.abs(colors).max() * float(normals.max()) / float(area.min())
         if largest > _LARGEST:
             raise damaged(file.path, f"its values reach {largest:g}")
 
@@ -77,12 +87,11 @@ class Rgl(MeasuredBrdf):
         Raises
         ------
         BrdfError
-            If it cannot be read, is Zemax's file of the same suffix, anisotropic, or damaged.
+            If it cannot be read, is Zemax's file of the same suffix, or damaged.
         """
         path = check_file(path)
         _refuse_others(path)
         file = TensorFile.open(path)
-        _refuse_anisotropic(file)
         if path.stat().st_size > _MOST_BYTES:  # before all of it is read for its digest
             raise BrdfError(f"{path}: larger than {_MOST_BYTES:,} bytes; use the RGB file instead")
         return cls(file, file_values(path))
@@ -92,31 +101,46 @@ class Rgl(MeasuredBrdf):
 
     def _interpolated(self, light: Array, view: Array) -> Array:
         """Values at directions above the horizon, shape (n, 3)."""
-        x, y, z = np.moveaxis(light + view, -1, 0)
-        view_x, view_y, view_z = np.moveaxis(view, -1, 0)
-        theta_m = np.arctan2(np.sqrt(x * x + y * y), z)
-        theta = np.arctan2(np.sqrt(view_x * view_x + view_y * view_y), view_z)
-        # In an isotropic material only the azimuth between half vector and viewer counts.
-        turn = (np.arctan2(y, x) - np.arctan2(view_y, view_x)) * (0.5 / np.pi) + 0.5
+        if self._symmetry > 1:
+            signs = _to_measured(view, self._symmetry)
+            light, view = light * signs, view * signs
+        theta_m, phi_m = _polar(light + view)
+        theta, phi = _polar(view)
+        if self.isotropic:  # only the azimuth between half vector and viewer counts
+            phi_m = phi_m - phi
+            slices = Slices((self._angles, theta))
+        else:
+            slices = Slices((self._azimuths, phi), (self._angles, theta))
+        turn = phi_m * (0.5 / np.pi) + 0.5
         u_theta, u_phi = _unit(theta_m), turn - np.floor(turn)
-        slices = Slices(self._nodes, theta)
         value = self._measured(*self._warp.invert(u_theta, u_phi, slices), slices)
-        normals, area = _lookup(self._normals, u_theta), _lookup(self._area, _unit(theta))
-        return np.maximum(value * (normals / (4 * area))[:, None], 0)
+        normals = self._normals(u_theta, u_phi, Slices())
+        area = self._area(_unit(theta), phi * (0.5 / np.pi) + 0.5, Slices())
+        return np.maximum(value * (normals / (4 * area)), 0)
+
+
+def _polar(directions: Array) -> tuple[Array, Array]:
+    """The angles from the normal and about it, radians; directions need no length of one."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return np.arctan2(np.sqrt(x * x + y * y), z), np.arctan2(y, x)
+
+
+def _to_measured(view: Array, symmetry: int) -> Array:
+    """Factors for x, y and z that bring viewers where they were measured, shape (n, 3).
+
+    That is below the x axis, by half a turn, or in the quarter where x and y are negative, by
+    mirrors.
+    """
+    signs = np.where(np.signbit(view), view.dtype.type(1), view.dtype.type(-1))
+    if symmetry == 2:
+        signs[:, 0] = signs[:, 1]
+    signs[:, 2] = 1
+    return signs
 
 
 def _unit(theta: Array) -> Array:
     """The coordinate of an angle from the normal, which is 0 .. 1 over the hemisphere."""
     return np.sqrt(theta * (2 / np.pi))
-
-
-def _lookup(profile: Array, u: Array) -> Array:
-    """Interpolate linearly between samples at equal steps over 0 .. 1."""
-    scaled = np.clip(u, 0, 1) * (len(profile) - 1)
-    low = np.minimum(scaled.astype(np.intp), len(profile) - 2)
-    part = scaled - low.astype(u.dtype)
-    start = profile.take(low)
-    return start + part * (profile.take(low + 1) - start)
 
 
 def _refuse_others(path: Path) -> None:
@@ -135,15 +159,27 @@ def _refuse_others(path: Path) -> None:
     raise BrdfError(f"{path}: not an RGL .bsdf file (it does not start as one); name another file")
 
 
-def _refuse_anisotropic(file: TensorFile) -> None:
-    azimuths = file.fields["phi_i"].shape if "phi_i" in file.fields else ()
-    if len(azimuths) != 1:
-        raise damaged(file.path, "its field 'phi_i' is missing or no list")
-    if azimuths[0] > 2:
-        raise BrdfError(
-            f"{file.path}: anisotropic (measured at {azimuths[0]:,} azimuths); "
-            "only isotropic materials can be prefiltered, name another"
+def _azimuths(file: TensorFile) -> Array:
+    """The measured azimuths of the viewer, shape (n,), radians."""
+    azimuths = _read(file, "phi_i", (None,))
+    if len(azimuths) > 2 and not (np.diff(azimuths) > 0).all():
+        raise damaged(file.path, "its azimuths 'phi_i' do not increase")
+    return azimuths
+
+
+def _symmetry(file: TensorFile, azimuths: Array) -> int:
+    """How often the span of the azimuths fits into the circle: 1, 2 or 4 times."""
+    symmetry = round(2 * np.pi / float(azimuths[-1] - azimuths[0]))
+    last = 2 * np.pi / max(symmetry, 1) - np.pi
+    begins, ends = azimuths[0] >= -np.pi - _SLACK, azimuths[-1] <= last + _SLACK
+    if symmetry not in (1, 2, 4) or not (begins and ends):
+        first, last = np.degrees(azimuths[[0, -1]])
+        raise damaged(
+            file.path,
+            f"its azimuths 'phi_i' go from {first:.4g} to {last:.4g} degrees, not from -180 to "
+            "180, 0 or -90",
         )
+    return symmetry
 
 
 def _angles(file: TensorFile) -> Array:
@@ -154,13 +190,13 @@ def _angles(file: TensorFile) -> Array:
     return nodes
 
 
-def _density(file: TensorFile, count: int) -> Array:
-    """The density of visible normals at each angle of the viewer, shape (n, rows, columns)."""
+def _density(file: TensorFile, used: int, azimuths: int, angles: int) -> Array:
+    """The density of visible normals for each viewer, shape (used * angles, rows, columns)."""
     shape = file.fields["vndf"].shape if "vndf" in file.fields else ()
     if prod(shape) > _MOST_DENSITIES:
         raise damaged(file.path, f"its field 'vndf' has {prod(shape):,} values")
-    # If there are two azimuths, the second is the first after a whole turn.
-    density = _read(file, "vndf", (None, count, None, None))[0]
+    density = _read(file, "vndf", (azimuths, angles, None, None))[:used]
+    density = density.reshape(-1, *density.shape[2:])
     if min(density.shape[1:]) < 2 or density.min() < 0:
         raise damaged(file.path, "its field 'vndf' is no density")
     if (np.sum(density, axis=(1, 2), dtype=np.float64) <= _SMALLEST).any():
@@ -168,13 +204,16 @@ def _density(file: TensorFile, count: int) -> Array:
     return density
 
 
-def _colors(file: TensorFile, count: int) -> Array:
-    """The measurement in linear sRGB at each angle of the viewer, shape (n, rows, columns, 3)."""
+def _colors(file: TensorFile, used: int, azimuths: int, angles: int) -> Array:
+    """The measurement in linear sRGB for each viewer, shape (used * angles, rows, columns, 3)."""
     if "rgb" in file.fields or "spectra" not in file.fields:
-        colors = np.moveaxis(_read(file, "rgb", (None, count, 3, None, None))[0], 1, -1)
+        colors = _read(file, "rgb", (azimuths, angles, 3, None, None))[:used]
+        colors = np.moveaxis(colors.reshape(-1, *colors.shape[2:]), 1, -1)
     else:
         wavelengths = _read(file, "wavelengths", (None,))
-        spectra = _read(file, "spectra", (None, count, len(wavelengths), None, None))[0]
+        shape = azimuths, angles, len(wavelengths), None, None
+        spectra = _read(file, "spectra", shape)[:used]
+        spectra = spectra.reshape(-1, *spectra.shape[2:])
         try:
             colors = np.stack([to_linear_srgb(wavelengths, each.T).T for each in spectra])
         except BrdfError as error:
@@ -185,10 +224,12 @@ def _colors(file: TensorFile, count: int) -> Array:
     return colors
 
 
-def _profile(file: TensorFile, name: str) -> Array:
-    """A field that is the same at every azimuth, as a function of the angle alone, shape (n,)."""
-    values = _read(file, name, (None, None)).mean(axis=0)
-    if len(values) < 2 or values.min() < 0:
+def _profile(file: TensorFile, name: str, isotropic: bool) -> Array:
+    """A field over azimuths and angles; every azimuth has the mean of all if it is isotropic."""
+    values = _read(file, name, (None, None))
+    if isotropic:
+        values = np.tile(values.mean(axis=0), (2, 1))
+    if min(values.shape) < 2 or values.min() < 0:
         raise damaged(file.path, f"its field {name!r} is negative or too short")
     return values
 

@@ -26,7 +26,7 @@ from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
 
 Array = NDArray[np.floating]
 
-_KNOWN_ORDER = 32
+_KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""
 _LAST = 8
 """Degrees of the light, the last ones, that tell how dense it is beyond them."""
@@ -70,7 +70,7 @@ def product_texture(
     MapError
         If the texture would be too large.
     """
-    return _texture(brdf, order, texels, progress)[0]
+    return _texture(brdf, order, texels, order, progress)[0]
 
 
 def varying_texture(
@@ -162,14 +162,15 @@ def prefilter(
     """
     parse_window(window)
     stages = Stages(progress, 2)
-    lighting = project(probe, max(_KNOWN_ORDER, order), stages.within)
+    known = max(_KNOWN_ORDER, order)
+    lighting = project(probe, known, stages.within)
     stages.done(1, 2)
-    made, power, energy = _texture(brdf, order, texels, stages.within)
+    made, power, energy = _texture(brdf, order, texels, known, stages.within)
     stages.done(2, 2)
     texture = made.map
     assert isinstance(texture, ProductTexture)
     info = texture.info
-    known = provenance(probe, brdf, Orders(order, 0, info.tolerance, info.captured))
+    record = provenance(probe, brdf, Orders(order, 0, info.tolerance, info.captured))
     series = lighting.coefficients[: (order + 1) ** 2]
     shape = make_window(window, series)
     factors = np.zeros(len(power))
@@ -178,7 +179,7 @@ def prefilter(
     whole = max(float(squares.sum()) + beyond, np.finfo(float).tiny)
     missed = float(squares[order + 1 :].sum()) + beyond
     info = replace(
-        known,
+        record,
         predicted_error=float(np.sqrt(missed / whole)),
         added_error=float(np.sqrt(squares[: order + 1] @ (1 - factors[: order + 1]) ** 2 / whole)),
         filter_error=info.filter_error,
@@ -189,17 +190,17 @@ def prefilter(
 
 
 def _texture(
-    brdf: Brdf, order: int, texels: int, progress: Progress | None
+    brdf: Brdf, order: int, texels: int, known: int, progress: Progress | None
 ) -> tuple[Prefiltered, Array, Array]:
-    """Make a texture, and return with it the energy of the product functions by degree, shape
-    (degrees, channels), and in all, shape (channels,).
+    """Make a texture, and return with it the energy of the product functions by degree up to
+    `known`, shape (degrees, channels), and in all, shape (channels,).
     """
     _check_size(order, texels, 1)
     functions = ProductFunctions.of(brdf, order)
     table = product_table(brdf, functions, order, texels, progress)
     views = _views()
-    exact, energy = functions.expanded(views, max(_KNOWN_ORDER, order))
-    starts = np.arange(max(_KNOWN_ORDER, order) + 1) ** 2
+    exact, energy = functions.expanded(views, known)
+    starts = np.arange(known + 1) ** 2
     power = np.add.reduceat(exact**2, starts, axis=1).mean(axis=0)
     energy = energy.mean(axis=0)
     captured = float(power[: order + 1].sum() / energy.sum()) if energy.sum() > 0 else 1.0

@@ -2,7 +2,8 @@
 
 Turning light and view of an isotropic BRDF together changes nothing, so the coefficients of one
 view are those of another at the same angle from the normal, turned. A BRDF that a mirror leaves as
-it is needs the views on one side of the mirror only.
+it is needs the views on one side of the mirror only, and so has one that half a turn leaves as it
+is. All texels off the circle of the views are of views on its rim.
 """
 
 import numpy as np
@@ -16,6 +17,7 @@ from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import turn_about_z
+from shrm_cli.sphere.sampling import catmull_rom
 
 Array = NDArray[np.floating]
 
@@ -23,8 +25,10 @@ _PROBES = 512
 """Pairs of directions at which it is seen whether a BRDF is symmetric."""
 _ROUNDING = 1e-5
 """The relative difference, of the largest value, that is none."""
-_RADIUS_DIGITS = 9
-"""Decimals to which the radii of texels are told apart."""
+_DIGITS = 9
+"""Decimals to which the places of texels are told apart."""
+_RING = 512
+"""Views around the rim from which texels off the circle are interpolated, where those are more."""
 
 
 def product_table(
@@ -58,20 +62,51 @@ def product_table(
     views = parabolic_directions(size)
     if brdf.isotropic and brdf.center != "tangent":
         return _turned(functions, views, order, progress)
-    half = size // 2
-    # The rows and columns of the sides that are mirrored into the others begin at the middle.
-    rows = half if _is_mirrored(brdf, 1) else 0
-    columns = half if _is_mirrored(brdf, 0) else 0
-    some = views[rows:, columns:]
-    found = functions.coefficients(some.reshape(-1, 3), order, progress)
+    x, y = project(views)
+    rim = np.hypot(x, y) > 1 - 1 / size - _ROUNDING
+    if rim.sum() <= _RING:
+        found = _by_symmetry(brdf, functions, views.reshape(-1, 3), order, progress)
+        return found.reshape(size, size, *found.shape[1:])
+    turn = 2 * np.pi * (np.arange(_RING) + 0.5) / _RING
+    radius = 1 - 1 / size
+    ring = unproject(radius * np.cos(turn), radius * np.sin(turn))
+    inner = views[~rim]
+    found = _by_symmetry(brdf, functions, np.concatenate([inner, ring]), order, progress)
     table = np.empty((size, size, *found.shape[1:]), dtype=np.float32)
-    table[rows:, columns:] = found.reshape(*some.shape[:2], *found.shape[1:])
-    if columns:
-        mirrored = table[rows:, size - half :][:, ::-1]
-        table[rows:, :half] = mirrored * _mirror_signs(order, 0)[:, None]
-    if rows:
-        table[:half] = table[size - half :][::-1] * _mirror_signs(order, 1)[:, None]
+    table[~rim] = found[: len(inner)]
+    table[rim] = _between(found[len(inner) :], np.arctan2(y[rim], x[rim]))
     return table
+
+
+def _between(ring: Array, azimuths: Array) -> Array:
+    """Interpolate values at the middles of even steps of the azimuth, (n, ...), by a cubic."""
+    first, weights = catmull_rom(azimuths / (2 * np.pi) * len(ring) - 0.5)
+    shares = np.stack(weights)[(..., *(None,) * (ring.ndim - 1))]
+    return np.sum([w * ring[(first + k) % len(ring)] for k, w in enumerate(shares)], axis=0)
+
+
+def _by_symmetry(
+    brdf: Brdf, functions: ProductFunctions, views: Array, order: int, progress: Progress | None
+) -> Array:
+    """Compute the coefficients of views (n, 3) from those on one side of each symmetry.
+
+    Returns
+    -------
+    ndarray of float32, shape (n, (order+1)^2, channels)
+    """
+    negative = np.signbit(views[:, :2])
+    keeps = [_is_kept(brdf, flips) for flips in ((-1, 1), (1, -1))]
+    if not any(keeps) and _is_kept(brdf, (-1, -1)):
+        negative = negative[:, [1, 1]]  # x and y change their signs together
+    else:
+        negative = negative & keeps
+    folded = views * np.where(np.pad(negative, [(0, 0), (0, 1)]), -1.0, 1.0)
+    x, y = (np.round(each, _DIGITS) for each in project(folded))
+    _, chosen, which = np.unique(x + 1j * y, return_index=True, return_inverse=True)
+    found = functions.coefficients(folded[chosen], order, progress).astype(np.float32)[which]
+    for axis in (0, 1):
+        found[negative[:, axis]] *= _mirror_signs(order, axis)[:, None]
+    return found
 
 
 def _turned(
@@ -79,7 +114,7 @@ def _turned(
 ) -> Array:
     """Compute the table of an isotropic BRDF from views along x alone."""
     size = len(views)
-    radius = np.round(np.hypot(*project(views)), _RADIUS_DIGITS)
+    radius = np.round(np.hypot(*project(views)), _DIGITS)
     radii, which = np.unique(radius, return_inverse=True)
     along_x = functions.coefficients(unproject(radii, np.zeros_like(radii)), order, progress)
     flat = np.moveaxis(along_x[which.reshape(-1)], 0, -1)
@@ -88,15 +123,14 @@ def _turned(
     return np.ascontiguousarray(table, dtype=np.float32)
 
 
-def _is_mirrored(brdf: Brdf, axis: int) -> bool:
-    """Whether a BRDF stays as it is where light and view are mirrored along x (0) or y (1)."""
+def _is_kept(brdf: Brdf, signs: tuple[int, int]) -> bool:
+    """Whether a BRDF stays as it is where x and y of light and view take factors of -1 or 1."""
     light = spiral_directions(_PROBES)
     light[:, 2] = np.abs(light[:, 2])
     view = np.roll(light, _PROBES // 3, axis=0)  # neighbours would all be near each other
-    mirror = np.ones(3)
-    mirror[axis] = -1
+    flips = np.array([*signs, 1.0])
     here = brdf.transfer(own_frame(brdf, light), own_frame(brdf, view))
-    there = brdf.transfer(own_frame(brdf, light * mirror), own_frame(brdf, view * mirror))
+    there = brdf.transfer(own_frame(brdf, light * flips), own_frame(brdf, view * flips))
     return bool(np.abs(here - there).max() <= _ROUNDING * np.abs(here).max())
 
 

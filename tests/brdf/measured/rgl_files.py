@@ -47,3 +47,24 @@ def material(**changes):
         **changes,
     }
     return {name: each for name, each in fields.items() if each is not None}
+
+
+def brushed(symmetry=1, **changes):
+    """Fields of a small anisotropic material that is measured over a part of the circle.
+
+    The azimuths are at uneven steps, and all that depends on them does so strongly. `symmetry` is
+    how often their span fits into the circle; 2 is half a turn, 4 two mirrors.
+    """
+    rng = np.random.default_rng(9)
+    steps = np.array([0, 0.13, 0.4, 0.55, 0.83, 1])
+    azimuths = -np.pi + steps * 2 * np.pi / symmetry
+    count = len(azimuths)
+    fields = {
+        "phi_i": azimuths.astype("f4"),
+        "sigma": rng.uniform(0.3, 1, (7, 9)).astype("f4"),
+        "ndf": rng.uniform(0.1, 2, (8, 9)).astype("f4"),
+        "vndf": rng.uniform(0.2, 1, (count, 4, 7, 6)).astype("f4"),
+        "luminance": rng.uniform(0.2, 1, (count, 4, 5, 5)).astype("f4"),
+        "rgb": rng.uniform(0.1, 2, (count, 4, 3, 5, 5)).astype("f4"),
+    }
+    return material(**{**fields, **changes})

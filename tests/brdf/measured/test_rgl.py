@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 from shrm_cli.brdf.measured.reading.rgl_warp import Slices, Warp
 from shrm_cli.brdf.measured.rgl import Rgl
 from shrm_cli.errors import BrdfError
-from tests.brdf.measured.rgl_files import material, tensor_file
+from tests.brdf.measured.rgl_files import brushed, material, tensor_file
 from tests.brute_force import unit
 
 MATERIALS = ["cc_ibiza_sunset_rgb", "cg_sunflower_rgb", "paper_white_rgb", "satin_rosaline_rgb"]
@@ -25,6 +25,18 @@ def made(tmp_path):
     def write(**changes):
         path = tmp_path / "made.bsdf"
         path.write_bytes(tensor_file(material(**changes)))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def made_brushed(tmp_path):
+    """A function that writes a small anisotropic material with changes, and gives its path."""
+
+    def write(symmetry=1, **changes):
+        path = tmp_path / "brushed.bsdf"
+        path.write_bytes(tensor_file(brushed(symmetry, **changes)))
         return path
 
     return write
@@ -83,6 +95,40 @@ def test_mitsuba_finds_the_same_in_a_made_file(made, rng):
     light, view = pairs(rng, 300)
     expected = mitsuba_values(path, light, view)
     np.testing.assert_allclose(Rgl.open(path).evaluate(light, view), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("symmetry", [1, 2, 4])
+def test_mitsuba_finds_the_same_in_an_anisotropic_file(made_brushed, rng, symmetry):
+    path = made_brushed(symmetry)
+    light, view = pairs(rng, 400)
+    quadrants = {tuple(signs) for signs in np.signbit(view[:, :2]).tolist()}
+    assert len(quadrants) == 4
+    expected = mitsuba_values(path, light, view)
+    assert np.ptp(expected) > np.median(expected) > 0.01
+    brdf = Rgl.open(path)
+    assert not brdf.isotropic
+    # The noise of Mitsuba's single precision is largest where the half vector is on the normal.
+    np.testing.assert_allclose(brdf.evaluate(light, view), expected, rtol=5e-4)
+    turned = np.array([-1, -1, 1])
+    mirrors = {1: [], 2: [turned], 4: [turned, [1, -1, 1], [-1, 1, 1]]}[symmetry]
+    for signs in ([-1, -1, 1], [1, -1, 1], [-1, 1, 1]):
+        same = np.allclose(brdf.evaluate(light * signs, view * signs), expected, rtol=1e-3)
+        assert same == any(np.array_equal(signs, each) for each in mirrors)
+
+
+def test_equal_azimuths_are_an_isotropic_material(made, made_brushed, rng):
+    """An anisotropic file, that holds the isotropic one at each of its azimuths, turned."""
+    fields = material(vndf=np.ones((1, 4, 7, 6), "f4"))
+    grey = np.broadcast_to(fields["rgb"][:, :, :, :1], fields["rgb"].shape)  # at every azimuth
+    isotropic = Rgl.open(made(vndf=fields["vndf"], rgb=grey.copy()))
+    same = {
+        name: np.repeat(each, 6, axis=0) for name, each in (("rgb", grey), ("vndf", fields["vndf"]))
+    }
+    found = Rgl.open(made_brushed(ndf=fields["ndf"], sigma=fields["sigma"], **same))
+    light, view = pairs(rng, 100)
+    np.testing.assert_allclose(
+        found.evaluate(light, view), isotropic.evaluate(light, view), rtol=1e-5
+    )
 
 
 def half_vector_rule(count, view):
@@ -150,7 +196,7 @@ def test_the_warp_is_the_integral_of_the_density(rng):
     warp = Warp(density)
     for x, y in rng.uniform(0, 1, (6, 2)):
         found_x, found_y = warp.invert(
-            np.array([x]), np.array([y]), Slices(nodes, np.array([parameter]))
+            np.array([x]), np.array([y]), Slices((nodes, np.array([parameter])))
         )
         assert found_x[0] == pytest.approx(row(y, x) / row(y, 1), abs=2e-6)
         below = np.linspace(0, 1, 5)
@@ -197,9 +243,14 @@ def test_only_the_azimuth_between_light_and_view_counts(made, rng):
     np.testing.assert_allclose(found, brdf.evaluate(light, view), rtol=1e-9)
 
 
+@pytest.mark.parametrize("symmetry", [0, 1, 2, 4])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_it_is_finite_and_black_below_the_horizon(made, rng, dtype):
-    brdf = Rgl.open(made(rgb=np.full((1, 4, 3, 5, 5), -1.0, "f4") + material()["rgb"]))
+def test_it_is_finite_and_black_below_the_horizon(made, made_brushed, rng, dtype, symmetry):
+    if symmetry:
+        path = made_brushed(symmetry, rgb=brushed()["rgb"] - 1)
+    else:
+        path = made(rgb=material()["rgb"] - 1)
+    brdf = Rgl.open(path)
     special = np.array([[0, 0, 1], [1, 0, 0], [0, -1, 0], [0, 0, -1], [1e-9, 0, 1]], dtype)
     light = np.concatenate([special, unit(rng, 300).astype(dtype)])
     found = brdf.evaluate(light[:, None], light[None, :])
@@ -253,8 +304,16 @@ def test_a_file_is_identified_by_its_content(made):
 
 
 ONE = np.ones(1, "f4")
+AZIMUTHS = {name: brushed()[name] for name in ("phi_i", "vndf", "rgb", "luminance")}
 WRONG = {
-    "anisotropic": ({"phi_i": np.zeros(13, "f4")}, "anisotropic"),
+    "azimuths equal": ({"phi_i": np.zeros(13, "f4")}, "do not increase"),
+    "azimuths NaN": ({"phi_i": np.array([-3, np.nan, 0], "f4")}, "not finite"),
+    "azimuths in degrees": ({"phi_i": np.array([-180, 0, 180], "f4")}, "not from -180"),
+    "a third of the circle": ({"phi_i": np.array([-3.14, -2, -1.05], "f4")}, "not from -180"),
+    "azimuths of another half": ({"phi_i": np.linspace(0, np.pi, 5, dtype="f4")}, "0 to 180 deg"),
+    "fewer than azimuths": ({"phi_i": np.linspace(-np.pi, 0, 5, dtype="f4")}, "1 x 4 x 7 x 6"),
+    "colours at fewer": ({**AZIMUTHS, "rgb": material()["rgb"]}, "1 x 4 x 3 x 5 x 5"),
+    "normals of one azimuth": ({**AZIMUTHS, "ndf": np.ones((1, 9), "f4")}, "too short"),
     "no azimuths": ({"phi_i": None}, "phi_i"),
     "one angle": ({"theta_i": ONE}, "theta_i"),
     "angles fall": ({"theta_i": np.array([0, 0.6, 0.5, 1.5], "f4")}, "do not increase"),
@@ -295,17 +354,19 @@ def test_contradictions_are_refused(made, case):
     assert "\n" not in str(caught.value)
 
 
-def test_truncated_files_are_refused(made):
-    path = made()
+@pytest.mark.parametrize("kind", ["isotropic", "brushed"])
+def test_truncated_files_are_refused(made, made_brushed, kind):
+    path = made() if kind == "isotropic" else made_brushed(4)
     content = path.read_bytes()
     for length in [*range(0, 400, 7), *range(400, len(content), 501), len(content) - 1]:
         path.write_bytes(content[:length])
-        with pytest.raises(BrdfError, match=r"made\.bsdf: "):
+        with pytest.raises(BrdfError, match=rf"{path.name}: "):
             Rgl.open(path)
 
 
-def test_flipped_bytes_are_refused_or_harmless(made, rng):
-    path = made()
+@pytest.mark.parametrize("kind", ["isotropic", "brushed"])
+def test_flipped_bytes_are_refused_or_harmless(made, made_brushed, rng, kind):
+    path = made() if kind == "isotropic" else made_brushed(2)
     content = path.read_bytes()
     light, view = pairs(rng, 20)
     refused = 0

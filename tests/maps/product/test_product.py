@@ -14,7 +14,7 @@ from shrm_cli.maps.product.prefilter import prefilter, product_texture
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.prefilter import prefilter as prefilter_any
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.parabolic import parabolic_directions, unproject
+from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from tests import brute_force, oracles
 
 ORDER = 4
@@ -184,6 +184,41 @@ def test_a_brdf_without_symmetry_and_with_colors():
     np.testing.assert_allclose(table[..., 2], 0.5 * table[..., 0], atol=1e-6)
 
 
+class Twisted(Brdf):
+    """Brushed along a diagonal: half a turn leaves it as it is, and no mirror does."""
+
+    name = "twisted"
+    center = "normal"
+    isotropic = False
+
+    def evaluate(self, light, view):
+        along, of_view = (each[..., 0] * each[..., 1] for each in (light, view))
+        value = 1 + along + of_view * (1 + light[..., 0] * view[..., 0])
+        return np.broadcast_to(value[..., None], (*value.shape, 3))
+
+
+@pytest.mark.parametrize(("brdf", "share"), [(Twisted(), 2), (Lopsided(), 1)])
+def test_texels_off_the_circle_and_half_turns_cost_nothing(brdf, share):
+    size, order = 48, 3
+    functions = ProductFunctions.of(brdf, order)
+    views = parabolic_directions(size).reshape(-1, 3)
+    asked = []
+
+    class Counting(ProductFunctions):
+        def coefficients(self, views, order, progress=None):
+            asked.append(len(views))
+            return super().coefficients(views, order, progress)
+
+    table = product_table(brdf, Counting(functions.terms), order, size)
+    direct = functions.coefficients(views, order)
+    np.testing.assert_allclose(
+        table.reshape(direct.shape), direct, atol=3e-6 * np.abs(direct).max()
+    )
+    inside = np.count_nonzero(np.hypot(*project(views)) < 1 - 1.001 / size)
+    assert sum(asked) == (inside + 512) / share
+    assert inside + 512 < len(views)
+
+
 def test_sums_are_sums_of_their_terms():
     views = np.concatenate(scout_views())
     terms = ["ward:ax=0.5,ay=0.2", "lambertian:albedo=0.8/0.4/0.2", "phong:exponent=8"]
@@ -194,6 +229,19 @@ def test_sums_are_sums_of_their_terms():
     parts = [ProductFunctions.of(parse_spec(t), ORDER).coefficients(views, ORDER) for t in terms]
     expected = sum(w * part for w, part in zip(weights, parts, strict=True))
     np.testing.assert_allclose(whole, expected, atol=1e-12)
+
+
+def test_energy_of_high_degrees_is_no_noise_of_the_nodes(hemisphere):
+    """Poulin and Fournier's cylinders have kinks, for which nodes are few."""
+    brdf = parse_spec("poulin-fournier")
+    functions = ProductFunctions.of(brdf, ORDER, 1e-2)
+    views = np.concatenate([scouts[::4] for scouts in scout_views()])
+    directions, weights = hemisphere
+    squares = np.array([brdf.transfer(directions, view)[:, 0] ** 2 @ weights for view in views])
+    for order in (ORDER, 16):
+        coefficients, energy = functions.expanded(views, order)
+        np.testing.assert_allclose(energy.sum(), squares.sum(), rtol=0.01)
+        assert np.sum(coefficients**2) < 1.01 * squares.sum()
 
 
 def test_fibres_along_the_tangent(hemisphere):

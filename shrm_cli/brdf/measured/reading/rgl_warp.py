@@ -1,8 +1,10 @@
-"""Bilinear grids over the unit square that depend on one parameter, and warps by their density.
+"""Bilinear grids over the unit square that depend on parameters, and warps by their density.
 
-A table holds a grid for each of some values of the parameter, a slice each, and is linear between
-them.
+A table holds a grid for each combination of some values of the parameters, a slice each, and is
+linear between them in each parameter.
 """
+
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,26 +19,31 @@ class Slices:
 
     Parameters
     ----------
-    nodes : ndarray, shape (s,)
-        The parameters of the slices, increasing; two at least.
-    parameter : ndarray, shape (n,)
-        Those that are looked up.
+    axes : pairs of (ndarray of shape (s,), ndarray of shape (n,))
+        For each parameter the values of the slices, increasing and two at least, and the values
+        that are looked up. Slices of the last parameter follow each other. Without parameters the
+        table is a single slice.
     """
 
-    def __init__(self, nodes: Array, parameter: Array) -> None:
-        self.low: Index = np.clip(
-            np.searchsorted(nodes, parameter, side="right") - 1, 0, len(nodes) - 2
-        )
-        nodes = nodes.astype(parameter.dtype)
-        low, high = nodes[self.low], nodes[self.low + 1]
-        self.part = np.clip((parameter - low) / (high - low), 0, 1)
+    def __init__(self, *axes: tuple[Array, Array]) -> None:
+        self._low: Index = np.zeros(1, dtype=np.intp)
+        parts: list[Array] = []
+        for nodes, parameter in axes:
+            low = np.clip(np.searchsorted(nodes, parameter, side="right") - 1, 0, len(nodes) - 2)
+            nodes = nodes.astype(parameter.dtype)
+            start, end = nodes[low], nodes[low + 1]
+            parts.append(np.clip((parameter - start) / (end - start), 0, 1))
+            self._low = self._low * len(nodes) + low
+        counts = [len(nodes) for nodes, _ in axes]
+        strides = [prod(counts[k + 1 :]) for k in range(len(counts))]
+        self._steps = list(zip(strides, parts, strict=True))
 
     def blend(self, records: Array, index: Index, per_slice: int) -> Array:
-        """Interpolate records between the two slices that each parameter lies between.
+        """Interpolate records between the slices that each point lies between.
 
         Parameters
         ----------
-        records : ndarray, shape (s * per_slice, ...)
+        records : ndarray, shape (slices * per_slice, ...)
         index : ndarray of int, shape (n,)
             Of a record within its slice.
         per_slice : int
@@ -46,10 +53,17 @@ class Slices:
         -------
         ndarray, shape (n, ...)
         """
-        at = self.low * per_slice + index
-        low, high = records.take(at, axis=0), records.take(at + per_slice, axis=0)
-        part = self.part[(..., *(None,) * (records.ndim - 1))]
-        return low + part * (high - low)
+        steps = [(stride * per_slice, part) for stride, part in self._steps]
+        return _blend(records, self._low * per_slice + index, steps)
+
+
+def _blend(records: Array, at: Index, steps: list[tuple[int, Array]]) -> Array:
+    """Interpolate between records and those a step farther, along each of the steps."""
+    if not steps:
+        return records.take(at, axis=0)
+    (step, part), *inner = steps
+    low, high = _blend(records, at, inner), _blend(records, at + step, inner)
+    return low + part[(..., *(None,) * (records.ndim - 1))] * (high - low)
 
 
 class Grid:
@@ -98,20 +112,14 @@ class Warp:
 
     def __init__(self, density: Array) -> None:
         self.shape = density.shape[1:]
-        density = density.astype(np.float64)
-        along = np.zeros(density.shape)
-        along[:, :, 1:] = np.cumsum((density[:, :, :-1] + density[:, :, 1:]) / 2, axis=2)
-        rows = along[:, :, -1]
-        down = np.zeros(rows.shape)
-        down[:, 1:] = np.cumsum((rows[:, :-1] + rows[:, 1:]) / 2, axis=1)
-        total = down[:, -1]
-        self._down = (down / total[:, None]).astype(np.float32).reshape(-1)
+        downs = np.empty(density.shape[:2], dtype=np.float32)
         # A record holds the density at a node and at the next node of its row, the cumulative up to
         # the node, and the integral of the whole row.
-        following = np.concatenate([density[:, :, 1:], density[:, :, -1:]], axis=2)
-        whole = np.broadcast_to(rows[:, :, None], density.shape)
-        records = np.stack([density, following, along, whole], axis=-1) / total[:, None, None, None]
-        self._records = records.astype(np.float32).reshape(-1, 4)
+        records = np.empty((*density.shape, 4), dtype=np.float32)
+        for k, each in enumerate(density):  # so that double precision serves one slice at a time
+            downs[k], records[k] = _cumulated(each.astype(np.float64))
+        self._down: Array = downs.reshape(-1)
+        self._records: Array = records.reshape(-1, 4)
 
     def invert(self, x: Array, y: Array, slices: Slices) -> tuple[Array, Array]:
         """Find the points of the uniform square that the map takes to x (columns) and y (rows).
@@ -132,6 +140,19 @@ class Warp:
         source_y = slices.blend(self._down, row, self.shape[0])
         source_y = source_y + below * (first + below / 2 * (last - first))
         return np.clip(source_x, 0, 1), np.clip(source_y, 0, 1)
+
+
+def _cumulated(density: Array) -> tuple[Array, Array]:
+    """The cumulative of the rows, shape (rows,), and the records, shape (rows, columns, 4)."""
+    along = np.zeros(density.shape)
+    along[:, 1:] = np.cumsum((density[:, :-1] + density[:, 1:]) / 2, axis=1)
+    rows = along[:, -1]
+    down = np.zeros(rows.shape)
+    down[1:] = np.cumsum((rows[:-1] + rows[1:]) / 2)
+    following = np.concatenate([density[:, 1:], density[:, -1:]], axis=1)
+    whole = np.broadcast_to(rows[:, None], density.shape)
+    records = np.stack([density, following, along, whole], axis=-1)
+    return down / down[-1], records / down[-1]
 
 
 def _cell(coordinate: Array, count: int) -> tuple[Index, Array]:
