@@ -46,7 +46,6 @@ USERS = {
 """The stops that alone may open images or talk to the terminal, by what they do it with."""
 EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
-    "brdf/measured/reading/spectrum.py": {"colour"},
     "render/flip.py": {"flip_evaluator"},
     "geometry/load.py": {"trimesh"},
     "geometry/rays.py": {"embreex"},

@@ -101,6 +101,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(distributions):
     names = set(zipfile.ZipFile(distributions[0]).namelist())
     assert {name for name in names if name.endswith(".py")} == set(PACKAGE)
     assert "shrm_cli/py.typed" in names
+    assert "shrm_cli/brdf/measured/reading/cie_1931_d65.csv" in names
     others = {name.split("/")[0] for name in names} - {"shrm_cli"}
     assert all(name.endswith(".dist-info") for name in others)
 

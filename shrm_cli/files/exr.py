@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli import settings
 from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import MOST_CHANNELS, excess
 from shrm_cli.files.noise import quiet
+from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
 

@@ -4,10 +4,10 @@ from bisect import bisect_left
 from collections.abc import Callable
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.openimageio import oiio
 
 Array = NDArray[np.floating]
 

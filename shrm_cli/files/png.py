@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.whole import replacing
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.inputs import note
 from shrm_cli.files.noise import caught, last_noise, quiet
+from shrm_cli.files.openimageio import oiio
 from shrm_cli.probe.encoding import Encoding, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
 from shrm_cli.probe.radiance_header import RadianceHeader

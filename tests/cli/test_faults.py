@@ -19,6 +19,8 @@ from tests.cli.helpers import MAIN, Run, environment, noise, run, snapshot, star
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 
 MOMENTS = int(os.environ.get("FAULTS", "1"))
+# What the installed command runs: it obeys Ctrl-C while the command line loads, too.
+WHOLE = "from shrm_cli.__main__ import main; main()"
 COMMANDS = {
     "prefilter": ("prefilter", "probe.exr", "--brdf", "ggx:roughness=0.4", "-o", "out.exr"),
     "frames": ("render", "m.exr", "--frames", "12", "--size", "32", "-o", "out.%04d.png"),
@@ -68,7 +70,7 @@ def test_killed_at_any_moment(prepared, tmp_path, name, number):
         pytest.skip("FAULTS=50 tries all")
     source, whole, seconds = prepared
     rng = random.Random(f"{name} {number}")
-    code = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{MAIN}"
+    code = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{WHOLE}"
     for moment in range(MOMENTS):
         folder = tmp_path / str(moment)
         shutil.copytree(source, folder)

@@ -223,7 +223,7 @@ def _load_everything() -> None:
             importlib.import_module(module.name)
     for name in ("trimesh.exchange.load", "embreex.mesh_construction"):
         importlib.import_module(name)
-    to_linear_srgb([400.0, 700.0], [1.0, 1.0])  # loads the tables of colour-science
+    to_linear_srgb([400.0, 700.0], [1.0, 1.0])  # reads its table
     gc.collect()
     gc.freeze()  # or the collector would touch, and so copy, every page in every child
 

@@ -83,7 +83,7 @@ class Goniometer(MeasuredBrdf):
         Raises
         ------
         BrdfError
-            If the file cannot be read or is damaged, or colour-science is not installed.
+            If the file cannot be read or is damaged.
         """
         wavelengths, rows = _read(Path(path))
         try:

@@ -70,7 +70,7 @@ class Zernike(MeasuredBrdf):
         Raises
         ------
         BrdfError
-            If the file cannot be read or is damaged, or colour-science is needed and missing.
+            If the file cannot be read or is damaged.
         """
         lines = read_lines(path, "a file of BRDF measurements or Zernike coefficients")
         if not lines:

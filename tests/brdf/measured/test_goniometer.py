@@ -10,8 +10,6 @@ from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles, normalize
 
-pytest.importorskip("colour")
-
 COLOR = np.array([0.9, 0.6, 0.3])
 
 

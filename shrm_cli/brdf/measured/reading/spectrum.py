@@ -1,12 +1,22 @@
 """Conversion of reflectance spectra to linear sRGB."""
 
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.brdf.base import Array
 from shrm_cli.errors import BrdfError
+
+# The package colour-science has these numbers too, but importing it takes longer than all that is
+# done with a measured file. The tests compare them.
+_TABLE = Path(__file__).with_name("cie_1931_d65.csv")
+_XYZ_TO_SRGB = (
+    (3.2406, -1.5372, -0.4986),
+    (-0.9689, 1.8758, 0.0415),
+    (0.0557, -0.2040, 1.0570),
+)
 
 
 def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
@@ -30,12 +40,13 @@ def to_linear_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     Raises
     ------
     BrdfError
-        If wavelengths are not positive and different, or colour-science is not installed.
+        If wavelengths are not positive and different.
 
     References
     ----------
-    CIE 015:2018, section 7.1; IEC 61966-2-1. The tables are colour-science's: the observer in
-    steps of 1 nm from 360 to 830 nm.
+    CIE 015:2018, section 7.1 (the sums); ISO/CIE 11664-1 and 11664-2 (the observer in steps of
+    1 nm from 360 to 830 nm, and D65 in steps of 5 nm, linear between them and constant beyond
+    780 nm); IEC 61966-2-1, section 5.2 (the matrix).
     """
     wavelengths = np.asarray(wavelengths_nm, dtype=float)
     values = np.asarray(values)
@@ -72,16 +83,6 @@ def _weights(wavelengths: tuple[float, ...]) -> Array:
 @lru_cache(maxsize=1)
 def _observed_light() -> tuple[Array, Array]:
     """Wavelengths in nm, shape (n,), and what reflectance 1 there adds to linear sRGB, (n, 3)."""
-    try:
-        with np.printoptions():  # the import changes numpy's, and this restores them
-            import colour
-    except ImportError as error:
-        raise BrdfError(
-            "spectra need the package colour-science; pip install 'shrm[measured]'"
-        ) from error
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    daylight = colour.SDS_ILLUMINANTS["D65"]
-    at = np.asarray(observer.wavelengths, dtype=float)
-    light = np.interp(at, daylight.wavelengths, daylight.values)
-    seen = observer.values * light[:, None] @ colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB.T
+    at, *observer, daylight = np.loadtxt(_TABLE, delimiter=",", unpack=True)
+    seen = np.stack(observer, axis=-1) * daylight[:, None] @ np.transpose(_XYZ_TO_SRGB)
     return at, seen / seen.sum(axis=0)
