@@ -18,6 +18,8 @@ import pytest
 
 from tests.cli.helpers import noise, read_exr, write_exr
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[1]
 
 MODEL = '''

@@ -28,6 +28,7 @@ def python(code, **options):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_every_block_of_the_page_runs(tmp_path):
     """One after the other, as a reader would type them."""
     assert len(BLOCKS) >= 6

@@ -149,6 +149,7 @@ def test_coloured_brdf_about_the_normal_without_a_horizon(probe, lights, pairs):
 
 @pytest.mark.parametrize("tolerance", [None, 0.02])
 @pytest.mark.parametrize("spec", ["microfacet:sigma=0.2", "phong:exponent=64"])
+@pytest.mark.slow
 def test_cuts_change_nothing(probe, pairs, monkeypatch, spec, tolerance):
     _, views, normals = (each[:20] for each in pairs)
     brdf = parse_spec(spec)

@@ -50,6 +50,7 @@ def lobe_around_mirror(roughness, theta_o, wanted):
 
 
 @pytest.mark.parametrize(("roughness", "order"), [(0.5, 60), (0.2, 250), (0.1, 250)])
+@pytest.mark.slow
 def test_lobes_of_generic_views(roughness, order):
     wanted = [(0, 0), (3, 1), (10, 2), (order // 2, 4), (order, 0), (order, 3)]
     accuracy = 1e-4

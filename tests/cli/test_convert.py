@@ -247,6 +247,7 @@ def test_inputs_are_kept(folder):
     assert snapshot(folder) == before
 
 
+@pytest.mark.slow
 def test_the_same_bytes_twice(folder):
     for target in [*EXPLICIT, "latlong"]:
         for name in ("one.exr", "two.exr"):

@@ -105,6 +105,7 @@ WRITERS = [
 
 
 @pytest.mark.parametrize("limit", [0, 1000])
+@pytest.mark.slow
 def test_a_full_disk_at_every_writer(prepared, tmp_path, limit):
     """All commands in one process, whose files cannot grow beyond so many bytes."""
     folder = tmp_path / "full"

@@ -221,6 +221,7 @@ def test_sampling_is_of_both_probe_and_map_unless_one_is_named(folder):
         assert tagged is (expected is border_map)
 
 
+@pytest.mark.slow
 def test_runs_are_identical_whatever_the_threads(folder):
     digests = set()
     for options in [[], [], ["--threads", 1], ["--threads", 2], ["--threads", 7]]:

@@ -58,6 +58,7 @@ def without_times(value):
     return value
 
 
+@pytest.mark.slow
 def test_json(folder):
     """All but the times is the same again."""
     before = snapshot(folder)
@@ -101,6 +102,7 @@ def test_json(folder):
     assert len({len(line) for line in lines[1:7]}) == 1  # the columns are flush
 
 
+@pytest.mark.slow
 def test_the_same_again_and_nothing(folder, only_shrm):
     first, second = (without_times(told("room.exr", *TWO)) for _ in range(2))
     assert first == second
@@ -138,6 +140,7 @@ def test_defaults(folder, monkeypatch):
     assert max_memory is None
 
 
+@pytest.mark.slow
 def test_the_sheet_has_a_row_for_each_roughness(folder):
     out = done("compare", "room.exr", *TWO, "-o", "sheet.exr", "--exposure", 1)
     layout = representations.table_layout(2, 16)

@@ -59,6 +59,7 @@ VALUES = st.recursive(
 
 
 @given(VALUES)
+@pytest.mark.slow
 def test_json_is_always_json(value):
     text = printed_json(value)
     assert is_json(text)

@@ -17,6 +17,8 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
 from tests.probe import scenes
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 PROGRAM = """

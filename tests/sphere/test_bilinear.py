@@ -15,6 +15,7 @@ DIRECTIONS = 20000
     ("degree", "size", "sampling"),
     [(2, 8, "center"), (6, 8, "center"), (12, 8, "center"), (10, 32, "center"), (6, 9, "border")],
 )
+@pytest.mark.slow
 def test_error_is_that_of_filtering_random_harmonics(degree, size, sampling):
     rng = np.random.default_rng(degree)
     weights = rng.standard_normal((2 * degree + 1, 16))

@@ -133,6 +133,7 @@ PATHS = {
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_no_seams_in_smooth_images(rng, kind, sampling):
     """Along a fine path the steps are those of the function: a jump would stand out."""
     f = make_function(rng)
@@ -247,6 +248,7 @@ def latlong_of(f, height):
     return f(oracles.latlong_pixels(2 * height, height))
 
 
+@pytest.mark.slow
 def test_cubic_latlong_error_falls_with_the_third_power(rng):
     """Everywhere: the poles and the seam too."""
     f = make_function(rng)

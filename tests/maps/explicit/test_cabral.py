@@ -71,6 +71,7 @@ def test_the_triangle_is_the_one_of_the_view():
     assert [tuple(sorted(face)) for face in indices] == [hit(view) for view in VIEWS]
 
 
+@pytest.mark.slow
 def test_weights_are_ratios_of_areas():
     expected = np.zeros((len(VIEWS), 12))
     for row, view in zip(expected, VIEWS, strict=True):

@@ -90,6 +90,7 @@ def test_measured_error_is_the_predicted_one(room, name, divide):
 
 
 @pytest.mark.parametrize("spec", ["phong:exponent=512", "microfacet:sigma=0.05"])
+@pytest.mark.slow
 def test_light_is_carried_as_far_as_in_an_shrm_of_its_size(spec):
     """What the tolerance asks for is less than a cube of that size can show of a bare sun."""
     pixels = np.full((256, 512, 3), 0.05, dtype=np.float32)
@@ -101,6 +102,7 @@ def test_light_is_carried_as_far_as_in_an_shrm_of_its_size(spec):
     assert made.info.order_carried >= shrm.info.order_carried > 100
 
 
+@pytest.mark.slow
 def test_more_maps_are_better(room):
     errors = [
         prefilter(room, SPECS["plastic"], to="principal", maps=maps, size=64).info.predicted_error
@@ -278,6 +280,7 @@ def test_wrong_attributes_are_refused(room, tmp_path, name, value):
     refused(path, name if name == "shrm:functions" or value != "[0, 0]" else "")
 
 
+@pytest.mark.slow
 def test_flipped_bits(stored):
     survives_flipped_bits(stored[1], 60, least=1)
 
