@@ -1,0 +1,1 @@
+"""The page on product textures: the figures and the table of Kautz, Sloan and Snyder 2002."""

@@ -112,7 +112,7 @@ def figure_6(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Trun
         row = []
         for k, column in enumerate(own):
             pictured = drawn.difference(k).relative_rmse
-            row.append((drawn.others[k, 0], f"{column.name}: {pictured:.1%}"))
+            row.append((drawn.others[k, 0], f"error {pictured:.1%}"))
             # The window changes the degrees up to the order; those beyond are missed besides.
             info = made[k].info
             predicted = float(np.hypot(info.predicted_error, info.added_error))
