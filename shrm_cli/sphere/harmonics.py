@@ -162,7 +162,7 @@ def harmonic_planes(order: int, directions: ArrayLike) -> Array:
     powers = np.empty((order + 1, *z.shape), dtype=complex)
     powers[0] = np.sqrt(2)
     for m in range(order):  # many times as fast as powers of complex numbers
-        np.multiply(powers[m], phase, out=powers[m + 1])
+        powers[m + 1] = powers[m] * phase
     cosines, sines = np.ascontiguousarray(powers.real), np.ascontiguousarray(powers.imag)
     values = np.empty(((order + 1) ** 2, *z.shape))
     for degree, legendre in legendre_degrees(order, np.clip(z, -1.0, 1.0), sine=sine):
