@@ -179,8 +179,11 @@ def _summed(
     added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
     signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
     for weight, term in brdf.terms:
-        each = compute_transfer(term.recentered(brdf.center), order_f, order_p, accuracy, progress)
-        projected = weight * each.projected(MAX_ORDER_P)
+        term = term.recentered(brdf.center)
+        each = compute_transfer(term, order_f, order_p, accuracy, progress)
+        projected = np.zeros_like(added)
+        known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
+        projected[:, :known, :known] = weight * each.projected(known - 1)
         shared = 2 * np.sum(added * projected * signs, axis=(1, 2))
         added += projected
         by_degree += weight**2 * each.degree_energy + shared
