@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = sorted(path.relative_to(ROOT).as_posix() for path in ROOT.glob("shrm_cli/**/*.py"))
 

@@ -12,6 +12,7 @@ import pytest
 
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.image import write_image
+from shrm_cli.maps.attributes import VERSION
 from shrm_cli.maps.file import is_map, open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
