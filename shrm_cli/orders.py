@@ -14,7 +14,12 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.lobe_expansion import lobe_width
-from shrm_cli.brdf.transfer import energy_above, next_octave, power_of_two_times
+from shrm_cli.brdf.transfer import (
+    TransferFunctions,
+    energy_above,
+    next_octave,
+    power_of_two_times,
+)
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
@@ -302,7 +307,7 @@ def _sufficient_coefficients(
             return coefficients
         missing = 1 - coefficients.captured()[-1, -1]
         # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
-        octaves = _octaves_to_come(coefficients, tolerance / 5)
+        octaves = octaves_to_come(coefficients, tolerance / 5)
         if octaves > 0 and f < MAX_ORDER_F and not _is_lost_to_p(coefficients, most_p):
             f = min(2**octaves * f, MAX_ORDER_F)
             continue
@@ -341,15 +346,15 @@ def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] |
     return bool(lost > _LOST * energy_above(by_degree))
 
 
-def _octaves_to_come(coefficients: BrdfCoefficients, tolerance: float) -> int:
+def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, tolerance: float) -> int:
     """Estimate how often the order F must be doubled until little energy lies beyond it.
 
     `energy_above` estimates it. What no F finds, because it has q > P, does not count.
 
     Parameters
     ----------
-    coefficients : BrdfCoefficients
-        The coefficients to the order F.
+    coefficients : BrdfCoefficients or TransferFunctions
+        What is known to the order F.
     tolerance : float
         The fraction of the energy that may lie beyond.
 

@@ -167,10 +167,8 @@ def open_file(path):
 
 @pytest.fixture
 def copy(tmp_path):
-    """A copy of the package, and a probe beside it."""
-    shutil.copytree(
-        ROOT / "shrm_cli", tmp_path / "shrm_cli", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    """A copy of the package, with its compiled modules, and a probe beside it."""
+    shutil.copytree(ROOT / "shrm_cli", tmp_path / "shrm_cli")
     write_exr(tmp_path / "probe.exr", noise(32, 64))
     return tmp_path
 
@@ -203,6 +201,7 @@ def test_a_brdf_model_is_one_file(copy):
     assert "0.00%" in run(copy, "compare", "a.exr", "b.exr", "--size", "16", "--no-picture")
 
 
+@pytest.mark.slow
 def test_an_explicit_map_is_a_file_and_a_row(copy):
     (copy / "shrm_cli" / "maps" / "explicit" / "six_axes.py").write_text(EXPLICIT)
     add_row(copy, '    "irradiance":', '    "six-axes": "explicit.six_axes",\n')
@@ -226,6 +225,7 @@ def test_an_explicit_map_is_a_file_and_a_row(copy):
     )
 
 
+@pytest.mark.slow
 def test_a_map_for_engines_is_a_folder_and_a_row(copy):
     for name, text in AMBIENT.items():
         path = copy / "shrm_cli" / "maps" / "ambient" / f"{name}.py"

@@ -20,8 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.sums import Sum
 from shrm_cli.brdf.transfer import accuracy_remark, both_signs, compute_transfer
 from shrm_cli.progress import Progress
+from shrm_cli.vocabulary import MAX_ORDER_P
 
 Array = NDArray[np.floating]
 
@@ -145,6 +147,8 @@ def compute_coefficients(
         If the BRDF is anisotropic or not finite, or cannot be sampled; see `compute_transfer`.
     """
     order_p = 0 if brdf.zonal else order_p
+    if isinstance(brdf, Sum):
+        return _summed(brdf, order_f, order_p, accuracy, progress)
     transfer = compute_transfer(brdf, order_f, order_p, accuracy, progress)
     values = transfer.projected(order_p)
     # Of a zonal BRDF the energy of each l is in one coefficient, to the last bit.
@@ -156,4 +160,39 @@ def compute_coefficients(
         transfer.samples,
         transfer.accuracy,
         transfer.asked,
+    )
+
+
+def _summed(
+    brdf: Sum, order_f: int, order_p: int, accuracy: float, progress: Progress | None
+) -> BrdfCoefficients:
+    """Add the coefficients of the terms of a sum about its own center.
+
+    Each term is sampled as its own lobe wants it. The whole would want the nodes that are densest
+    among them everywhere: a sharp lobe on a diffuse base takes four times as long.
+
+    The energy of a sum is that of its terms and twice what each pair of them has in common, which
+    is a sum of products of coefficients. It is counted up to the largest p that maps have, and for
+    the q that are known; terms that both have much beyond are alike, and sharp.
+    """
+    total, by_degree = np.zeros(3), np.zeros((order_f + 1, 3))
+    added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
+    signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
+    for weight, term in brdf.terms:
+        term = term.recentered(brdf.center)
+        each = compute_transfer(term, order_f, order_p, accuracy, progress)
+        projected = np.zeros_like(added)
+        known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
+        projected[:, :known, :known] = weight * each.projected(known - 1)
+        shared = 2 * np.sum(added * projected * signs, axis=(1, 2))
+        added += projected
+        by_degree += weight**2 * each.degree_energy + shared
+        total += weight**2 * each.total_energy + shared.sum(axis=0)
+        missed += weight * np.sqrt(each.accuracy * each.total_energy.sum())
+        samples.append(each.samples)
+    values = added[:, : order_p + 1, : order_p + 1]
+    lights, views, azimuths = (max(counts) for counts in zip(*samples, strict=True))
+    reached = float(missed**2 / total.sum()) if total.sum() > 0 else 0.0
+    return BrdfCoefficients(
+        values.copy(), total, by_degree, (lights, views, azimuths), reached, accuracy
     )

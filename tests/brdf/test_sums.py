@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.models.ggx import Ggx
@@ -146,3 +147,38 @@ def test_weights_without_a_finite_energy(weight):
     for spec in (f"{weight}*lambertian", f"lambertian+{weight}*phong"):
         with pytest.raises(BrdfError, match=r"weights are not negative, and 1e\+30 at most"):
             parse_spec(spec)
+
+
+class Sampled(Brdf):
+    """A sum that does not tell that it is one, so that it is sampled as a whole."""
+
+    name = summary = source = "whole"
+
+    def __init__(self, whole):
+        self.whole, self.values = whole, {}
+        self.center, self.includes_cosine = whole.center, whole.includes_cosine
+        self.has_horizon = whole.has_horizon
+
+    def evaluate(self, light, view):
+        return self.whole.evaluate(light, view)
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "0.5*lambertian+0.5*ggx:roughness=0.4,f0=0.04",
+        "0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=16",
+        "oren-nayar+0.5*lambertian",
+    ],
+)
+def test_coefficients_of_terms_are_added(spec):
+    """The values, and the energy with what the terms have in common, are those of the whole."""
+    whole = parse_spec(spec)
+    added = compute_coefficients(whole, 32, 6, accuracy=1e-5)
+    sampled = compute_coefficients(Sampled(whole), 32, 6, accuracy=1e-5)
+    energy = sampled.total_energy.sum()
+    assert np.sum((added.values - sampled.values) ** 2) < 1e-5 * energy
+    np.testing.assert_allclose(added.total_energy, sampled.total_energy, rtol=2e-4)
+    difference = np.abs(added.degree_energy - sampled.degree_energy).sum()
+    assert difference < 2e-4 * energy
+    assert added.converged

@@ -18,6 +18,9 @@ from shrm_cli.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = "from shrm_cli.cli.main import main; main()"
+NO_MODULES = "import sys; sys.dont_write_bytecode = True"
+"""What a process does first whose files may be cut off: Python 3.11 would keep compiled modules
+that are, and fail to import them ever after."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import pytest
 
 from tests.cli.helpers import (
     MAIN,
+    NO_MODULES,
     assert_refused,
     noise,
     process,
@@ -354,7 +355,7 @@ def test_file_that_would_grow_too_large(folder, limit, old):
     """As on a full disk: in the first byte, in the header, in the pixels."""
     if old is not None:
         (folder / "out.exr").write_text(old)
-    code = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({limit}, {limit}))"
+    code = f"{NO_MODULES}; import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({limit}, {limit}))"
     refused_output(folder, "out.exr", "cannot be written (File too large); make room", code=code)
 
 

@@ -22,6 +22,7 @@ from shrm_cli.render.sphere import render_sphere
 from tests.brute_force import latlong_samples, phong, reflected
 from tests.cli.helpers import (
     MAIN,
+    NO_MODULES,
     assert_refused,
     done,
     noise,
@@ -499,7 +500,7 @@ def test_values_that_no_float_holds(folder):
 @pytest.mark.parametrize("name", ["x.png", "x.exr"])
 def test_full_disk(folder, name):
     before = snapshot(folder)
-    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900)); {MAIN}"
+    limited = f"{NO_MODULES}; import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (900, 900)); {MAIN}"
     result = process("compare", "fine.map.exr", "coarse.map.exr", "-o", name, code=limited)
     assert_refused(result, 1, f"Error: {name}: cannot be written (")
     assert snapshot(folder) == before

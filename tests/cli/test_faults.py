@@ -4,6 +4,7 @@ Nothing may be lost or half-written, and what a killed process leaves the next r
 FAULTS=50 in the environment as many moments are tried, and all signals.
 """
 
+import functools
 import os
 import random
 import shutil
@@ -14,7 +15,17 @@ import time
 
 import pytest
 
-from tests.cli.helpers import MAIN, Run, environment, noise, run, snapshot, start, write_exr
+from tests.cli.helpers import (
+    MAIN,
+    NO_MODULES,
+    Run,
+    environment,
+    noise,
+    run,
+    snapshot,
+    start,
+    write_exr,
+)
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 
@@ -31,24 +42,29 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    """A folder with a probe and its map, what each command writes there, and its seconds."""
+    """A folder with a probe and its map."""
     folder = tmp_path_factory.mktemp("faults")
     write_exr(folder / "probe.exr", noise(32, 64))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         made = run("prefilter", "probe.exr", "--brdf", "ggx:roughness=0.5", "-o", "m.exr")
     assert made.code == 0
-    whole, seconds = {}, {}
-    for name, command in COMMANDS.items():
-        if MOMENTS == 1 and name == "faces":
-            continue
-        other = folder.with_name(f"{folder.name}-{name}")
-        shutil.copytree(folder, other)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(prepared):
+    """A function that tells what a command writes there, and how many seconds it takes."""
+
+    @functools.cache
+    def whole(name):
+        other = prepared.with_name(f"{prepared.name}-{name}")
+        shutil.copytree(prepared, other)
         begin = time.monotonic()
-        assert subprocess_in(other, command).code == 0
-        seconds[name] = time.monotonic() - begin
-        whole[name] = snapshot(other)
-    return folder, whole, seconds
+        assert subprocess_in(other, COMMANDS[name]).code == 0
+        return snapshot(other), time.monotonic() - begin
+
+    return whole
 
 
 def subprocess_in(folder, command, code=MAIN, **changes):
@@ -64,29 +80,29 @@ def subprocess_in(folder, command, code=MAIN, **changes):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 @pytest.mark.parametrize("name", COMMANDS)
-def test_killed_at_any_moment(prepared, tmp_path, name, number):
+def test_killed_at_any_moment(prepared, finished, tmp_path, name, number):
     """Outputs are whole or not there, and a second run makes what the first would have made."""
     if MOMENTS == 1 and (number in (signal.SIGHUP, signal.SIGINT) or name == "faces"):
         pytest.skip("FAULTS=50 tries all")
-    source, whole, seconds = prepared
+    whole, seconds = finished(name)
     rng = random.Random(f"{name} {number}")
     code = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{WHOLE}"
     for moment in range(MOMENTS):
         folder = tmp_path / str(moment)
-        shutil.copytree(source, folder)
+        shutil.copytree(prepared, folder)
         with start(*COMMANDS[name], code=code, cwd=folder) as child:
-            time.sleep(rng.uniform(0.2, 1) * seconds[name])
+            time.sleep(rng.uniform(0.2, 1) * seconds)
             child.send_signal(number)
             _, err = child.communicate(timeout=60)
         found = snapshot(folder)
         left = [each for each in found if ".shrm-" in each]
-        assert all(whole[name][each] == found[each] for each in found if each not in left)
+        assert all(whole[each] == found[each] for each in found if each not in left)
         if number != signal.SIGKILL:
             assert left == [], (child.returncode, err)
             assert "Traceback" not in err
         if moment == 0 or number == signal.SIGKILL:
             assert subprocess_in(folder, COMMANDS[name]).code == 0
-            assert snapshot(folder) == whole[name]
+            assert snapshot(folder) == whole
 
 
 WRITERS = [
@@ -109,9 +125,10 @@ WRITERS = [
 def test_a_full_disk_at_every_writer(prepared, tmp_path, limit):
     """All commands in one process, whose files cannot grow beyond so many bytes."""
     folder = tmp_path / "full"
-    shutil.copytree(prepared[0], folder)
+    shutil.copytree(prepared, folder)
     before = snapshot(folder)
     code = f"""
+{NO_MODULES}
 import resource, sys
 from shrm_cli.cli.main import main
 resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
@@ -141,10 +158,10 @@ for command in {WRITERS!r}:
     ],
     ids=lambda changes: next(iter(changes)),
 )
-def test_odd_environments(prepared, tmp_path, changes):
+def test_odd_environments(prepared, finished, tmp_path, changes):
     """The same bytes and no word on stderr, whatever the variables are."""
     folder = tmp_path / "odd"
-    shutil.copytree(prepared[0], folder)
+    shutil.copytree(prepared, folder)
     result = subprocess_in(folder, COMMANDS["convert"], **changes)
     assert (result.code, result.err) == (0, "")
-    assert snapshot(folder) == prepared[1]["convert"]
+    assert snapshot(folder) == finished("convert")[0]

@@ -23,6 +23,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background, render_sphere
+from tests.cli.helpers import NO_MODULES
 from tests.render.materials import furnace, spot, under_random_light
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
@@ -270,10 +271,11 @@ def test_as_a_process(package_path, folder):
     assert result.stderr == "Error: missing.exr: no such file\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["x.png", "x.exr"])
 def test_full_disk_as_a_process(package_path, folder, name):
     before = files(folder)
-    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (900, 900)); {MAIN}"
+    limited = f"{NO_MODULES}; import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (900, 900)); {MAIN}"
     result = process("render", "a.microfacet.shrm.exr", "-o", name, code=limited)
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith(f"Error: {name}: cannot be written (")

@@ -112,8 +112,10 @@ def test_missing_folder(tmp_path, suffix):
     assert ".shrm-" not in str(caught.value)
 
 
+# Python 3.11 would keep compiled modules that are cut off.
 FILL_DISK = """
 import resource, sys
+sys.dont_write_bytecode = True
 import numpy as np
 from shrm_cli.errors import OutputError
 from shrm_cli.files.picture import write_picture

@@ -24,7 +24,7 @@ from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
 from shrm_cli.maps.size import choose_size, supported_order, total_error
-from shrm_cli.orders import Orders
+from shrm_cli.orders import Orders, octaves_to_come
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -205,26 +205,36 @@ def _planner(
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
     order, max_q = _first_order(brdf), min(_FIRST_Q, MAX_Q)
-    while True:
-        transfer = _transfer(brdf, order, max_q, light.progress)
+    limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+
+    def factorized() -> Planner:
         lighting = light.to_order(order)
         spectrum = Spectrum.of(transfer, brdf.center, weighted_power(lighting, order), divide)
-        planner = Planner(spectrum, lighting, sampling)
-        above, aside = _unknown(planner, of_light=error is not None)
-        limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+        return Planner(spectrum, lighting, sampling)
+
+    while True:
+        transfer = _transfer(brdf, order, max_q, light.progress)
+        # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
+        above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < MAX_Q:
             max_q = MAX_Q
             if above <= limit or order >= MAX_ORDER_F:
                 continue
         elif order >= MAX_ORDER_F:
-            return planner
+            return factorized()
         if above <= limit:
+            planner = factorized()
             if error is not None or not _hides_visible(planner, tolerance, size):
                 return planner
             order = 2 * order
             continue
         # Sharp lobes need far more, and every try costs the time to sample the BRDF.
-        order = min((4 if above > _SHARP else 2) * order, MAX_ORDER_F)
+        octaves = 2 if above > _SHARP else 1
+        if error is None:
+            octaves = octaves_to_come(transfer, limit)
+            # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
+            max_q = MAX_Q if octaves > 1 else max_q
+        order = min(2**octaves * order, MAX_ORDER_F)
 
 
 def _first_order(brdf: Brdf) -> int:
@@ -242,23 +252,18 @@ def _hides_visible(planner: Planner, tolerance: float, size: int | None) -> bool
     return form.carried == known < supported_order(form.size)
 
 
-def _unknown(planner: Planner, of_light: bool) -> tuple[float, float]:
-    """Return the parts of the energy at unknown degrees, and in unknown azimuthal orders.
+def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
+    """Return the parts of a BRDF's energy at unknown degrees, and in unknown azimuthal orders."""
+    above, aside = (float(each.sum()) for each in own_energies_beyond(transfer))
+    whole = max(float(transfer.total_energy.sum()), 1e-300)
+    return above / whole, aside / whole
 
-    Parameters
-    ----------
-    planner : Planner
-    of_light : bool
-        Whether the energy is that of the reflected light, or else the BRDF's own.
-    """
-    transfer = planner.spectrum.transfer
-    if of_light:
-        above, aside = energies_beyond(planner.lighting, transfer)
-        whole = planner.whole / max(planner.spectrum.visible, 1e-300)
-    else:
-        above, aside = (float(each.sum()) for each in own_energies_beyond(transfer))
-        whole = float(transfer.total_energy.sum())
-    return above / max(whole, 1e-300), aside / max(whole, 1e-300)
+
+def _unknown_light(planner: Planner) -> tuple[float, float]:
+    """Return the same parts of the energy of the reflected light."""
+    above, aside = energies_beyond(planner.lighting, planner.spectrum.transfer)
+    whole = max(planner.whole / max(planner.spectrum.visible, 1e-300), 1e-300)
+    return above / whole, aside / whole
 
 
 def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:

@@ -231,7 +231,7 @@ def test_refused_options(room, options, words):
 @pytest.fixture(scope="module", params=["one", "two", "divided"])
 def stored(request, room, tmp_path_factory):
     spec = "0.5*lambertian+0.5*ggx:roughness=0.6" if request.param == "two" else SPECS["metal"]
-    made = prefilter(room, spec, to="principal", maps=7, divide=request.param == "divided")
+    made = prefilter(room, spec, to="principal", maps=7, size=16, divide=request.param == "divided")
     path = tmp_path_factory.mktemp("principal") / "map.exr"
     save(path, made, "float")
     return made, path

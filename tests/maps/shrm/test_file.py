@@ -12,6 +12,7 @@ import pytest
 
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.image import write_image
+from shrm_cli.maps.attributes import VERSION
 from shrm_cli.maps.file import is_map, open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -212,7 +213,7 @@ def test_bytes_that_are_no_text_are_replaced(damaged):
     assert open_map(path).info.probe == "??.exr"
 
 
-@pytest.mark.parametrize("version", [6, 1000])
+@pytest.mark.parametrize("version", [VERSION + 1, 1000])
 def test_newer_files_ask_for_a_newer_shrm(damaged, version):
     changed = {"shrm:version": version, "shrm:frame": "tangent", "shrm:F": None}
     refused(damaged(changed), f"newer shrm (format {version})", "update")
