@@ -263,6 +263,7 @@ def microfacet_pictures():
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_pictures_approach_the_truth_with_p(microfacet_pictures):
     coefficients, _, truth, made = microfacet_pictures
     assert made.pictures.shape == (6, 2, 16, 16, 3)

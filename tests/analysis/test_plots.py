@@ -133,6 +133,7 @@ def test_degenerate_energies_are_drawn(tmp_path, captured):
     assert oiio.ImageBuf(str(tmp_path / "x.png")).spec().width > 1000
 
 
+@pytest.mark.slow
 def test_png_tells_nothing_of_time_or_software_and_is_the_same_again(tmp_path):
     a, b = tmp_path / "a.png", tmp_path / "b.png"
     plots.plot_energy(a, CAPTURED, ORDERS, "x")
@@ -170,6 +171,7 @@ def test_failed_chart_leaves_the_old_file(tmp_path, monkeypatch):
     assert target.read_bytes() == b"old"
 
 
+@pytest.mark.slow
 def test_no_window_system_is_asked_for_and_nothing_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("MPLCONFIGDIR", "/dev/null/nowhere")
     code = (

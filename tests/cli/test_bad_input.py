@@ -351,6 +351,7 @@ def test_full_disk(folder):
 
 @pytest.mark.parametrize("old", [None, "old"])
 @pytest.mark.parametrize("limit", [0, 300, 3000])
+@pytest.mark.slow
 def test_file_that_would_grow_too_large(folder, limit, old):
     """As on a full disk: in the first byte, in the header, in the pixels."""
     if old is not None:

@@ -171,6 +171,7 @@ def test_a_measured_file_is_explained(shared):
     ("suffix", "kind", "error"),
     [("exr", "table", 0.01), ("npz", "table", 0.01), ("binary", "merl", 0.02)],
 )
+@pytest.mark.slow
 def test_saving_converts_and_tells_the_error(tmp_path, suffix, kind, error):
     target = tmp_path / f"gold.{suffix}"
     spec = "ggx:roughness=0.5,f0=gold"

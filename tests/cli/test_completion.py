@@ -33,6 +33,7 @@ def completed(monkeypatch, line):
         ("shrm brdf 1e-1*lambertian+2e+0*gg", ["1e-1*lambertian+2e+0*ggx"]),
     ],
 )
+@pytest.mark.slow
 def test_values(monkeypatch, line, values):
     assert completed(monkeypatch, line) == [("plain", value) for value in values]
 

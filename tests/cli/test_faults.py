@@ -158,6 +158,7 @@ for command in {WRITERS!r}:
     ],
     ids=lambda changes: next(iter(changes)),
 )
+@pytest.mark.slow
 def test_odd_environments(prepared, finished, tmp_path, changes):
     """The same bytes and no word on stderr, whatever the variables are."""
     folder = tmp_path / "odd"

@@ -71,6 +71,7 @@ def places(rng):
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_error_falls_as_the_filter_promises(rng, kind, sampling):
     """Third power of the size for the cubic filter, second for the bilinear ones, everywhere."""
     f = make_function(rng)

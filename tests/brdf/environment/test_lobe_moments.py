@@ -27,6 +27,7 @@ GRAZING, ALONG = 0.02, 1.0
         (1.0, [GRAZING, 0.4, ALONG]),
     ],
 )
+@pytest.mark.slow
 def test_they_are_sums_of_a_million_samples(roughness, cosines):
     found = lobe_moments(roughness, cosines)
     assert found.shape == (2, 3, len(cosines))

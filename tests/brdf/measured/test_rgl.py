@@ -365,6 +365,7 @@ def test_truncated_files_are_refused(made, made_brushed, kind):
 
 
 @pytest.mark.parametrize("kind", ["isotropic", "brushed"])
+@pytest.mark.slow
 def test_flipped_bytes_are_refused_or_harmless(made, made_brushed, rng, kind):
     path = made() if kind == "isotropic" else made_brushed(2)
     content = path.read_bytes()

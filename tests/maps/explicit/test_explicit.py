@@ -270,6 +270,7 @@ def test_black_maps(kind, t):
     ("kind", "t"),
     [(Cabral, 12), (KautzMcCool, 6), (KautzMcCool, 20), (LightField, 4), (LightField, 8)],
 )
+@pytest.mark.slow
 def test_added_error_is_the_measured_one(kind, t, order_p):
     shrm = make_shrm(order_f=5, order_p=order_p, size=32, seed=7, dtype=np.float32)
     made = kind.from_shrm(shrm, t)

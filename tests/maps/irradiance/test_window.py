@@ -226,6 +226,7 @@ def change_of(factors, series):
 @pytest.mark.parametrize("order", [1, 2, 4, 5])
 @pytest.mark.parametrize("name", LIGHTS)
 @pytest.mark.parametrize("fill", [0.0, 0.003])
+@pytest.mark.slow
 def test_no_side_is_negative_and_less_change_would_not_do(rng, order, name, fill):
     """Against scipy's programming over a dense sphere, and windows of both families."""
     series = ambient(order, (fill, 2 * fill, 0)) + series_of(order, LIGHTS[name])
@@ -289,6 +290,7 @@ def test_the_engineers_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(("order", "seed"), [(6, 8), (6, 38), (9, 18), (9, 29)])
+@pytest.mark.slow
 def test_narrow_valleys_are_found(order, seed):
     """Lights of all colours and strengths: a window leaves many minima that are nearly as low."""
     rng = np.random.default_rng(seed)

@@ -262,6 +262,7 @@ def test_fibres_along_the_tangent(hemisphere):
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_equal_to_an_shrm_of_the_same_isotropic_brdf():
     """A map that keeps every order of the view that counts reflects the same band-limited light."""
     rng = np.random.default_rng(2)
@@ -283,6 +284,7 @@ def test_equal_to_an_shrm_of_the_same_isotropic_brdf():
     assert errors[2] < 6e-4
 
 
+@pytest.mark.slow
 def test_the_predicted_error_is_that_of_all_orientations():
     rng = np.random.default_rng(8)
     coefficients = rng.normal(size=(49, 3)) / (1 + np.arange(49)[:, None]) ** 0.4

@@ -40,6 +40,7 @@ def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma)
 
 
 @pytest.mark.parametrize(("name", "sigma"), [("studio", 0.5), ("sky", 0.2)])
+@pytest.mark.slow
 def test_measured_error_is_the_predicted_one_on_shipped_probes(tmp_path, name, sigma):
     """On a clean clone too, at 64 x 32: soft boxes, and a bare sun."""
     image = reduced(ROOT / "probes" / f"{name}.exr", 32)
