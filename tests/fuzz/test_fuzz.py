@@ -51,6 +51,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_is_found(tmp_path):
     """The command `info` is replaced by each of the faults in turn."""
     code = f"""

@@ -247,6 +247,7 @@ def latlong_of(f, height):
     return f(oracles.latlong_pixels(2 * height, height))
 
 
+@pytest.mark.slow
 def test_cubic_latlong_error_falls_with_the_third_power(rng):
     """Everywhere: the poles and the seam too."""
     f = make_function(rng)
