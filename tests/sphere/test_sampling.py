@@ -140,7 +140,7 @@ def test_no_seams_in_smooth_images(rng, kind, sampling):
     f = make_function(rng)
     # A filter's jumps, of 1 for the size of the function, fall with its power.
     jump, power = {"cube": (5e-4, 3), "latlong": (0.01, 2), "angular": (0.1, 1.7)}[kind]
-    for size in (32, 64):
+    for size in (64, 128):
         sampler = make_sampler(kind, f, size, sampling)
         for name, path in PATHS.items():
             smooth = largest_step(f, path)
