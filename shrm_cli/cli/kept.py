@@ -19,6 +19,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.whole import kept
 
 if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
     from shrm_cli.probe.probe import Probe
     from shrm_cli.vocabulary import Precision
 
@@ -51,17 +52,13 @@ def keep_other_map(
     BrdfError
         If the BRDF cannot be used.
     """
-    from shrm_cli.files.inputs import protecting
-    from shrm_cli.maps.file import open_map
     from shrm_cli.maps.provenance import record_of, same_brdf
     from shrm_cli.prefilter import checked_arguments, options_of
 
     if not os.path.lexists(target):
         return
     given = checked_arguments(to, given, probe)
-    found = None
-    with suppress(MapError), protecting():  # what is only looked at is no input
-        found = open_map(target)
+    found = readable_map(target)
     if found is None or found.representation != to:
         raise kept(target, f"it is no map of representation {to} that can be read")
     if found.info.probe_sha256 != probe.digest():
@@ -72,6 +69,16 @@ def keep_other_map(
     differing = _differing(found.info.options, wanted)
     if differing:
         raise kept(target, f"it was made with other options ({differing})")
+
+
+def readable_map(path: str) -> Map | None:
+    """Return the map in a file that is only looked at, and is no input; None if it is no map."""
+    from shrm_cli.files.inputs import protecting
+    from shrm_cli.maps.file import open_map
+
+    with suppress(MapError), protecting():
+        return open_map(path)
+    return None
 
 
 def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:

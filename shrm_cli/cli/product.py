@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.kept import force_option
+from shrm_cli.cli.kept import force_option, readable_map
 from shrm_cli.cli.options import conclude, precision_option, progress_bar, report_options
 from shrm_cli.cli.outputs import brdf_label, check_outputs
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
@@ -142,19 +141,14 @@ def _keep_other_texture(
     varying: tuple[str, list[float]] | None,
 ) -> None:
     """Refuse to replace a file that is not the texture of this BRDF, order, size and variation."""
-    from shrm_cli.errors import MapError
-    from shrm_cli.files.inputs import protecting
     from shrm_cli.files.whole import kept
-    from shrm_cli.maps.file import open_map
     from shrm_cli.maps.product.product import ProductMap
     from shrm_cli.maps.product.varying import VaryingProduct
     from shrm_cli.maps.provenance import record_of, same_brdf
 
     if not os.path.lexists(target):
         return
-    found = None
-    with suppress(MapError), protecting():  # what is only looked at is no input
-        found = open_map(target)
+    found = readable_map(target)
     if not isinstance(found, ProductMap) or found.lighting is not None:
         raise kept(target, "it is no product texture without light that can be read")
     if (found.order, found.size) != (order, size):

@@ -25,6 +25,7 @@ from shrm_cli.cli.shading import (
     roughness_option,
     shaded_maps,
     surface_values,
+    to_unlit,
     window_option,
 )
 from shrm_cli.cli.stage import (
@@ -38,7 +39,7 @@ from shrm_cli.cli.stage import (
     shadowed,
 )
 from shrm_cli.cli.types import AzimuthElevation, PictureSize
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import refuse_inapplicable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -156,9 +157,7 @@ def render(
     named = [path for path in (mesh, vary) if path not in (None, "vertex")]
     check_outputs(targets, files=(*maps, *named))
     opened = [open_map(path) for path in maps]
-    needs_light = any(each.needs_light for each in opened)
-    what = "to product textures that hold no light, and no MAP is one"
-    refuse_inapplicable({"probe": Applies(needs_light, what)})
+    refuse_inapplicable({"probe": to_unlit(opened)})
     opened, negative = lit_maps(opened, maps, probes.get(probe or ""), window)
     viewers = turntable(Viewer(*view), len(targets))
     said: dict[str, Any]
@@ -188,8 +187,8 @@ def render(
             "brush": brush,
             "vary": vary,
             "irradiance": irradiance,
+            "transfer": transfer,
         }
-        given["transfer"] = transfer
         said = {
             "size": list(size),
             **mesh_values(subject, mesh),

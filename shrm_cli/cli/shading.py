@@ -103,6 +103,12 @@ window_option = click.option(
 )  # fmt: skip
 
 
+def to_unlit(maps: Sequence[Map]) -> Applies:
+    """Whether options about the light of product textures apply."""
+    needs_light = any(each.needs_light for each in maps)
+    return Applies(needs_light, "to product textures that hold no light, and no MAP is one")
+
+
 def lit_maps(
     maps: Sequence[Map], names: Sequence[str], probe: Probe | None, window: str | None
 ) -> tuple[list[Map], list[str]]:
@@ -137,9 +143,7 @@ def lit_maps(
     from shrm_cli.maps.negative import negative_share, negative_warnings
     from shrm_cli.probe.lighting import Projection
 
-    needs_light = any(each.needs_light for each in maps)
-    what = "to product textures that hold no light, and no MAP is one"
-    refuse_inapplicable({"window": Applies(needs_light, what)})
+    refuse_inapplicable({"window": to_unlit(maps)})
     light = None if probe is None else Projection(probe)
     found, warnings = [], []
     for each, name in zip(maps, names, strict=True):

@@ -45,11 +45,6 @@ class _Prepared:
     materials: Parts
 
 
-def is_mesh_name(path: str | os.PathLike[str]) -> bool:
-    """Whether a file's suffix is that of a mesh."""
-    return Path(path).suffix.lower() in SUFFIXES
-
-
 def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh; the parts of a scene are joined where their nodes put them.
 

@@ -11,7 +11,7 @@ by whichever parameters q are to be spatially varied".
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -51,7 +51,7 @@ class VaryingProduct(ProductMap):
         first = self.textures[0]
         if len(self.textures) != len(self.values) or len(self.values) < 2:
             raise ValueError(f"{len(self.textures)} textures for {len(self.values)} values")
-        if any(b <= a for a, b in zip(self.values, self.values[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(self.values)):
             raise ValueError("values that do not rise")
         if any(each.table.shape != first.table.shape for each in self.textures):
             raise ValueError("textures of several shapes")
@@ -140,7 +140,9 @@ class VaryingProduct(ProductMap):
         shares = np.broadcast_to(np.asarray(shares, dtype=float), normals.shape[:-1])
         flat = [each.reshape(-1, 3) for each in (normals, tangents, views)]
         low, high = self.values[0], self.values[-1]
-        place = self._places(low + np.clip(shares.reshape(-1), 0, 1) * (high - low))
+        wanted = low + np.clip(shares.reshape(-1), 0, 1) * (high - low)
+        # Where the values lie among those of the textures, as broken indices.
+        place = np.interp(wanted, self.values, np.arange(len(self.values)))
         result = np.zeros((len(place), 3))
         for index, texture in enumerate(self.textures):
             weight = np.maximum(1 - np.abs(place - index), 0)
@@ -148,11 +150,3 @@ class VaryingProduct(ProductMap):
             found = texture.brushed_radiance(*(each[near] for each in flat))
             result[near] += weight[near, None] * found
         return result.reshape(normals.shape)
-
-    def _places(self, values: Array) -> Array:
-        """Return where values lie among those of the textures, as broken indices."""
-        return np.interp(values, self.values, self._indices)
-
-    @cached_property
-    def _indices(self) -> Array:
-        return np.arange(len(self.values), dtype=float)
