@@ -120,6 +120,8 @@ class ViewMaps:
 class FineViewMaps(ViewMaps):
     """The same from one texel of finer maps: a third of the work, and an error that is known.
 
+    They take 1 MiB for each function.
+
     Parameters
     ----------
     planes : ndarray, shape (k, texels)
