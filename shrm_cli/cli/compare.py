@@ -60,7 +60,8 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     "spec",
     type=Spec(),
     metavar="SPEC",
-    help="BRDF of the truth.  [default: the one of all maps]",
+    help="BRDF of the truth.  [default: the one of all maps; measured files are looked for beside "
+    "the maps and in the working folder]",
 )
 @click.option(
     "--representations", is_flag=True,

@@ -148,7 +148,7 @@ def render(
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
     refuse_mesh_options(mesh)
-    refuse_transfer_options(transfer)
+    refuse_transfer_options(transfer, mesh)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(sampling, reading)
@@ -178,7 +178,7 @@ def render(
         behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
         drawn: list[Any] = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
         if transfer is not None:
-            drawn = shadowed(stage, mesh, transfer, opened)
+            drawn = shadowed(stage, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
         seen = [each.info for each in (*opened, *stage.maps())]
         given = {

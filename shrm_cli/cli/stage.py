@@ -23,6 +23,8 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 _OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "transfer")
 _LARGEST = 1e30
+_NAMED = 3
+"""How many materials a warning names."""
 
 
 def mesh_options(command: Command) -> Command:
@@ -150,37 +152,46 @@ def open_stage(
         warnings.append(
             f"{mesh}: only the specular part of its materials is drawn; `irradiance` adds the rest"
         )
+    unread = stage.unread(maps)
+    if unread:
+        more = f" and of {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
+        warnings.append(
+            f"{mesh}: textures are not read; the numbers alone are drawn of the material "
+            f"{', '.join(unread[:_NAMED])}{more}"
+        )
     return stage, warnings
 
 
-def refuse_transfer_options(transfer: str | None) -> None:
-    """Refuse options that say of a surface what its transfer already holds.
+def refuse_transfer_options(transfer: str | None, mesh: str | None) -> None:
+    """Refuse a transfer of a scene, and options that say of a surface what its transfer holds.
 
     Raises
     ------
     click.UsageError
-        If one is given with a transfer.
+        If the mesh is a scene, or one of the options is given with a transfer.
     """
+    if transfer is not None and mesh is not None:
+        from shrm_cli.render.scene_file import is_scene_name
+
+        if is_scene_name(mesh):
+            raise click.UsageError(
+                "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
+            )
     baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
     refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance", "vary"), baked))
 
 
-def shadowed(stage: Stage, mesh: str, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
+def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
     """Return the surfaces of a mesh with its own shadows, under each of several maps.
 
     Raises
     ------
     TransferError
         If the transfer does not fit the mesh or a map.
-    click.UsageError
-        If the mesh is a scene.
     """
-    from shrm_cli.render.scene_file import is_scene_name
     from shrm_cli.render.vertex_colors import vertex_colors
     from shrm_cli.transfer.file import read_transfer
 
-    if is_scene_name(mesh):
-        raise click.UsageError("--transfer applies to a single mesh; leave it out")
     baked = read_transfer(transfer)
     return [[vertex_colors(stage.mesh, baked, each)] * len(stage.looks) for each in maps]
 

@@ -33,6 +33,11 @@ _ATTRIBUTES = {
 texture coordinates without an image, but keeps attributes whose names begin with an underscore."""
 _TRIANGLES, _STRIP = 4, 5
 _TRANSFORMS = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3}
+_TEXTURES = (
+    "baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture",
+    "emissiveTexture",
+)  # fmt: skip
+"""Kinds of textures that materials have."""
 _MOST_ITEMS = 2**16
 """The most nodes, meshes, primitives, accessors and the like."""
 _MOST_PRIMITIVES = 2**12
@@ -279,7 +284,7 @@ def _view(given: Json, buffers: list[bytes]) -> Json:
 
 
 def _material(given: Json) -> SurfaceMaterial:
-    """Return a material's factors; textures are not read."""
+    """Return a material's factors, and what textures it has, which are not read."""
     pbr = _table(given.get("pbrMetallicRoughness", {}))
     color = [_unit(each) for each in pbr.get("baseColorFactor", (1, 1, 1))][:3]
     if len(color) < 3:
@@ -289,6 +294,7 @@ def _material(given: Json) -> SurfaceMaterial:
         (color[0], color[1], color[2]),
         _unit(pbr.get("metallicFactor", 1)),
         _unit(pbr.get("roughnessFactor", 1)),
+        tuple(key for key in _TEXTURES if key in pbr or key in given),
     )
 
 

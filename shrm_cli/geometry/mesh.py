@@ -35,12 +35,15 @@ class SurfaceMaterial:
         Linear RGB, 0 .. 1.
     metallic, roughness : float
         0 .. 1; GGX's alpha is the square of the roughness.
+    textures : tuple of str
+        The kinds of its textures, which are not read, such as ``baseColorTexture``.
     """
 
     name: str = ""
     base_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     metallic: float = 1.0
     roughness: float = 1.0
+    textures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

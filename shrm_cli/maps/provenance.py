@@ -1,6 +1,7 @@
 """The probe and the BRDF that maps record, and whether those of several maps agree."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from shrm_cli.brdf.base import Brdf, value_text
@@ -57,6 +58,9 @@ def same_brdf(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Brdf:
     """Return the BRDF that all maps were made for.
 
+    Maps record a measured file by its name without the folder, and by the digest of its bytes. It
+    is looked for in the folders of the maps, and in the working folder.
+
     Parameters
     ----------
     infos : mapping of str to MapInfo
@@ -67,7 +71,7 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
     Raises
     ------
     BrdfError
-        If the BRDFs of the maps differ or cannot be evaluated.
+        If the BRDFs of the maps differ or cannot be evaluated, or a measured file is not there.
     """
     (path, first), *others = infos.items()
     for other, info in others:
@@ -76,6 +80,9 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
                 f"{other}: its BRDF is {spec_of(info.brdf)}, but that of {path} is "
                 f"{spec_of(first.brdf)}; {advice}"
             )
+    measured = _measured_file(first.brdf)
+    if measured is not None:
+        return _found_again(path, measured, [*infos, ""], advice)
     try:
         # The text comes from a file, which must not be able to run code.
         return parse_spec(spec_of(first.brdf), run_code=False, primaries=first.chromaticities)
@@ -83,6 +90,38 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
         raise BrdfError(
             f"{path}: its BRDF, {spec_of(first.brdf)}, cannot be evaluated; {advice}"
         ) from error
+
+
+def _measured_file(record: Mapping[str, Any]) -> dict[str, str] | None:
+    """Return the name and the digest of the measured file that a record names, if it does."""
+    values = record.get("parameters")
+    if not isinstance(values, dict) or set(values) != {"file", "sha256"}:
+        return None
+    name = values["file"]
+    # The name comes from a file, which must not lead into other folders.
+    is_bare = isinstance(name, str) and name not in ("", "..") and Path(name).name == name
+    return values if is_bare and "\0" not in name else None
+
+
+def _found_again(
+    path: str, measured: Mapping[str, str], beside: Sequence[str], advice: str
+) -> Brdf:
+    """Open a map's measured file, which lies in the folder of one of some files."""
+    from shrm_cli.brdf.measured import open_measured  # it is slow to load
+    from shrm_cli.brdf.measured.reading.file import file_values
+
+    name = measured["file"]
+    places = dict.fromkeys(Path(other).parent / name for other in beside)
+    there = [place for place in places if place.is_file()]
+    for place in there:
+        if file_values(place) == measured:
+            return open_measured(place)
+    why = (
+        f"{there[0]} is another measurement than its BRDF's"
+        if there
+        else f"its BRDF was measured, and {name} lies neither beside it nor in the working folder"
+    )
+    raise BrdfError(f"{path}: {why}; put the file there, or {advice}")
 
 
 def differing_origins(

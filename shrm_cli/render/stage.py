@@ -40,6 +40,8 @@ class Look:
         The light of the diffuse part, which is added to that of maps of light alone.
     variation : Variation, optional
         What a parameter of the BRDF follows, where the map lets one vary.
+    unread : str
+        The name of its material and the kinds of textures that are not drawn; empty without any.
     """
 
     map: Map | None = None
@@ -48,6 +50,7 @@ class Look:
     albedo: Color = (0.0, 0.0, 0.0)
     irradiance: Irradiance | None = None
     variation: Variation | None = None
+    unread: str = ""
 
     @classmethod
     def of_material(cls, material: SurfaceMaterial, irradiance: Irradiance | None) -> "Look":
@@ -56,7 +59,7 @@ class Look:
         The reflectance at normal incidence is ``lerp(0.04, base colour, metallic)``. What is left
         of the base colour, times 1 - metallic, is diffuse.
         """
-        metal, color = material.metallic, material.base_color
+        metal, color, textures = material.metallic, material.base_color, material.textures
         f0 = [_DIELECTRIC * (1 - metal) + channel * metal for channel in color]
         albedo = [channel * (1 - metal) for channel in color]
         return cls(
@@ -64,6 +67,7 @@ class Look:
             f0=(f0[0], f0[1], f0[2]),
             albedo=(albedo[0], albedo[1], albedo[2]),
             irradiance=irradiance,
+            unread=f"{material.name!r} ({', '.join(textures)})" if textures else "",
         )
 
     def of(self, given: Map | None) -> "Reflector":
@@ -231,6 +235,15 @@ class Stage:
             if any(look.albedo) and not look.irradiance and any(m.needs_surface for m in lit):
                 return True
         return False
+
+    def unread(self, maps: Sequence[Map]) -> list[str]:
+        """Return the materials whose textures are left out of the picture of one of some maps."""
+        named = []
+        for look in (self.looks[k] for k in sorted(self._used())):
+            lit = [look.map] if look.map else maps
+            if look.unread and any(each.needs_surface for each in lit):
+                named.append(look.unread)
+        return list(dict.fromkeys(named))
 
     def _used(self) -> set[int]:
         return {int(k) for k in np.unique(self.face_looks)}

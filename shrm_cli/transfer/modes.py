@@ -16,6 +16,8 @@ are written as ``c_i(v) = sum_k u_k(v) S_ki`` with a few functions u_k, by singu
 those are looked up for each vertex and frame.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -33,9 +35,11 @@ _SIZE = 128
 """Texels along the edges of the maps of these functions, as many as the product texture has."""
 _ROUNDING = 1e-3
 """How far from the last texel, in texels, the last pair of texels to filter between begins."""
-
-_ROUNDING_GREY = 1e-6
-"""The relative difference between channels that rounding makes."""
+_FINER = 4
+"""How much finer maps are of which one texel is taken instead of four."""
+_TINY = np.finfo(float).tiny
+_VERTICES_AT_ONCE = 2**12
+"""Vertices that are looked up at a time, so that what is found of them stays in the cache."""
 
 
 class ViewMaps:
@@ -48,13 +52,17 @@ class ViewMaps:
     """
 
     def __init__(self, planes: Array) -> None:
-        # A texel and the one to its right are one complex number: two of four texels to filter
-        # between are found by one look-up, and the real part of a product weighs them.
-        self._pairs = np.empty(planes.shape, np.complex64)
-        self._pairs.real, self._pairs.imag = planes, np.roll(planes, -1, axis=1)
+        # Each texel's row holds all functions in the four texels to filter between, so that one
+        # look-up, which copies one stretch of memory, finds all that a view needs.
+        texels = planes.T.astype(np.float32)
+        square = texels.reshape(_SIZE, _SIZE, -1)
+        right, below = np.roll(square, -1, axis=1), np.roll(square, -1, axis=0)
+        both = np.roll(right, -1, axis=0)
+        self._fours = np.stack([square, right, below, both], axis=2).reshape(len(texels), -1)
+        self._count = texels.shape[1]
 
     def __len__(self) -> int:
-        return len(self._pairs)
+        return self._count
 
     def at(self, local_views: Array) -> Array:
         """Return the functions, filtered between four texels, at views.
@@ -66,27 +74,82 @@ class ViewMaps:
 
         Returns
         -------
-        ndarray of float32, shape (k, v)
+        ndarray of float32, shape (v, k)
             0 for views from below the horizon.
         """
-        facing = np.flatnonzero(local_views[2] > 0)
-        x, y, z = local_views[:, facing]
-        scale = np.float32(_SIZE / 2) / (1 + z)
-        last = _SIZE - 1 - _ROUNDING
-        across = np.clip(x * scale + np.float32((_SIZE - 1) / 2), 0, last)
-        down = np.clip(y * scale + np.float32((_SIZE - 1) / 2), 0, last)
-        column, row = across.astype(np.intp), down.astype(np.intp)
-        right, below = (across - column).astype(np.float32), (down - row).astype(np.float32)
-        pairs = ((1 - right) - 1j * right).astype(np.complex64)
-        first = row * _SIZE + column
-        above = self._pairs.take(first, axis=1)
-        above *= pairs * (1 - below)
-        values = self._pairs.take(first + _SIZE, axis=1)
-        values *= pairs * below
-        values += above
-        result = np.zeros((len(self), local_views.shape[1]), np.float32)
-        result[:, facing] = values.real
+        result = np.zeros((local_views.shape[1], len(self)), np.float32)
+        for vertices, values in self.seen(local_views):
+            result[vertices] = values
         return result
+
+    def seen(self, local_views: Array) -> Iterator[tuple[NDArray[np.intp], Array]]:
+        """Yield which vertices are seen, and the functions there, some thousands at a time.
+
+        Parameters
+        ----------
+        local_views : ndarray of float32, shape (3, v)
+            As `at` takes them.
+
+        Yields
+        ------
+        vertices : ndarray, shape (s,)
+            Indices of vertices whose views come from above the horizon.
+        values : ndarray of float32, shape (s, k)
+        """
+        facing = np.flatnonzero(local_views[2] > 0)
+        for start in range(0, len(facing), _VERTICES_AT_ONCE):
+            vertices = facing[start : start + _VERTICES_AT_ONCE]
+            yield vertices, self._filtered(local_views.take(vertices, axis=1))
+
+    def _filtered(self, above: Array) -> Array:
+        """Return the functions at views from above the horizon, shape (v, k)."""
+        middle, last = np.float32((_SIZE - 1) / 2), np.float32(_SIZE - 1 - _ROUNDING)
+        places = above[:2] * (np.float32(_SIZE / 2) / (1 + above[2])) + middle
+        np.clip(places, 0, last, out=places)
+        first = np.floor(places)
+        (right, below), (column, row) = places - first, first
+        weights = np.empty((len(row), 4), np.float32)
+        weights[:, 3] = both = right * below
+        weights[:, 2] = below - both
+        weights[:, 1] = right - both
+        weights[:, 0] = 1 - right - below + both
+        fours = self._fours.take((row * _SIZE + column).astype(np.intp), axis=0)
+        return np.einsum("vt,vtk->vk", weights, fours.reshape(len(row), 4, -1))
+
+
+class FineViewMaps(ViewMaps):
+    """The same from one texel of finer maps: a third of the work, and an error that is known.
+
+    They take 1 MiB for each function.
+
+    Parameters
+    ----------
+    planes : ndarray, shape (k, texels)
+        As `ViewMaps` takes them; finer texels lie between four of theirs.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (k,)
+        The squared error that taking one texel causes, summed over the coarser texels.
+    """
+
+    def __init__(self, planes: Array) -> None:
+        size = _SIZE * _FINER
+        place = np.clip((np.arange(size) + 0.5) / _FINER - 0.5, 0, _SIZE - 1)
+        shares = np.maximum(1 - np.abs(place[:, None] - np.arange(_SIZE)), 0)
+        fine = shares @ planes.reshape(-1, _SIZE, _SIZE) @ shares.T
+        # A texel's values lie evenly about its middle's, within half a step to its neighbours'.
+        steps = sum((np.diff(fine, axis=axis) ** 2).sum(axis=(1, 2)) for axis in (1, 2))
+        self.errors = steps / 12 / _FINER**2
+        self._texels = np.ascontiguousarray(fine.reshape(len(fine), -1).T, dtype=np.float32)
+        self._count = len(fine)
+
+    def _filtered(self, above: Array) -> Array:
+        size = _SIZE * _FINER
+        places = above[:2] * (np.float32(size / 2) / (1 + above[2])) + np.float32(size / 2)
+        np.clip(places, 0, size - 1, out=places)
+        column, row = np.floor(places)
+        return self._texels.take((row * size + column).astype(np.intp), axis=0)
 
 
 class ViewFunctions:
@@ -102,6 +165,8 @@ class ViewFunctions:
     ----------
     maps : ViewMaps
         The functions u_k, which are orthonormal over the texels.
+    planes : ndarray, shape (k, texels)
+        The functions' values in the directions of `parabolic_directions`.
     series : ndarray, shape (k, n, 3)
         S_ki.
     error : float
@@ -116,12 +181,8 @@ class ViewFunctions:
         kept, self.error = principal_axes(flat.T @ flat, tolerance)
         lengths = np.linalg.norm(flat @ kept, axis=0)
         self.series = (kept * lengths).T.reshape(-1, *values.shape[1:])
-        self._planes = (flat @ kept / lengths).T
-        self.maps = ViewMaps(self._planes)
-
-    def combined(self, weights: Array) -> ViewMaps:
-        """Return sums of the functions, by weights of shape (sums, k)."""
-        return ViewMaps(weights @ self._planes)
+        self.planes = (flat @ kept / lengths).T
+        self.maps = ViewMaps(self.planes)
 
 
 def principal_axes(gram: Array, tolerance: float) -> tuple[Array, float]:
@@ -142,7 +203,7 @@ def principal_axes(gram: Array, tolerance: float) -> tuple[Array, float]:
     """
     energies, axes = np.linalg.eigh(gram)
     energies, axes = np.maximum(energies[::-1], 0), axes[:, ::-1]
-    total = max(float(energies.sum()), np.finfo(float).tiny)
+    total = max(float(energies.sum()), _TINY)
     left = np.append(np.cumsum(energies[::-1])[::-1][1:], 0) / total
     count = int(np.argmax(left <= tolerance**2)) + 1
     return axes[:, :count], float(np.sqrt(left[count - 1]))
@@ -198,7 +259,7 @@ class General:
     def products(self, views: ArrayLike) -> Array:
         """Return the product function at the views, shape (v, n, 3)."""
         series = self.functions.series.astype(np.float32)
-        flat = self.functions.maps.at(self.local(views)).T @ series.reshape(len(series), -1)
+        flat = self.functions.maps.at(self.local(views)) @ series.reshape(len(series), -1)
         return flat.reshape(-1, *series.shape[1:])
 
     def local(self, views: ArrayLike) -> Array:
@@ -234,7 +295,8 @@ class FixedLight:
     """Shading where only the view moves.
 
     What the vertices reflect of one light is more alike than what they could reflect of any. So
-    the functions of the view are combined anew, to the fewest that this light needs.
+    the functions of the view are combined anew, to the fewest that this light needs, and looked up
+    in finer maps without a filter where that is as exact as asked for.
 
     Parameters
     ----------
@@ -258,36 +320,65 @@ class FixedLight:
         arriving = general.arriving(lighting)
         series = general.functions.series[:, : arriving.shape[1]]
         folded = np.einsum("kic,vic->ckv", series, arriving, optimize=True)
-        axes, self.error = principal_axes(np.einsum("ckv,clv->kl", folded, folded), tolerance)
-        self.maps = general.functions.combined(axes.T)
-        self._folded = np.ascontiguousarray(axes.T @ folded, dtype=np.float32)
+        # Half of the squared error is for functions left out, half for what one texel misses.
+        share = tolerance * np.sqrt(0.5)
+        axes, left = principal_axes(np.einsum("ckv,clv->kl", folded, folded), share)
+        planes, kept = axes.T @ general.functions.planes, axes.T @ folded
+        strengths = (kept**2).sum(axis=(0, 2))
+        fine = FineViewMaps(planes)
+        missed = float(np.sqrt(fine.errors @ strengths / max(strengths.sum(), _TINY)))
+        is_fine = missed <= share
+        self.maps = fine if is_fine else ViewMaps(planes)
+        self.error = float(np.hypot(left, missed)) if is_fine else left
+        self._folded = np.ascontiguousarray(np.moveaxis(kept, -1, 0), dtype=np.float32)
 
     def colors(self, views: ArrayLike) -> Array:
         """Return the radiance of each vertex, shape (v, 3); `views` as of `General.colors`."""
-        values = self.maps.at(self._general.local(views))
-        return np.einsum("kv,ckv->cv", values, self._folded).T
+        result = np.zeros(self._folded.shape[:2], np.float32)
+        for vertices, values in self.maps.seen(self._general.local(views)):
+            folded = self._folded.take(vertices, axis=0)
+            result[vertices] = np.einsum("vk,vck->vc", values, folded)
+        return result
 
 
 class FixedView:
     """Shading where only the light moves.
 
+    What a vertex sends in red, green and blue is more alike than three vectors need be: that of
+    a grey BRDF is one vector, and that of a metal whose reflectance goes to white two. So the
+    channels are mixed from the fewest vectors that they need, and vertices that face away, which
+    send nothing, have none.
+
     Parameters
     ----------
     general : General
     views : array_like, shape (3,) or (v, 3)
+    tolerance : float
+        Relative RMS error of what is sent, over all vertices, that mixing may cause.
+
+    Attributes
+    ----------
+    mixing : ndarray, shape (3, kept)
+        How the channels are mixed from the vectors that are kept.
+    error : float
+        The relative RMS error that was caused.
     """
 
-    def __init__(self, general: General, views: ArrayLike) -> None:
-        sent = np.moveaxis(general.sent(general.products(views)), -1, 0)
-        # What is grey sends the same of each channel, but for rounding.
-        most = _ROUNDING_GREY * np.abs(sent).max(initial=0)
-        is_grey = all(np.abs(sent[c] - sent[0]).max(initial=0) <= most for c in (1, 2))
-        self._sent = np.ascontiguousarray(sent[: 1 if is_grey else 3], dtype=np.float32)
+    def __init__(self, general: General, views: ArrayLike, tolerance: float = TOLERANCE) -> None:
+        sent = general.sent(general.products(views))
+        seen = sent.any(axis=(1, 2))
+        flat = np.moveaxis(sent[seen], -1, 0).astype(float)
+        channels = flat.reshape(3, -1)
+        self.mixing, self.error = principal_axes(channels @ channels.T, tolerance)
+        kept = np.einsum("ck,cvj->kjv", self.mixing, flat)
+        # One more column of zeros is the colour of all vertices that are not seen.
+        self._sent = np.zeros((kept.shape[0] * kept.shape[1], kept.shape[2] + 1), np.float32)
+        self._sent[:, :-1] = kept.reshape(len(self._sent), -1)
+        self._columns = np.where(seen, np.cumsum(seen) - 1, kept.shape[2])
+        self._count = kept.shape[1]
 
     def colors(self, lighting: ArrayLike) -> Array:
         """Return the radiance of each vertex, shape (v, 3); `lighting` as of `General.colors`."""
-        light = fitted(lighting, self._sent.shape[2]).astype(np.float32)
-        if len(self._sent) == 1:
-            return self._sent[0] @ light
-        channels = zip(self._sent, np.ascontiguousarray(light.T), strict=True)
-        return np.stack([sent @ coefficients for sent, coefficients in channels], axis=1)
+        light = fitted(lighting, self._count).T
+        mixed = (self.mixing[:, :, None] * light[:, None]).reshape(3, -1).astype(np.float32)
+        return (mixed @ self._sent).take(self._columns, axis=1).T

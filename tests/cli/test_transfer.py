@@ -119,11 +119,14 @@ def test_renders_that_are_refused(folder):
     done("product", "lambertian", "-o", "paint.exr", "--size", "8")
     done("prefilter", "white.exr", "--to", "splitsum", "--size", "8", "-o", "split.exr")
     done("transfer", "bumps.obj", "--samples", "4", "-o", "t.npz")
+    (folder / "scene.toml").write_text('[[objects]]\nmesh = "bumps.obj"\n')
     text = (folder / "bumps.obj").read_text()
     (folder / "other.obj").write_text(text.replace("v -1 -1", "v -2 -1", 1))
     diffuse, glossy = ("white.irradiance.exr",), ("paint.exr", "--probe", "white.exr")
     for arguments, code, *parts in (
         ((*diffuse, "--transfer", "t.npz"), 2, "with --mesh"),
+        ((*diffuse, "--mesh", "scene.toml", "--transfer", "t.npz"), 2, "not to a scene; name"),
+        ((*diffuse, "--mesh", "none.toml", "--transfer", "none.npz"), 2, "not to a scene; name"),
         ((*diffuse, "--mesh", "other.obj", "--transfer", "t.npz"), 1, "other.obj: not the mesh"),
         ((*glossy, "--mesh", "bumps.obj", "--transfer", "t.npz"), 1, "--matrices"),
         (("split.exr", "--mesh", "bumps.obj", "--transfer", "t.npz"), 1, "splitsum"),

@@ -86,6 +86,47 @@ def test_what_a_file_says_runs_no_code(tmp_path, monkeypatch, record):
     assert not (tmp_path / "done").exists()
 
 
+@pytest.fixture
+def measured(tmp_path, monkeypatch):
+    """The record of a measured file in a folder of its own, and that folder."""
+    folder = tmp_path / "paints"
+    folder.mkdir()
+    rows = "".join(f"{angle},0,{angle},180,{1 - angle / 100}\n" for angle in (0, 30, 60))
+    (folder / "paint.csv").write_text("theta_i,phi_i,theta_r,phi_r,brdf\n" + rows)
+    monkeypatch.chdir(tmp_path)
+    return record_of(parse_spec(str(folder / "paint.csv"))), folder
+
+
+@pytest.mark.parametrize("place", ["beside the map", "beside another map", "working folder"])
+def test_measured_files_are_found_again(measured, monkeypatch, place):
+    record, folder = measured
+    maps = {
+        "beside the map": [folder / "a.exr"],
+        "beside another map": ["b.exr", folder / "a.exr"],
+        "working folder": [folder.parent / "a.exr"],
+    }[place]
+    if place == "working folder":
+        monkeypatch.chdir(folder)
+    assert record_of(common_brdf({str(each): info(record) for each in maps})) == record
+
+
+def test_measured_files_that_are_gone_or_others_are_asked_for(measured):
+    record, folder = measured
+    with pytest.raises(BrdfError, match=r"a.exr: its BRDF was measured, and paint.csv lies n"):
+        common_brdf({"a.exr": info(record)})
+    other = {**record, "parameters": {**record["parameters"], "sha256": "0" * 64}}
+    with pytest.raises(BrdfError, match=r"paint.csv is another measurement than its BRDF's; put"):
+        common_brdf({str(folder / "a.exr"): info(other)})
+
+
+@pytest.mark.parametrize("name", ["paints/paint.csv", "../paint.csv", "..", "", "a\0b", 3])
+def test_names_of_measured_files_lead_nowhere_else(measured, name):
+    record, _ = measured
+    away = {**record, "parameters": {**record["parameters"], "file": name}}
+    with pytest.raises(BrdfError, match="cannot be evaluated"):
+        common_brdf({"a.exr": info(away)})
+
+
 def test_differing_origins():
     infos = {
         "same": info(MICROFACET),
