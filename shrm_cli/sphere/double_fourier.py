@@ -24,7 +24,7 @@ Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
 _CACHED_ORDER = 96
-_TABLE_BYTES = 2**24
+_TABLE_BYTES = 2**25
 """Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
 _SHARED_ORDER, _LEAST_PARTS = 32, 8
 """From this order on the work is split into so many parts at least, for several threads."""
