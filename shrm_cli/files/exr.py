@@ -21,6 +21,7 @@ from shrm_cli.files.noise import quiet
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
+from shrm_cli.parallel import in_order
 
 Array = NDArray[np.floating]
 
@@ -46,11 +47,15 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
         If the file cannot be written.
     """
     dtype = np.float32 if pixel_type == "float" else np.float16
+
+    def contiguous(plane: Array) -> Array:
+        # OpenEXR ignores strides.
+        return np.ascontiguousarray(plane, dtype)
+
     stored = [
         OpenEXR.Part(
             _header(part),
-            # OpenEXR ignores strides, so the planes must be contiguous.
-            {name: np.ascontiguousarray(plane, dtype) for name, plane in part.channels.items()},
+            dict(zip(part.channels, in_order(contiguous, [*part.channels.values()]), strict=True)),
         )
         for part in parts
     ]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.layouts import FACES
+from shrm_cli.parallel import at_once, in_order
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
@@ -40,6 +41,7 @@ _ALONG_X = (
     (2, "-Y", True, False),
     (3, "-Z", True, False),
 )
+_AXES = _ALONG_Z, _ALONG_X
 
 _BLOCK_BYTES = 2**27
 """Memory that the intermediate arrays of some maps may take."""
@@ -130,20 +132,24 @@ class CubeSeries:
 def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums."""
     half = s[len(s) // 2 :]  # s >= 0; the rest is its mirror image
-    parts = [
-        (faces, *_meridians(series, [face[0] for face in faces], half))
-        for series, faces in zip(fourier, (_ALONG_Z, _ALONG_X), strict=True)
-    ]
+
+    def along(axis: int) -> tuple[Array, Array]:
+        return _meridians(fourier[axis], [face[0] for face in _AXES[axis]], half)
+
+    parts = list(zip(_AXES, in_order(along, range(len(_AXES))), strict=True))
     block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
     step = max(1, _CACHED_BYTES // block)
-    for start in range(0, len(half), step):
+
+    def fill(start: int) -> None:
         rows = slice(start, start + step)
         same, opposite = (
             waves.astype(result.dtype) for waves in _waves(fourier[0].shape[1], half[rows], half)
         )
-        for faces, symmetric, antisymmetric in parts:
+        for faces, (symmetric, antisymmetric) in parts:
             even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
             _store_rows(even, odd, faces, start, result)
+
+    at_once(fill, range(0, len(half), step))
 
 
 def _store_rows(
