@@ -24,7 +24,7 @@ _SCOUTS = 0.1, 0.3, 0.5, 0.7, 0.85, 0.95
 """The angles of the views in `lobe_width`, as parts of the way from the normal to the horizon."""
 _TABLE_BYTES = 200 * 2**20
 """The most that tables of Legendre functions take together; the last one is kept in any case."""
-_NODES_AT_ONCE = 3 * 2**7
+_NODES_AT_ONCE = 3 * 2**6
 """The nodes for which Legendre functions are computed together: a multiple of 3."""
 _LEAST_COSINE, _SQUEEZE = 1e-3, 0.5
 """Near grazing, azimuths crowd as this power of the cosine of the view's angle from the normal.

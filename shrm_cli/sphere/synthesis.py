@@ -43,7 +43,7 @@ _ALONG_X = (
 )
 _AXES = _ALONG_Z, _ALONG_X
 
-_BLOCK_BYTES = 2**27
+_BLOCK_BYTES = 2**26
 """Memory that the intermediate arrays of some maps may take."""
 _CACHED_BYTES = 2**21
 """Memory of what is evaluated in one go, so that it stays in the processor's cache."""
@@ -122,11 +122,16 @@ class CubeSeries:
         step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count))
         for start in range(0, maps, step):
             part = slice(start, start + step)
-            waves = fourier_from_harmonics(both[:, :, part].reshape(len(both), -1))
-            halves = waves.reshape(2, count, count, 2, -1)
-            fourier: list[Array] = [halves[..., which, :].astype(dtype) for which in (0, 1)]
+            fourier = _double_fourier(both[:, :, part], dtype)
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
+
+
+def _double_fourier(both: Array, dtype: type) -> list[Array]:
+    """The double Fourier sums of series as they are, and turned, ``[l (l+1) + m, which, map]``."""
+    waves = fourier_from_harmonics(both.reshape(len(both), -1))
+    halves = waves.reshape(*waves.shape[:3], 2, -1)
+    return [halves[..., which, :].astype(dtype) for which in (0, 1)]
 
 
 def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
