@@ -18,7 +18,9 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
-def in_order(work: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[Result]:
+def in_order(
+    work: Callable[[Job], Result], jobs: Sequence[Job], is_large: bool = True
+) -> Iterator[Result]:
     """Call a function with each job, several at a time, and yield the results in their order.
 
     No more results than twice the number of threads wait to be taken, so that they never fill the
@@ -29,6 +31,9 @@ def in_order(work: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[Res
     work : callable
         Called with a job. Calls at the same time must not disturb each other.
     jobs : sequence
+    is_large : bool
+        Whether all jobs together take longer than some milliseconds; else no threads are started,
+        which takes that long.
 
     Yields
     ------
@@ -39,7 +44,7 @@ def in_order(work: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[Res
     Whatever `work` raises; jobs that have not begun are then left out.
     """
     threads = min(settings.current().threads or os.cpu_count() or 1, len(jobs))
-    if threads <= 1:
+    if threads <= 1 or not is_large:
         yield from map(work, jobs)
         return
 
@@ -61,15 +66,15 @@ def in_order(work: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[Res
         pool.shutdown(cancel_futures=True)
 
 
-def at_once(work: Callable[[Job], object], jobs: Sequence[Job]) -> None:
+def at_once(work: Callable[[Job], object], jobs: Sequence[Job], is_large: bool = True) -> None:
     """Call a function with each job, several at a time, for what it writes.
 
     No two jobs may write to the same place.
 
     Parameters
     ----------
-    work, jobs
+    work, jobs, is_large
         As `in_order` takes them.
     """
-    for _ in in_order(work, jobs):
+    for _ in in_order(work, jobs, is_large):
         pass

@@ -26,6 +26,8 @@ _TABLE_BYTES = 200 * 2**20
 """The most that tables of Legendre functions take together; the last one is kept in any case."""
 _NODES_AT_ONCE = 3 * 2**6
 """The nodes for which Legendre functions are computed together: a multiple of 3."""
+_LARGE = 2**18
+"""The values of Legendre functions above which several threads are worth their start."""
 _LEAST_COSINE, _SQUEEZE = 1e-3, 0.5
 """Near grazing, azimuths crowd as this power of the cosine of the view's angle from the normal.
 
@@ -206,7 +208,7 @@ class LobeExpander:
             np.multiply(table[..., 1::3], coarse_weights[thirds], out=coarse[..., thirds])
             np.multiply(table, weights[rows], out=functions[..., rows])
 
-        at_once(fill, range(0, count, _NODES_AT_ONCE))
+        at_once(fill, range(0, count, _NODES_AT_ONCE), functions.size > _LARGE)
         self._tables[count] = functions, coarse
         while len(self._tables) > 1 and self._table_bytes() > _TABLE_BYTES:
             self._tables.popitem(last=False)

@@ -50,6 +50,8 @@ _ZONAL_NODES = 2**7, 2**15
 _ZONAL_VIEWS = 12
 _VIEWS_AT_ONCE = 8
 """The most views that a thread expands together."""
+_LARGE = 2**17
+"""The number of samples above which several threads are worth their start."""
 _SCALE = 1000
 """The number of steps in which progress is reported."""
 
@@ -353,7 +355,8 @@ class _Sampling:
                 lights, azimuths = (int(n) for n in views.levels[block[0]])
                 return self._expander.expand(views.theta_o[block], lights, azimuths)
 
-            for block, found in zip(jobs, in_order(expanded, jobs), strict=True):
+            is_large = sum(views.levels[block].prod(axis=1).sum() for block in jobs) > _LARGE
+            for block, found in zip(jobs, in_order(expanded, jobs, is_large), strict=True):
                 views.put(block, found)
                 size = int(views.levels[block].prod(axis=1).sum())
                 self._spent, pending = self._spent + size, pending - size

@@ -19,7 +19,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import MOST_CHANNELS, excess
 from shrm_cli.files.noise import quiet
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
 from shrm_cli.parallel import in_order
 
@@ -52,13 +52,12 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
         # OpenEXR ignores strides.
         return np.ascontiguousarray(plane, dtype)
 
-    stored = [
-        OpenEXR.Part(
-            _header(part),
-            dict(zip(part.channels, in_order(contiguous, [*part.channels.values()]), strict=True)),
-        )
-        for part in parts
-    ]
+    stored = []
+    for part in parts:
+        planes = list(part.channels.values())
+        is_large = sum(plane.size for plane in planes) > LARGE
+        packed = in_order(contiguous, planes, is_large)
+        stored.append(OpenEXR.Part(_header(part), dict(zip(part.channels, packed, strict=True))))
     with replacing(path) as temporary:
         try:
             with OpenEXR.File(stored, num_threads=settings.current().threads or -1) as file:

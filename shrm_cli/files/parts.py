@@ -33,6 +33,8 @@ HALF_ROUNDING = 2.0**-11
 """The most that half costs values which it has all its digits for, relative to them."""
 _VALUES_AT_ONCE = 2**18
 """Values that are rounded at a time."""
+LARGE = 2**20
+"""The values of planes above which several threads are worth their start."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +237,9 @@ def choose_storage(
         fits = high < _HALF_OVERFLOW and precision != "float"
         return high, *(_squares(plane) if fits else (0.0, 0.0))
 
-    for high, *squares in in_order(measured, list(planes)):
+    planes = list(planes)
+    is_large = sum(plane.size for plane in planes) > LARGE
+    for high, *squares in in_order(measured, planes, is_large):
         # A NaN fails this comparison, so it becomes the largest value, which is then refused.
         largest = largest if high <= largest else high
         if not largest <= _FLOAT_MAX:

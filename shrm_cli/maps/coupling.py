@@ -19,6 +19,9 @@ from shrm_cli.sphere.harmonics import complex_from_real
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
+_LARGE = 2**17
+"""The coefficients above which several threads are worth their start."""
+
 
 def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     """Compute the coefficients over R of the cubes of bundles of one degree.
@@ -50,7 +53,7 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
             _add_real(result[:, p + s], modes, sign)
             _add_real(result[:, p - s], 1j * modes, sign)
 
-    at_once(add, range(p + 1))
+    at_once(add, range(p + 1), result.size > _LARGE)
     return result
 
 

@@ -31,6 +31,8 @@ from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
+_LARGE = 64
+"""The order above which several threads are worth their start."""
 _RINGS, _AROUND = 6, 20
 """The rings of central directions, and the directions on each of them."""
 _VIEWS, _AZIMUTHS = 12, 10
@@ -262,5 +264,5 @@ def _local_light(light: Array, order: int, max_q: int) -> ComplexArray:
                 found = (values * turned[rows, at, None]).T @ lit
                 result[: spin + 1, at, :, degree] = found.reshape(spin + 1, _AROUND, channels)
 
-    at_once(expand, range(_RINGS // 2))
+    at_once(expand, range(_RINGS // 2), order > _LARGE)
     return result.reshape(max_q + 1, _RINGS * _AROUND, -1)

@@ -26,8 +26,10 @@ Tables = tuple[slice, Array, tuple[Array, Array]]
 _CACHED_ORDER = 96
 _TABLE_BYTES = 2**25
 """Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
-_SHARED_ORDER, _LEAST_PARTS = 32, 8
+_SHARED_ORDER, _LEAST_PARTS = 64, 8
 """From this order on the work is split into so many parts at least, for several threads."""
+_LARGE = 2**20
+"""The numbers in tables and series above which several threads are worth their start."""
 
 
 def fourier_from_harmonics(coefficients: Array) -> Array:
@@ -62,7 +64,7 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
             circle = np.concatenate([even + odd, (even - odd)[:, -2::-1]], axis=1)
             np.matmul(matrix, circle, out=result[which])
 
-    at_once(transform, _parts(count - 1))
+    at_once(transform, _parts(count - 1), _is_large(flat))
     return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
 
 
@@ -95,7 +97,7 @@ def harmonics_from_moments(moments: Array) -> Array:
             chosen[:, 0::2] = symmetric @ (north + south)
             chosen[:, 1::2] = antisymmetric @ (north - south)
 
-    at_once(transform, _parts(count - 1))
+    at_once(transform, _parts(count - 1), _is_large(flat))
     columns = series.reshape(count, count, 2, maps)
     columns[1:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
@@ -123,6 +125,12 @@ def _parts(order: int) -> list[range]:
         parts.append(range(start, stop))
         start = stop
     return parts
+
+
+def _is_large(series: Array) -> bool:
+    """Whether several threads are worth their start, for series [m, l or k, map]."""
+    count, _, columns = series.shape
+    return count**2 * (columns + count / 2) > _LARGE
 
 
 def _tables(order: int, part: range) -> list[Tables]:

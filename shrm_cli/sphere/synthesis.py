@@ -45,6 +45,8 @@ _AXES = _ALONG_Z, _ALONG_X
 
 _BLOCK_BYTES = 2**26
 """Memory that the intermediate arrays of some maps may take."""
+_LARGE = 2**24
+"""The values of series, times rows, above which several threads are worth their start."""
 _CACHED_BYTES = 2**21
 """Memory of what is evaluated in one go, so that it stays in the processor's cache."""
 
@@ -141,7 +143,8 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     def along(axis: int) -> tuple[Array, Array]:
         return _meridians(fourier[axis], [face[0] for face in _AXES[axis]], half)
 
-    parts = list(zip(_AXES, in_order(along, range(len(_AXES))), strict=True))
+    is_large = fourier[0].size * len(half) > _LARGE
+    parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
     block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
     step = max(1, _CACHED_BYTES // block)
 

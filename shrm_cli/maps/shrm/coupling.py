@@ -34,6 +34,8 @@ _TABLE_BYTES = 2**27
 """The bytes that the tables and waves of a block of several rings may take."""
 _MODES_AT_ONCE, _FUNCTIONS_AT_ONCE = 16, 128
 """The Fourier modes, and the coefficients of the view, for which products are made together."""
+_LARGE = 2**18
+"""The numbers in an array above which several threads are worth their start."""
 _LEAST_BLOCKS = 8
 """The least number of blocks, so that progress is seen."""
 
@@ -138,7 +140,7 @@ def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray
             result[order_p + q, some, :count, q:] = north
             result[order_p + q, ::-1][some, count:, q:] = (-1) ** q * south
 
-    at_once(add, range(min(order_p, order_f) + 1))
+    at_once(add, range(min(order_p, order_f) + 1), result.size > _LARGE)
     # The light is real, so that B_p,-q is the conjugate of B_pq, times (-1)^q.
     odd = (-1.0) ** np.arange(order_p, 0, -1)
     result[:order_p] = odd.reshape(-1, 1, 1, 1, 1) * result[:order_p:-1, ::-1].conj()
@@ -176,7 +178,7 @@ def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
             _store(waves, middle + s, positive, negative, sign * np.sqrt(2) / 2)
             _store(waves, middle - s, positive, negative, -sign * np.sqrt(2) / 2, imaginary=True)
 
-    at_once(add, [*small_d_degrees(order_p, theta)])
+    at_once(add, [*small_d_degrees(order_p, theta)], waves.size > _LARGE)
     return waves
 
 
@@ -220,4 +222,4 @@ def _integrate(waves: Array, legendre: Array, weights: Array, result: Array) -> 
             if m:
                 result[middle - m, some] += scale * sums[m, : len(degree), 1]
 
-    at_once(add, range(0, result.shape[1], _FUNCTIONS_AT_ONCE))
+    at_once(add, range(0, result.shape[1], _FUNCTIONS_AT_ONCE), result.size > _LARGE)
