@@ -22,7 +22,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # within their own. Stops beside each other do not know each other.
 STOPS = [
     {"errors", "settings", "vocabulary", "progress", "color"},
-    {"layouts"},
+    {"layouts", "parallel"},
     {"sphere"},
     {"files"},
     {"geometry"},

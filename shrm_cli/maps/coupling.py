@@ -12,11 +12,15 @@ For a small p that takes far less time than the rings of `shrm_cli.maps.shrm.cou
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.parallel import at_once
 from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
 
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
+
+_LARGE = 2**17
+"""The coefficients above which several threads are worth their start."""
 
 
 def bundle_coefficients(lighting: Array, parts: Array) -> Array:
@@ -39,7 +43,8 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     light = complex_from_real(lighting[: (order + 1) ** 2], order)
     result = np.zeros(((band + 1) ** 2, 2 * p + 1, *parts.shape[2:]))
     weights = np.einsum("lqj,lqbc->jlbc", zonal_coupling(order, p), parts)
-    for s in range(p + 1):
+
+    def add(s: int) -> None:
         modes = _modes(light, weights, s)
         if s == 0:
             _add_real(result[:, p], modes, 1.0)
@@ -47,6 +52,8 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
             sign = (-1.0) ** s * np.sqrt(2)
             _add_real(result[:, p + s], modes, sign)
             _add_real(result[:, p - s], 1j * modes, sign)
+
+    at_once(add, range(p + 1), result.size > _LARGE)
     return result
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.expansion import Expansion
+from shrm_cli.parallel import at_once
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import INVISIBLE, visible_beyond
 from shrm_cli.sphere.harmonics import complex_from_real, legendre_table
@@ -30,6 +31,8 @@ from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
+_LARGE = 64
+"""The order above which several threads are worth their start."""
 _RINGS, _AROUND = 6, 20
 """The rings of central directions, and the directions on each of them."""
 _VIEWS, _AZIMUTHS = 12, 10
@@ -248,10 +251,18 @@ def _local_light(light: Array, order: int, max_q: int) -> ComplexArray:
     turned = np.exp(1j * m * (np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)))
     waves = np.exp(1j * m * (2 * np.pi / _AROUND * np.arange(_AROUND)))
     result = np.zeros((max_q + 1, _RINGS, _AROUND, order + 1, channels), dtype=complex)
-    for degree, d in small_d_degrees(order, theta, max_spin=max_q):
-        spin, rows = d.shape[1] // 2, slice(order - degree, order + degree + 1)
-        by_ring = (d[:, spin:] * turned[rows, None]).reshape(2 * degree + 1, -1)
-        lit = (waves[rows, :, None] * by_degree[degree, rows, None]).reshape(2 * degree + 1, -1)
-        found = by_ring.T @ lit
-        result[: spin + 1, :, :, degree] = found.reshape(spin + 1, _RINGS, _AROUND, channels)
+
+    def expand(ring: int) -> None:
+        opposite = _RINGS - 1 - ring
+        for degree, d in small_d_degrees(order, theta[ring], max_spin=max_q):
+            spin, rows = d.shape[1] // 2, slice(order - degree, order + degree + 1)
+            lit = (waves[rows, :, None] * by_degree[degree, rows, None]).reshape(2 * degree + 1, -1)
+            # d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)
+            north = d[:, spin:]
+            south = north[::-1] * (-1.0) ** (degree + np.arange(spin + 1))
+            for at, values in ((ring, north), (opposite, south)):
+                found = (values * turned[rows, at, None]).T @ lit
+                result[: spin + 1, at, :, degree] = found.reshape(spin + 1, _AROUND, channels)
+
+    at_once(expand, range(_RINGS // 2), order > _LARGE)
     return result.reshape(max_q + 1, _RINGS * _AROUND, -1)

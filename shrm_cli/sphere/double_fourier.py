@@ -10,12 +10,12 @@ coefficients c_lm to (A, B); `harmonics_from_moments` is its transpose, which tu
 of an image with those waves into its coefficients c_lm.
 """
 
-from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.parallel import at_once
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 Array = NDArray[np.floating]
@@ -24,8 +24,12 @@ Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
 _CACHED_ORDER = 96
-_TABLE_BYTES = 2**24
+_TABLE_BYTES = 2**25
 """Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
+_SHARED_ORDER, _LEAST_PARTS = 64, 8
+"""From this order on the work is split into so many parts at least, for several threads."""
+_LARGE = 2**20
+"""The numbers in tables and series above which several threads are worth their start."""
 
 
 def fourier_from_harmonics(coefficients: Array) -> Array:
@@ -51,12 +55,16 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     columns[1:] *= np.sqrt(2)
     flat = columns.reshape(count, count, 2 * maps)
     result = np.empty_like(flat)
-    for which, matrix, tables in _tables(count - 1):
-        chosen = flat[which]
-        even = tables[0].transpose(0, 2, 1) @ chosen[:, 0::2]
-        odd = tables[1].transpose(0, 2, 1) @ chosen[:, 1::2]
-        circle = np.concatenate([even + odd, (even - odd)[:, -2::-1]], axis=1)
-        result[which] = matrix @ circle
+
+    def transform(part: range) -> None:
+        for which, matrix, (symmetric, antisymmetric) in _tables(count - 1, part):
+            chosen = flat[which, : symmetric.shape[1] + antisymmetric.shape[1]]
+            even = symmetric.transpose(0, 2, 1) @ chosen[:, 0::2]
+            odd = antisymmetric.transpose(0, 2, 1) @ chosen[:, 1::2]
+            circle = np.concatenate([even + odd, (even - odd)[:, -2::-1]], axis=1)
+            np.matmul(matrix, circle, out=result[which])
+
+    at_once(transform, _parts(count - 1), _is_large(flat))
     return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
 
 
@@ -77,14 +85,19 @@ def harmonics_from_moments(moments: Array) -> Array:
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
     series = np.zeros_like(flat)
-    for which, matrix, tables in _tables(count - 1):
-        circle = matrix.T @ flat[which]
-        rings = tables[0].shape[-1]
-        north = circle[:, :rings]
-        south = np.zeros_like(north)
-        south[:, :-1] = circle[:, :-rings:-1]
-        series[which, 0::2] = tables[0] @ (north + south)
-        series[which, 1::2] = tables[1] @ (north - south)
+
+    def transform(part: range) -> None:
+        for which, matrix, (symmetric, antisymmetric) in _tables(count - 1, part):
+            circle = matrix.T @ flat[which]
+            rings = symmetric.shape[-1]
+            north = circle[:, :rings]
+            south = np.zeros_like(north)
+            south[:, :-1] = circle[:, :-rings:-1]
+            chosen = series[which, : symmetric.shape[1] + antisymmetric.shape[1]]
+            chosen[:, 0::2] = symmetric @ (north + south)
+            chosen[:, 1::2] = antisymmetric @ (north - south)
+
+    at_once(transform, _parts(count - 1), _is_large(flat))
     columns = series.reshape(count, count, 2, maps)
     columns[1:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
@@ -102,46 +115,73 @@ def _by_m(count: int) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
     return [(m, center[m:] + m, center[m:] - m) for m in range(count)]
 
 
-def _tables(order: int) -> Iterable[Tables]:
+def _parts(order: int) -> list[range]:
+    """Split m = 0 .. order into parts of which each has little memory for its tables."""
+    rings, parts, start = (order + 2) // 2 + 1, [], 0
+    while start <= order:
+        fitting = _TABLE_BYTES // (8 * rings * (order + 1 - start))
+        fair = -(-(order + 1) // _LEAST_PARTS) if order >= _SHARED_ORDER else order + 1
+        stop = min(start + 2 * max(1, min(fitting, fair) // 2), order + 1)
+        parts.append(range(start, stop))
+        start = stop
+    return parts
+
+
+def _is_large(series: Array) -> bool:
+    """Whether several threads are worth their start, for series [m, l or k, map]."""
+    count, _, columns = series.shape
+    return count**2 * (columns + count / 2) > _LARGE
+
+
+def _tables(order: int, part: range) -> list[Tables]:
     """What `_make_tables` makes, kept from one call to the next unless it is large."""
-    return _cached_tables(order) if order <= _CACHED_ORDER else _make_tables(order)
+    make = _cached_tables if order <= _CACHED_ORDER else _make_tables
+    return make(order, part)
 
 
-def _make_tables(order: int) -> Iterator[Tables]:
-    """The transform from samples on half a circle to Fourier coefficients, and f_lm there.
+def _make_tables(order: int, part: range) -> list[Tables]:
+    """Make the transform from samples on half a circle to Fourier coefficients, and f_lm there.
 
     The samples lie at theta = j pi / n, n > order, which is enough for degree `order`. Functions
     of even and odd l - m are symmetric and antisymmetric about the equator, so they are tabulated
     on one hemisphere only.
 
-    Yields
-    ------
-    which : slice
-        Some m, all even or all odd.
-    matrix : ndarray, shape (order+1, samples)
-        The transform of waves of this parity of m.
-    symmetric, antisymmetric : ndarray, shape (m, l - m, rings)
-        The functions of even and odd l - m.
+    Parameters
+    ----------
+    order : int
+    part : range
+        Some m.
+
+    Returns
+    -------
+    list of (which, matrix, (symmetric, antisymmetric))
+        One for even and one for odd m: which m these are; the transform of waves of this parity
+        of m, shape (order+1, samples); and the functions of even and odd l - m, shape
+        (m, l - m, rings), as far up as the first m reaches.
     """
     rings = (order + 2) // 2 + 1
     intervals = 2 * (rings - 1)
     z = np.cos(np.linspace(0, np.pi / 2, rings))
+    table = legendre_columns(order, z, part.start, part.stop)
+    found: list[Tables] = []
+    for parity, matrix in enumerate(_transforms(order, intervals)):
+        first = (part.start + parity) % 2
+        own = table[first::2]
+        if len(own):
+            which = slice(part.start + first, part.stop, 2)
+            found.append((which, matrix, (own[:, 0::2], own[:, 1::2])))
+    return found
+
+
+_cached_tables = lru_cache(maxsize=2 * _LEAST_PARTS)(_make_tables)
+
+
+@lru_cache(maxsize=2)
+def _transforms(order: int, intervals: int) -> tuple[Array, Array]:
+    """The transforms along theta of even and of odd m, shape (order+1, intervals+1) each."""
     angle = np.outer(np.arange(order + 1), np.arange(intervals + 1)) * (np.pi / intervals)
     weights = np.full(intervals + 1, 2.0 / intervals)
     weights[[0, -1]] /= 2
     cosine, sine = np.cos(angle) * weights, np.sin(angle) * weights
     cosine[0] /= 2
-    step = 2 * max(1, _TABLE_BYTES // (2 * (order + 1) * rings * 8))
-    for start in range(0, order + 1, step):
-        stop = min(start + step, order + 1)
-        table = legendre_columns(order, z, start, stop)
-        for parity, matrix in ((0, cosine), (1, sine)):
-            part = table[parity::2]
-            if len(part):
-                which = slice(start + parity, stop, 2)
-                yield which, matrix, (part[:, 0::2], part[:, 1::2])
-
-
-@lru_cache(maxsize=2)
-def _cached_tables(order: int) -> list[Tables]:
-    return list(_make_tables(order))
+    return cosine, sine

@@ -107,10 +107,10 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
 
     Returns
     -------
-    ndarray, shape (last - first, order+1, n)
+    ndarray, shape (last - first, order + 1 - first, n)
         ``[m - first, l - m, ...]``, zero where l > order; the same to the last bit as in the table.
     """
-    table = np.zeros((last - first, order + 1, len(z)))
+    table = np.zeros((last - first, order + 1 - first, len(z)))
     sine = np.sqrt((1 - z) * (1 + z))
     highest = np.full(len(z), np.sqrt(1 / (4 * np.pi)))  # f_mm
     for degree in range(last):
@@ -119,15 +119,16 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
         if degree >= first:
             table[degree - first, 0] = highest
     # The recurrence in l goes up in all m at once, as far as each of them reaches.
+    m = np.arange(first, last)
+    high = m + np.arange(1, order - first + 1)[:, None]  # the degree l
+    scale = np.sqrt((4 * high**2 - 1) / (high**2 - m**2))
+    back = scale * np.sqrt(((high - 1) ** 2 - m**2) / (4 * (high - 1) ** 2 - 1))
     for above in range(1, order - first + 1):
-        m = np.arange(first, min(last, order - above + 1))[:, None]
-        high = m + above  # the degree l
-        scale = np.sqrt((4 * high**2 - 1) / (high**2 - m**2))
-        current = scale * z * table[: len(m), above - 1]
+        kept = slice(min(last, order - above + 1) - first)
+        current = table[kept, above]
+        np.multiply(scale[above - 1, kept, None] * z, table[kept, above - 1], out=current)
         if above > 1:
-            back = np.sqrt(((high - 1) ** 2 - m**2) / (4 * (high - 1) ** 2 - 1))
-            current -= scale * back * table[: len(m), above - 2]
-        table[: len(m), above] = current
+            current -= back[above - 1, kept, None] * table[kept, above - 2]
     return table
 
 

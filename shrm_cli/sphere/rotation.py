@@ -8,12 +8,14 @@ is then a few turns of pairs, and two products with matrices that are the same f
 import itertools
 import threading
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.wigner import right_angle_degrees
+from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees
 
 Array = NDArray[np.floating]
 
@@ -265,15 +267,10 @@ def _turn_zyz(
             some = np.s_[..., at : at + step]
             before, between, after = ((cosine[some], sine[some]) for cosine, sine in turns)
             block = source[rows][some].astype(float, copy=False)
-            block = _product(quarter_turn, _turned(block, before))
+            block = quarter_turn.applied(_turned(block, before))
             if not exchanged:
-                block = _product(quarter_turn.T, _turned(block, between))
+                block = quarter_turn.applied(_turned(block, between), backwards=True)
             result[rows][some] = _turned(block, after)
-
-
-def _product(matrix: Array, block: Array) -> Array:
-    """A matrix times functions, shape (2l+1, ...)."""
-    return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
 
 
 def _phases(order: int, angle: Array, dtype: np.typing.DTypeLike = float) -> tuple[Array, Array]:
@@ -301,18 +298,80 @@ def _turned(block: Array, phases: tuple[Array, Array]) -> Array:
     return result
 
 
-def _quarter_turns(order: int) -> Iterable[Array]:
-    """Yield the matrices of Ry(pi/2) between real harmonics, degree by degree."""
-    return _known_turns.up_to(order) if order <= _CACHED_ORDER else _right_angle_turns(order)
+class _QuarterTurn(Protocol):
+    """Ry(pi/2) of one degree."""
+
+    def applied(self, block: Array, backwards: bool = False) -> Array:
+        """Turn functions, shape (2l+1, ...), or turn them back."""
 
 
-def _right_angle_turns(order: int) -> Iterator[Array]:
+@dataclass(frozen=True)
+class _WholeTurn:
+    """The matrix of Ry(pi/2) between real harmonics of one degree: one product for few of them."""
+
+    matrix: Array
+
+    def applied(self, block: Array, backwards: bool = False) -> Array:
+        matrix = self.matrix.T if backwards else self.matrix
+        return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
+
+
+@dataclass(frozen=True)
+class _SplitTurn:
+    """The same by the parts of that matrix that are not zero, a quarter of it.
+
+    Attributes
+    ----------
+    blocks : pair of pairs of ndarray
+        As `right_angle_blocks` yields them.
+    weights : ndarray, shape (l+1, 1)
+        The factors between ``d_mn`` and real harmonics, of m and of n alike.
+    """
+
+    blocks: tuple[tuple[Array, Array], tuple[Array, Array]]
+    weights: Array
+
+    def applied(self, block: Array, backwards: bool = False) -> Array:
+        degree = len(block) // 2
+        flat = block.reshape(len(block), -1)
+        result = np.empty_like(flat)
+        # The matrix of the turn back has no sign (-1)^(m+n).
+        weights = np.abs(self.weights) if backwards else self.weights
+        # Both halves hold m = 0, which is a cosine: there are no sines to come from it, and the
+        # cosines come last.
+        for is_sine, half in ((1, np.s_[degree::-1]), (0, np.s_[degree:])):
+            source, target = weights * flat[half], result[half]
+            source[:is_sine] = 0
+            for i in (0, 1):
+                # Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
+                j = (degree + i + is_sine) % 2
+                target[i::2] = self.blocks[i][j] @ source[j::2]
+            target *= weights
+        return result.reshape(block.shape)
+
+
+def _quarter_turns(order: int) -> Iterable[_QuarterTurn]:
+    """Yield Ry(pi/2) between real harmonics, degree by degree."""
+    if order <= _CACHED_ORDER:
+        return _known_turns.up_to(order)
+    weights = _turn_weights(order)[:, None]
+    blocks = enumerate(right_angle_blocks(order))
+    return (_SplitTurn(each, weights[: degree + 1]) for degree, each in blocks)
+
+
+def _turn_weights(order: int) -> Array:
+    """The factors of m or n between ``d_mn`` and real harmonics, shape (order+1,)."""
+    m = np.arange(order + 1)
+    return np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
+
+
+def _right_angle_turns(order: int) -> Iterator[_WholeTurn]:
     """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
 
     Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
     """
     m = np.arange(order + 1)
-    factor = np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
+    factor = _turn_weights(order)
     weights = factor[:, None] * factor
     odd = (m[:, None] + m) % 2
     by_parity = weights * (1 - odd), weights * odd
@@ -324,7 +383,7 @@ def _right_angle_turns(order: int) -> Iterator[Array]:
         np.multiply(
             quadrant[:0:-1, :0:-1], sine[degree:0:-1, degree:0:-1], out=result[:degree, :degree]
         )
-        yield result
+        yield _WholeTurn(result)
 
 
 class _KnownTurns:
@@ -334,11 +393,11 @@ class _KnownTurns:
     """
 
     def __init__(self) -> None:
-        self._found: list[Array] = []
+        self._found: list[_WholeTurn] = []
         self._more = _right_angle_turns(_CACHED_ORDER)
         self._lock = threading.Lock()
 
-    def up_to(self, order: int) -> list[Array]:
+    def up_to(self, order: int) -> list[_WholeTurn]:
         with self._lock:
             self._found += itertools.islice(self._more, max(order + 1 - len(self._found), 0))
         return self._found[: order + 1]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.layouts import FACES
+from shrm_cli.parallel import at_once, in_order
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
@@ -40,9 +41,12 @@ _ALONG_X = (
     (2, "-Y", True, False),
     (3, "-Z", True, False),
 )
+_AXES = _ALONG_Z, _ALONG_X
 
-_BLOCK_BYTES = 2**27
+_BLOCK_BYTES = 2**26
 """Memory that the intermediate arrays of some maps may take."""
+_LARGE = 2**24
+"""The values of series, times rows, above which several threads are worth their start."""
 _CACHED_BYTES = 2**21
 """Memory of what is evaluated in one go, so that it stays in the processor's cache."""
 
@@ -120,30 +124,40 @@ class CubeSeries:
         step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count))
         for start in range(0, maps, step):
             part = slice(start, start + step)
-            waves = fourier_from_harmonics(both[:, :, part].reshape(len(both), -1))
-            halves = waves.reshape(2, count, count, 2, -1)
-            fourier: list[Array] = [halves[..., which, :].astype(dtype) for which in (0, 1)]
+            fourier = _double_fourier(both[:, :, part], dtype)
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
+
+
+def _double_fourier(both: Array, dtype: type) -> list[Array]:
+    """The double Fourier sums of series as they are, and turned, ``[l (l+1) + m, which, map]``."""
+    waves = fourier_from_harmonics(both.reshape(len(both), -1))
+    halves = waves.reshape(*waves.shape[:3], 2, -1)
+    return [halves[..., which, :].astype(dtype) for which in (0, 1)]
 
 
 def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums."""
     half = s[len(s) // 2 :]  # s >= 0; the rest is its mirror image
-    parts = [
-        (faces, *_meridians(series, [face[0] for face in faces], half))
-        for series, faces in zip(fourier, (_ALONG_Z, _ALONG_X), strict=True)
-    ]
+
+    def along(axis: int) -> tuple[Array, Array]:
+        return _meridians(fourier[axis], [face[0] for face in _AXES[axis]], half)
+
+    is_large = fourier[0].size * len(half) > _LARGE
+    parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
     block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
     step = max(1, _CACHED_BYTES // block)
-    for start in range(0, len(half), step):
+
+    def fill(start: int) -> None:
         rows = slice(start, start + step)
         same, opposite = (
             waves.astype(result.dtype) for waves in _waves(fourier[0].shape[1], half[rows], half)
         )
-        for faces, symmetric, antisymmetric in parts:
+        for faces, (symmetric, antisymmetric) in parts:
             even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
             _store_rows(even, odd, faces, start, result)
+
+    at_once(fill, range(0, len(half), step))
 
 
 def _store_rows(
