@@ -12,11 +12,17 @@ For a small p that takes far less time than the rings of `shrm_cli.maps.shrm.cou
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.memo import Memo
 from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
 
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
+Indices = NDArray[np.intp]
+
+
+_known_couplings = Memo(2**24)
+"""Couplings of light and view. Those of F = 40 and P = 2 take half a megabyte together."""
 
 
 def bundle_coefficients(lighting: Array, parts: Array) -> Array:
@@ -39,19 +45,19 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     light = complex_from_real(lighting[: (order + 1) ** 2], order)
     result = np.zeros(((band + 1) ** 2, 2 * p + 1, *parts.shape[2:]))
     weights = np.einsum("lqj,lqbc->jlbc", zonal_coupling(order, p), parts)
-    for s in range(p + 1):
-        modes = _modes(light, weights, s)
-        if s == 0:
-            _add_real(result[:, p], modes, 1.0)
-        else:
-            sign = (-1.0) ** s * np.sqrt(2)
-            _add_real(result[:, p + s], modes, sign)
-            _add_real(result[:, p - s], 1j * modes, sign)
+    _store(result[:, p], np.sqrt(2) * _modes(light, weights, 0), band)
+    for s in range(1, p + 1):
+        raised, lowered = _modes(light, weights, s), (-1.0) ** s * _modes(light, weights, -s)
+        _store(result[:, p + s], raised + lowered, band)
+        _store(result[:, p - s], 1j * (raised - lowered), band)
     return result
 
 
 def _modes(light: ComplexArray, weights: Array, s: int) -> ComplexArray:
-    """Return the complex coefficients of ``B~_ps`` over R, indexed [J, M + F + p, bundle, channel].
+    """Return complex coefficients over R of ``B~_ps``, shape (J and M, bundles, channels).
+
+    They are those of ``M = 0 .. J``, as `_places` orders them, because those of ``-M`` follow from
+    those of ``-s``: the light is real.
 
     Parameters
     ----------
@@ -59,42 +65,53 @@ def _modes(light: ComplexArray, weights: Array, s: int) -> ComplexArray:
     weights : ndarray, shape (p+1, F+1, bundles, channels)
         ``sum_q (-1)^q rho_hat_lpq <l q p -q | J 0>``, indexed [j, l, ...] with ``J = l - p + 2 j``.
     s : int
-        The order of the view in world axes.
+        The order of the view in world axes, of any sign.
     """
     order, p = weights.shape[1] - 1, weights.shape[0] - 1
     band = order + p
-    result = np.zeros((band + 1, 2 * band + 1, *weights.shape[2:]), dtype=complex)
-    degree, m = np.arange(order + 1), np.arange(-order, order + 1)
+    result = np.zeros((band + 1, band + 1, *weights.shape[2:]), dtype=complex)
+    first = max(0, -order - s)  # the least M = m - s
+    columns = slice(first, max(order - s + 1, first))
     for shift, each in zip(range(-p, p + 1, 2), weights, strict=True):
         low = max(0, -shift)  # the least l with a degree J >= 0
         if low > order:
             continue
-        total = degree[low:] + shift
-        scale = (-1.0) ** s * np.sqrt(4 * np.pi / (2 * total + 1))
-        coupling = clebsch_gordan(degree[low:, None], m, p, -s, shift) * scale[:, None]
-        coupled = coupling[..., None] * light[low:]
-        first = band - order - s  # M = m - s
-        columns = slice(max(first, 0), first + 2 * order + 1)
-        result[total[0] : total[-1] + 1, columns] += coupled[:, :, None] * each[low:, None]
-    return result
+        coupling = _coupling(order, p, s, shift)[..., None]
+        coupled = coupling * light[low:, first + s + order :]
+        result[low + shift : order + shift + 1, columns] += coupled[:, :, None] * each[low:, None]
+    return result.reshape(-1, *weights.shape[2:])[_places(band)[0]]
 
 
-def _add_real(result: Array, modes: ComplexArray, scale: float) -> None:
-    """Add the real harmonics' coefficients of `scale` times the real part of a function.
+def _coupling(order: int, p: int, s: int, shift: int) -> Array:
+    """Return ``(-1)^M Lambda_J <l m p -s | J M>`` with ``J = l + shift`` and ``M = m - s``.
 
-    Parameters
-    ----------
-    result : ndarray, shape ((band+1)^2, ...)
-    modes : ndarray, shape (band+1, 2 band + 1, ...)
-        The function's complex coefficients, indexed [J, M + band].
+    It is indexed [l, M], from the least l with a degree J >= 0, and for M >= 0. Those of M = 0 are
+    divided by sqrt(2), because real harmonics of M > 0 have that factor.
     """
-    band = len(modes) - 1
-    total = np.arange(band + 1)
-    result[total * (total + 1)] += scale * modes[:, band].real
-    total, order = (1 + each for each in np.tril_indices(band))  # all m = 1 .. J
-    signs = ((-1.0) ** order).reshape(-1, *[1] * (modes.ndim - 2))
-    positive, negative = modes[total, band + order], signs * np.conj(modes[total, band - order])
-    both = scale * signs * (positive + negative) / np.sqrt(2)
-    middle = total * (total + 1)
-    result[middle + order] += both.real
-    result[middle - order] -= both.imag
+
+    def make() -> Array:
+        degree = np.arange(max(0, -shift), order + 1)[:, None]
+        m = np.arange(max(s, -order), order + 1)
+        sign = np.where(m == s, np.sqrt(0.5), (-1.0) ** (m - s))
+        scale = np.sqrt(4 * np.pi / (2 * (degree + shift) + 1))
+        return clebsch_gordan(degree, m, p, -s, shift) * scale * sign
+
+    return _known_couplings.get((order, p, s, shift), make)
+
+
+def _store(result: Array, modes: ComplexArray, band: int) -> None:
+    """Store the coefficients over real harmonics, shape ((band+1)^2, ...), of complex ones."""
+    _, cosine, sine = _places(band)
+    result[sine] = -modes.imag
+    result[cosine] = modes.real  # last, because both are the same where M = 0
+
+
+def _places(band: int) -> tuple[Indices, Indices, Indices]:
+    """Return where J and M >= 0 stand: in a table [J, M], and as linear indices of M and of -M."""
+
+    def make() -> tuple[Indices, Indices, Indices]:
+        total, order = np.tril_indices(band + 1)
+        middle = total * (total + 1)
+        return total * (band + 1) + order, middle + order, middle - order
+
+    return _known_couplings.get(band, make)

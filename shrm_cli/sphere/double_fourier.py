@@ -11,19 +11,24 @@ of an image with those waves into its coefficients c_lm.
 """
 
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.memo import Memo
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 Array = NDArray[np.floating]
+
+_known_places = Memo(2**20)
+"""What `_by_m` returns for some orders; that of order 96 takes 0.1 MB."""
 
 Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
 _CACHED_ORDER = 96
+_known_tables = Memo(2**24)
+"""The tables of each order. A map needs those of three or four, of which order 96 takes 4 MB."""
 _TABLE_BYTES = 2**24
 """Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
 
@@ -43,12 +48,11 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     """
     count = order_of(len(coefficients)) + 1
     maps = coefficients.shape[1]
-    columns = np.zeros((count, count, 2, maps))
-    for m, at, sine in _by_m(count):
-        columns[m, : count - m, 0] = coefficients[at]
-        if m:
-            columns[m, : count - m, 1] = coefficients[sine]
-    columns[1:] *= np.sqrt(2)
+    columns = np.zeros((count * count, 2, maps))
+    place, cosine, sine = _by_m(count)
+    columns[place, 0] = coefficients[cosine]
+    columns[place[count:], 1] = coefficients[sine[count:]]
+    columns[count:] *= np.sqrt(2)
     flat = columns.reshape(count, count, 2 * maps)
     result = np.empty_like(flat)
     for which, matrix, tables in _tables(count - 1):
@@ -85,26 +89,44 @@ def harmonics_from_moments(moments: Array) -> Array:
         south[:, :-1] = circle[:, :-rings:-1]
         series[which, 0::2] = tables[0] @ (north + south)
         series[which, 1::2] = tables[1] @ (north - south)
-    columns = series.reshape(count, count, 2, maps)
-    columns[1:] *= np.sqrt(2)
+    columns = series.reshape(count * count, 2, maps)
+    columns[count:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
-    for m, at, sine in _by_m(count):
-        result[at] = columns[m, : count - m, 0]
-        if m:
-            result[sine] = columns[m, : count - m, 1]
+    place, cosine, sine = _by_m(count)
+    result[cosine] = columns[place, 0]
+    result[sine[count:]] = columns[place[count:], 1]
     return result
 
 
-def _by_m(count: int) -> list[tuple[int, NDArray[np.intp], NDArray[np.intp]]]:
-    """For each m: m itself, and the linear indices of (l, m) and of (l, -m), l = m .. order."""
-    degree = np.arange(count)
-    center = degree * (degree + 1)
-    return [(m, center[m:] + m, center[m:] - m) for m in range(count)]
+Indices = NDArray[np.intp]
+
+
+def _by_m(count: int) -> tuple[Indices, Indices, Indices]:
+    """Where the harmonics of m = 0 .. order stand in tables by m, ordered by m and then by l.
+
+    The first `count` of them have m = 0.
+
+    Returns
+    -------
+    place : ndarray
+        The index of [m, l - m] in a table of `count` rows and columns.
+    cosine, sine : ndarray
+        The linear indices of (l, m) and of (l, -m).
+    """
+    return _known_places.get(count, lambda: _make_places(count))
+
+
+def _make_places(count: int) -> tuple[Indices, Indices, Indices]:
+    m, above = np.nonzero(np.add.outer(np.arange(count), np.arange(count)) < count)
+    center = (m + above) * (m + above + 1)
+    return m * count + above, center + m, center - m
 
 
 def _tables(order: int) -> Iterable[Tables]:
     """What `_make_tables` makes, kept from one call to the next unless it is large."""
-    return _cached_tables(order) if order <= _CACHED_ORDER else _make_tables(order)
+    if order > _CACHED_ORDER:
+        return _make_tables(order)
+    return _known_tables.get(order, lambda: list(_make_tables(order)))
 
 
 def _make_tables(order: int) -> Iterator[Tables]:
@@ -140,8 +162,3 @@ def _make_tables(order: int) -> Iterator[Tables]:
             if len(part):
                 which = slice(start + parity, stop, 2)
                 yield which, matrix, (part[:, 0::2], part[:, 1::2])
-
-
-@lru_cache(maxsize=2)
-def _cached_tables(order: int) -> list[Tables]:
-    return list(_make_tables(order))

@@ -14,11 +14,13 @@ axis. Values are exact at each texel: no intermediate image is interpolated, and
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.layouts import FACES
+from shrm_cli.memo import Memo
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
@@ -41,6 +43,8 @@ _ALONG_X = (
     (3, "-Z", True, False),
 )
 
+_known_waves = Memo(2**24)
+"""Waves of some sizes and orders, those of size 64 and order 64 take 1.1 MB in single precision."""
 _BLOCK_BYTES = 2**27
 """Memory that the intermediate arrays of some maps may take."""
 _CACHED_BYTES = 2**21
@@ -138,9 +142,7 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     step = max(1, _CACHED_BYTES // block)
     for start in range(0, len(half), step):
         rows = slice(start, start + step)
-        same, opposite = (
-            waves.astype(result.dtype) for waves in _waves(fourier[0].shape[1], half[rows], half)
-        )
+        same, opposite = _kept_waves(fourier[0].shape[1], half[rows], half, result.dtype)
         for faces, symmetric, antisymmetric in parts:
             even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
             _store_rows(even, odd, faces, start, result)
@@ -185,18 +187,46 @@ def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array
         in the order that `_waves` has.
     """
     count, maps = fourier.shape[1], fourier.shape[-1]
-    phi = _meridian_angles(quadrants, half)
     parts = []
-    for parity in (0, 1):
-        m = np.arange(parity, count, 2)
-        waves = np.concatenate([np.cos(np.outer(phi, m)), np.sin(np.outer(phi, m))], axis=1)
-        series = fourier[:, parity::2].transpose(0, 1, 3, 2).reshape(2 * len(m), maps * count)
-        parts.append((waves.astype(fourier.dtype) @ series).reshape(len(half), -1, count))
+    for parity, waves in enumerate(_longitude_waves(count, quadrants, half, fourier.dtype)):
+        series = fourier[:, parity::2].transpose(0, 1, 3, 2).reshape(-1, maps * count)
+        parts.append((waves @ series).reshape(len(half), -1, count))
     a, b = parts
     return (
         np.concatenate([a[..., 0::2], b[..., 1::2]], axis=-1),
         np.concatenate([a[..., 1::2], b[..., 0::2]], axis=-1),
     )
+
+
+def _longitude_waves(
+    count: int, quadrants: list[int], half: Array, dtype: np.dtype[Any]
+) -> tuple[Array, Array]:
+    """Cosines and sines of m times the longitudes of `_meridians`, m < count.
+
+    Returns
+    -------
+    even, odd : ndarray, shape (longitudes, about count)
+        Those of even and of odd m; the cosines come first.
+    """
+
+    def make() -> tuple[Array, Array]:
+        phi = _meridian_angles(quadrants, half)
+        products = (np.outer(phi, np.arange(parity, count, 2)) for parity in (0, 1))
+        even, odd = (np.concatenate([np.cos(p), np.sin(p)], axis=1).astype(dtype) for p in products)
+        return even, odd
+
+    key = "longitudes", count, tuple(quadrants), half.tobytes(), np.dtype(dtype)
+    return _known_waves.get(key, make)
+
+
+def _kept_waves(count: int, s: Array, t: Array, dtype: np.dtype[Any]) -> tuple[Array, Array]:
+    """What `_waves` returns, in a precision; it is kept from one call to the next."""
+
+    def make() -> tuple[Array, Array]:
+        same, opposite = _waves(count, s, t)
+        return same.astype(dtype), opposite.astype(dtype)
+
+    return _known_waves.get((count, s.tobytes(), t.tobytes(), np.dtype(dtype)), make)
 
 
 def _meridian_angles(quadrants: list[int], half: Array) -> Array:
@@ -299,7 +329,7 @@ def _gather_faces(
     step = max(1, _CACHED_BYTES // (len(faces) * 2 * maps * len(half) * 8))
     for start in range(0, len(half), step):
         rows = slice(start, start + step)
-        same, opposite = _waves(count, half[rows], half)
+        same, opposite = _kept_waves(count, half[rows], half, np.dtype(float))
         at = np.arange(start, start + len(same))
         even = np.empty((len(same), len(faces), 2, maps, len(half)))
         odd = np.empty_like(even)
@@ -323,16 +353,15 @@ def _moments(symmetric: Array, antisymmetric: Array, quadrants: list[int], half:
     """Moments from sums along meridians: the transpose of `_meridians`."""
     maps, count = symmetric.shape[3], symmetric.shape[4]
     result = np.zeros((2, count, count, maps))
-    phi = _meridian_angles(quadrants, half)
     evens, odds = (count + 1) // 2, count // 2
-    a, b = (np.empty((len(phi), maps, count)) for _ in range(2))
-    symmetric = symmetric.reshape(len(phi), maps, count)
-    antisymmetric = antisymmetric.reshape(len(phi), maps, count)
+    waves = _longitude_waves(count, quadrants, half, np.dtype(float))
+    longitudes = len(waves[0])
+    a, b = (np.empty((longitudes, maps, count)) for _ in range(2))
+    symmetric = symmetric.reshape(longitudes, maps, count)
+    antisymmetric = antisymmetric.reshape(longitudes, maps, count)
     a[..., 0::2], b[..., 1::2] = symmetric[..., :evens], symmetric[..., evens:]
     a[..., 1::2], b[..., 0::2] = antisymmetric[..., :odds], antisymmetric[..., odds:]
     for parity, part in ((0, a), (1, b)):
-        m = np.arange(parity, count, 2)
-        waves = np.concatenate([np.cos(np.outer(phi, m)), np.sin(np.outer(phi, m))], axis=1)
-        sums = (waves.T @ part.reshape(len(phi), -1)).reshape(2, len(m), maps, count)
+        sums = (waves[parity].T @ part.reshape(longitudes, -1)).reshape(2, -1, maps, count)
         result[:, parity::2] = sums.transpose(0, 1, 3, 2)
     return result
