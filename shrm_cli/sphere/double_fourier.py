@@ -10,7 +10,7 @@ coefficients c_lm to (A, B); `harmonics_from_moments` is its transpose, which tu
 of an image with those waves into its coefficients c_lm.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from shrm_cli.memo import Memo
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 Array = NDArray[np.floating]
+Indices = NDArray[np.intp]
 
 _known_places = Memo(2**20)
 """What `_by_m` returns for some orders; that of order 96 takes 0.1 MB."""
@@ -26,9 +27,10 @@ _known_places = Memo(2**20)
 Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
-_CACHED_ORDER = 96
-_known_tables = Memo(2**24)
-"""The tables of each order. A map needs those of three or four, of which order 96 takes 4 MB."""
+_KEPT_ORDER = 96
+"""The largest order whose matrices are kept. Those of higher ones take too much time to make."""
+_known_matrices = Memo(2**24)
+"""The matrices of each order. A map needs those of three or four, and order 96 takes 4 MB."""
 _TABLE_BYTES = 2**24
 """Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
 
@@ -55,13 +57,22 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     columns[count:] *= np.sqrt(2)
     flat = columns.reshape(count, count, 2 * maps)
     result = np.empty_like(flat)
-    for which, matrix, tables in _tables(count - 1):
+    if count <= _KEPT_ORDER + 1:
+        for which, above, k, matrices in _known_matrices.get(count, lambda: _matrices(count)):
+            result[which, k] = matrices @ flat[which, above]
+    else:
+        _transform_circles(flat, result)
+    return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
+
+
+def _transform_circles(flat: Array, result: Array) -> None:
+    """Transform series [m, l - m, map] to [m, k, map] by their values on circles."""
+    for which, matrix, tables in _make_tables(len(flat) - 1):
         chosen = flat[which]
         even = tables[0].transpose(0, 2, 1) @ chosen[:, 0::2]
         odd = tables[1].transpose(0, 2, 1) @ chosen[:, 1::2]
         circle = np.concatenate([even + odd, (even - odd)[:, -2::-1]], axis=1)
         result[which] = matrix @ circle
-    return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
 
 
 def harmonics_from_moments(moments: Array) -> Array:
@@ -80,15 +91,12 @@ def harmonics_from_moments(moments: Array) -> Array:
     """
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
-    series = np.zeros_like(flat)
-    for which, matrix, tables in _tables(count - 1):
-        circle = matrix.T @ flat[which]
-        rings = tables[0].shape[-1]
-        north = circle[:, :rings]
-        south = np.zeros_like(north)
-        south[:, :-1] = circle[:, :-rings:-1]
-        series[which, 0::2] = tables[0] @ (north + south)
-        series[which, 1::2] = tables[1] @ (north - south)
+    series = np.empty_like(flat)
+    if count <= _KEPT_ORDER + 1:
+        for which, above, k, matrices in _known_matrices.get(count, lambda: _matrices(count)):
+            series[which, above] = matrices.transpose(0, 2, 1) @ flat[which, k]
+    else:
+        _gather_circles(flat, series)
     columns = series.reshape(count * count, 2, maps)
     columns[count:] *= np.sqrt(2)
     result = np.empty((count**2, maps))
@@ -98,7 +106,16 @@ def harmonics_from_moments(moments: Array) -> Array:
     return result
 
 
-Indices = NDArray[np.intp]
+def _gather_circles(flat: Array, series: Array) -> None:
+    """Turn moments [m, k, map] into series [m, l - m, map]: transposed `_transform_circles`."""
+    for which, matrix, tables in _make_tables(len(flat) - 1):
+        circle = matrix.T @ flat[which]
+        rings = tables[0].shape[-1]
+        north = circle[:, :rings]
+        south = np.zeros_like(north)
+        south[:, :-1] = circle[:, :-rings:-1]
+        series[which, 0::2] = tables[0] @ (north + south)
+        series[which, 1::2] = tables[1] @ (north - south)
 
 
 def _by_m(count: int) -> tuple[Indices, Indices, Indices]:
@@ -122,11 +139,27 @@ def _make_places(count: int) -> tuple[Indices, Indices, Indices]:
     return m * count + above, center + m, center - m
 
 
-def _tables(order: int) -> Iterable[Tables]:
-    """What `_make_tables` makes, kept from one call to the next unless it is large."""
-    if order > _CACHED_ORDER:
-        return _make_tables(order)
-    return _known_tables.get(order, lambda: list(_make_tables(order)))
+def _matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
+    """The whole transform from coefficients of one m to Fourier coefficients, for all m.
+
+    By symmetry about the equator even l only have waves of even k, and odd l those of odd k.
+
+    Returns
+    -------
+    list of (which, above, k, matrices)
+        Some m, the l - m and the k that they are about, as slices; and ndarray, shape
+        (m, k, l - m).
+    """
+    found = []
+    for which, matrix, tables in _make_tables(count - 1):
+        parity, rings = which.start % 2, tables[0].shape[-1]
+        for above, sign in enumerate((1.0, -1.0)):
+            k = slice((parity + above) % 2, None, 2)
+            both = matrix[k, :rings].copy()
+            both[:, :-1] += sign * matrix[k, :-rings:-1]
+            matrices = both @ tables[above].transpose(0, 2, 1)
+            found.append((which, slice(above, None, 2), k, matrices))
+    return found
 
 
 def _make_tables(order: int) -> Iterator[Tables]:
