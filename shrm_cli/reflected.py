@@ -129,7 +129,9 @@ def own_energies_beyond(
     """
     known = coefficients.degree_energy
     rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
-    above = np.minimum(rest, energy_above(known))
+    is_expanded = isinstance(coefficients, BrdfCoefficients)
+    estimate = coefficients.energy_above if is_expanded else energy_above(known)
+    above = np.minimum(rest, estimate)
     above = np.where(coefficients.spread.any(axis=0), above, rest)
     return above, rest - above
 

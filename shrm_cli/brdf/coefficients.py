@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import Sum
-from shrm_cli.brdf.transfer import accuracy_remark, both_signs, compute_transfer
+from shrm_cli.brdf.transfer import accuracy_remark, both_signs, compute_transfer, energy_above
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_P
 
@@ -83,6 +83,11 @@ class BrdfCoefficients:
         It is that of the known ones with p > P, which depends on the view as finely.
         """
         return np.maximum(self.degree_energy - self.energies().sum(axis=1), 0.0)
+
+    @cached_property
+    def energy_above(self) -> Array:
+        """The energy at degrees above F as `transfer.energy_above` estimates it, shape (3,)."""
+        return energy_above(self.degree_energy)
 
     @property
     def converged(self) -> bool:

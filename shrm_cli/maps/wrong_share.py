@@ -168,14 +168,14 @@ def wrong_share(lighting: Lighting, lobes: Lobes, unknown: float = 0.0) -> float
     local = _local_light(light, order, max_q)
     both = np.concatenate([lobes.whole, lobes.error], axis=2)
     flat = both.swapaxes(2, 3).reshape(max_q + 1, -1, both.shape[2])
-    by_q = (local @ flat.astype(complex)).reshape(max_q + 1, -1)
+    by_q = (local @ flat).reshape(2 * (max_q + 1), -1)
     # The sum over both signs of q is twice the real part of that over q > 0.
     q, azimuths = np.arange(max_q + 1), 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
     waves = np.where(q == 0, 1, 2)[:, None] * np.exp(1j * np.outer(q, azimuths))
-    values = by_q.real.T @ waves.real - by_q.imag.T @ waves.imag
-    whole, error = np.split(values.reshape(local.shape[1], -1, _AZIMUTHS), 2, axis=1)
+    values = by_q.T @ np.concatenate([waves.real, -waves.imag])
+    whole, error = np.split(values.reshape(local.shape[2], -1, _AZIMUTHS), 2, axis=1)
     # Only degree 0 has a mean over all central directions.
-    means = lobes.whole[0, 0] @ local[0, 0, : both.shape[-1]].real
+    means = lobes.whole[0, 0] @ local[0, 0, 0, : both.shape[-1]]
     limit = WRONG * np.maximum(whole, SEEN_FLOOR * float(lobes.shares @ means))
 
     def share_of(happens: Array) -> float:
@@ -242,7 +242,7 @@ def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float)
     return None
 
 
-def _local_light(light: Array, order: int, max_q: int) -> ComplexArray:
+def _local_light(light: Array, order: int, max_q: int) -> Array:
     """Expand the light about central directions that are spread evenly.
 
     Parameters
@@ -254,19 +254,20 @@ def _local_light(light: Array, order: int, max_q: int) -> ComplexArray:
 
     Returns
     -------
-    ndarray, shape (max_q+1, directions, (order+1) channels)
-        ``A_lq(R)``, zero where q > l.
+    ndarray, shape (2, max_q+1, directions, (order+1) channels)
+        The real and the imaginary part of ``A_lq(R)``, zero where q > l.
     """
     channels, m = light.shape[1], np.arange(-order, order + 1)[:, None]
     by_degree = complex_from_real(light, order)
     waves = np.exp(1j * m * (2 * np.pi / _AROUND * np.arange(_AROUND)))
-    result = np.zeros((max_q + 1, _RINGS, _AROUND, order + 1, channels), dtype=complex)
+    result = np.zeros((2, max_q + 1, _RINGS, _AROUND, order + 1, channels))
     for degree, by_ring in enumerate(_rings(order, max_q)):
         spin, rows = min(degree, max_q), slice(order - degree, order + degree + 1)
         lit = (waves[rows, :, None] * by_degree[degree, rows, None]).reshape(2 * degree + 1, -1)
-        found = by_ring.T @ lit
-        result[: spin + 1, :, :, degree] = found.reshape(spin + 1, _RINGS, _AROUND, channels)
-    return result.reshape(max_q + 1, _RINGS * _AROUND, -1)
+        found = (by_ring.T @ lit).reshape(spin + 1, _RINGS, _AROUND, channels)
+        result[0, : spin + 1, :, :, degree] = found.real
+        result[1, : spin + 1, :, :, degree] = found.imag
+    return result.reshape(2, max_q + 1, _RINGS * _AROUND, -1)
 
 
 def _rings(order: int, max_q: int) -> Iterable[ComplexArray]:
