@@ -9,6 +9,8 @@ Both signs of q together keep every other J, so that each coefficient is a sum o
 For a small p that takes far less time than the rings of `shrm_cli.maps.shrm.coupling`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,12 +19,12 @@ from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
 
 Array = NDArray[np.floating]
-ComplexArray = NDArray[np.complexfloating]
 Indices = NDArray[np.intp]
 
 
-_known_couplings = Memo(2**24)
-"""Couplings of light and view. Those of F = 40 and P = 2 take half a megabyte together."""
+_known_tables = Memo(2**25)
+"""What couples light and view. Those of F = 40 and P = 2 take 0.4 MB together, and those of F = 128
+and P = 8 60 MB, which are not all kept."""
 
 
 def bundle_coefficients(lighting: Array, parts: Array) -> Array:
@@ -41,77 +43,76 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
         The coefficients over real harmonics of R, and of the view in world axes.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    band = order + p
-    light = complex_from_real(lighting[: (order + 1) ** 2], order)
-    result = np.zeros(((band + 1) ** 2, 2 * p + 1, *parts.shape[2:]))
-    weights = np.einsum("lqj,lqbc->jlbc", zonal_coupling(order, p), parts)
-    _store(result[:, p], np.sqrt(2) * _modes(light, weights, 0), band)
+    light = complex_from_real(lighting[: (order + 1) ** 2], order).reshape(-1, parts.shape[3])
+    # Both parts of complex numbers are only multiplied with real ones.
+    separate = np.stack([light.real.T, light.imag.T], axis=1)
+    weights = np.einsum("lqj,lqbc->bcjl", zonal_coupling(order, p), parts)
+    table = _known_tables.get((order, p), lambda: _make_table(order, p))
+    weights = np.stack(
+        [weights[:, :, j, degrees] for j, degrees in enumerate(table.degrees)], axis=2
+    )
+    modes = [
+        np.einsum("bcjn,cxjn->xnbc", weights, separate[..., at] * coupling)
+        for at, coupling in zip(table.light, table.couplings, strict=True)
+    ]
+    real = np.empty((len(table.cosine), 2 * p + 1, *parts.shape[2:]))
+    imaginary = np.empty_like(real)
+    real[:, p], imaginary[:, p] = np.sqrt(2) * modes[p]
     for s in range(1, p + 1):
-        raised, lowered = _modes(light, weights, s), (-1.0) ** s * _modes(light, weights, -s)
-        _store(result[:, p + s], raised + lowered, band)
-        _store(result[:, p - s], 1j * (raised - lowered), band)
+        raised, lowered = modes[p + s], (-1.0) ** s * modes[p - s]
+        real[:, p + s], imaginary[:, p + s] = raised + lowered
+        # That of -s is the difference, times the imaginary unit.
+        imaginary[:, p - s], real[:, p - s] = raised - lowered
+        real[:, p - s] *= -1
+    result = np.empty(((order + p + 1) ** 2, *real.shape[1:]))
+    result[table.sine] = -imaginary
+    result[table.cosine] = real  # last, because both are the same where M = 0
     return result
 
 
-def _modes(light: ComplexArray, weights: Array, s: int) -> ComplexArray:
-    """Return complex coefficients over R of ``B~_ps``, shape (J and M, bundles, channels).
+@dataclass(frozen=True)
+class _Table:
+    """What couples light of all degrees l with the degree p of the view to coefficients over R.
 
-    They are those of ``M = 0 .. J``, as `_places` orders them, because those of ``-M`` follow from
-    those of ``-s``: the light is real.
+    By n are numbered all J and ``M = 0 .. J``. The coefficients of ``-M`` follow from those of
+    ``-s``, because the light is real. By j are numbered the degrees ``l = J + p - 2 j`` that J is
+    coupled from.
 
-    Parameters
+    Attributes
     ----------
-    light : ndarray, shape (F+1, 2F+1, channels)
-    weights : ndarray, shape (p+1, F+1, bundles, channels)
-        ``sum_q (-1)^q rho_hat_lpq <l q p -q | J 0>``, indexed [j, l, ...] with ``J = l - p + 2 j``.
-    s : int
-        The order of the view in world axes, of any sign.
-    """
-    order, p = weights.shape[1] - 1, weights.shape[0] - 1
-    band = order + p
-    result = np.zeros((band + 1, band + 1, *weights.shape[2:]), dtype=complex)
-    first = max(0, -order - s)  # the least M = m - s
-    columns = slice(first, max(order - s + 1, first))
-    for shift, each in zip(range(-p, p + 1, 2), weights, strict=True):
-        low = max(0, -shift)  # the least l with a degree J >= 0
-        if low > order:
-            continue
-        coupling = _coupling(order, p, s, shift)[..., None]
-        coupled = coupling * light[low:, first + s + order :]
-        result[low + shift : order + shift + 1, columns] += coupled[:, :, None] * each[low:, None]
-    return result.reshape(-1, *weights.shape[2:])[_places(band)[0]]
-
-
-def _coupling(order: int, p: int, s: int, shift: int) -> Array:
-    """Return ``(-1)^M Lambda_J <l m p -s | J M>`` with ``J = l + shift`` and ``M = m - s``.
-
-    It is indexed [l, M], from the least l with a degree J >= 0, and for M >= 0. Those of M = 0 are
-    divided by sqrt(2), because real harmonics of M > 0 have that factor.
+    light : ndarray of int, shape (2p+1, p+1, n)
+        Where ``l, m = M + s`` stands in a table [l, m + F], for s = -p .. p.
+    couplings : ndarray, shape (2p+1, p+1, n)
+        ``(-1)^M Lambda_J <l m p -s | J M>``. Those of M = 0 are divided by sqrt(2), because real
+        harmonics of M > 0 have that factor. They are 0 where there is no such l or m.
+    degrees : ndarray of int, shape (p+1, n)
+        The degrees l.
+    cosine, sine : ndarray of int, shape (n,)
+        The linear indices of M and of -M.
     """
 
-    def make() -> Array:
-        degree = np.arange(max(0, -shift), order + 1)[:, None]
-        m = np.arange(max(s, -order), order + 1)
-        sign = np.where(m == s, np.sqrt(0.5), (-1.0) ** (m - s))
-        scale = np.sqrt(4 * np.pi / (2 * (degree + shift) + 1))
-        return clebsch_gordan(degree, m, p, -s, shift) * scale * sign
-
-    return _known_couplings.get((order, p, s, shift), make)
+    light: Indices
+    couplings: Array
+    degrees: Indices
+    cosine: Indices
+    sine: Indices
 
 
-def _store(result: Array, modes: ComplexArray, band: int) -> None:
-    """Store the coefficients over real harmonics, shape ((band+1)^2, ...), of complex ones."""
-    _, cosine, sine = _places(band)
-    result[sine] = -modes.imag
-    result[cosine] = modes.real  # last, because both are the same where M = 0
-
-
-def _places(band: int) -> tuple[Indices, Indices, Indices]:
-    """Return where J and M >= 0 stand: in a table [J, M], and as linear indices of M and of -M."""
-
-    def make() -> tuple[Indices, Indices, Indices]:
-        total, order = np.tril_indices(band + 1)
-        middle = total * (total + 1)
-        return total * (band + 1) + order, middle + order, middle - order
-
-    return _known_couplings.get(band, make)
+def _make_table(order: int, p: int) -> _Table:
+    total, over = np.tril_indices(order + p + 1)
+    scale = np.where(over == 0, np.sqrt(0.5), (-1.0) ** over)
+    scale *= np.sqrt(4 * np.pi / (2 * total + 1))
+    shifts, spins = range(-p, p + 1, 2), range(-p, p + 1)
+    degrees = np.array([np.clip(total - shift, 0, order) for shift in shifts])
+    light = np.empty((len(spins), *degrees.shape), dtype=np.intp)
+    couplings = np.empty(light.shape)
+    for row, s in enumerate(spins):
+        m = over + s
+        is_known = abs(m) <= order
+        for j, shift in enumerate(shifts):
+            known = is_known & (degrees[j] == total - shift)
+            coupling = clebsch_gordan(degrees[j], m, p, -s, shift)
+            couplings[row, j] = np.where(known, coupling * scale, 0.0)
+            light[row, j] = degrees[j] * (2 * order + 1) + np.where(known, m, 0) + order
+    middle = total * (total + 1)
+    return _Table(light, couplings, degrees, middle + over, middle - over)

@@ -10,7 +10,7 @@ coefficients c_lm to (A, B); `harmonics_from_moments` is its transpose, which tu
 of an image with those waves into its coefficients c_lm.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,11 @@ Tables = tuple[slice, Array, tuple[Array, Array]]
 """Some m, the transform along theta, and the functions of even and of odd l - m of these m."""
 
 _KEPT_ORDER = 96
-"""The largest order whose matrices are kept. Those of higher ones take too much time to make."""
+"""The largest order whose tables and matrices are kept."""
+_known_tables = Memo(2**24)
+"""The tables of each order. Probes need those of one or two, of which order 96 takes 4 MB."""
 _known_matrices = Memo(2**24)
-"""The matrices of each order. A map needs those of three or four, and order 96 takes 4 MB."""
+"""The matrices of each order. Maps need those of two or three, of which order 96 takes 4 MB."""
 _TABLE_BYTES = 2**24
 """Memory that the functions of some m may take. All m of order 512 together would take 0.5 GB."""
 
@@ -91,24 +93,8 @@ def harmonics_from_moments(moments: Array) -> Array:
     """
     _, count, _, maps = moments.shape
     flat = moments.transpose(1, 2, 0, 3).reshape(count, count, 2 * maps)
-    series = np.empty_like(flat)
-    if count <= _KEPT_ORDER + 1:
-        for which, above, k, matrices in _known_matrices.get(count, lambda: _matrices(count)):
-            series[which, above] = matrices.transpose(0, 2, 1) @ flat[which, k]
-    else:
-        _gather_circles(flat, series)
-    columns = series.reshape(count * count, 2, maps)
-    columns[count:] *= np.sqrt(2)
-    result = np.empty((count**2, maps))
-    place, cosine, sine = _by_m(count)
-    result[cosine] = columns[place, 0]
-    result[sine[count:]] = columns[place[count:], 1]
-    return result
-
-
-def _gather_circles(flat: Array, series: Array) -> None:
-    """Turn moments [m, k, map] into series [m, l - m, map]: transposed `_transform_circles`."""
-    for which, matrix, tables in _make_tables(len(flat) - 1):
+    series = np.zeros_like(flat)
+    for which, matrix, tables in _tables(count - 1):
         circle = matrix.T @ flat[which]
         rings = tables[0].shape[-1]
         north = circle[:, :rings]
@@ -116,6 +102,13 @@ def _gather_circles(flat: Array, series: Array) -> None:
         south[:, :-1] = circle[:, :-rings:-1]
         series[which, 0::2] = tables[0] @ (north + south)
         series[which, 1::2] = tables[1] @ (north - south)
+    columns = series.reshape(count * count, 2, maps)
+    columns[count:] *= np.sqrt(2)
+    result = np.empty((count**2, maps))
+    place, cosine, sine = _by_m(count)
+    result[cosine] = columns[place, 0]
+    result[sine[count:]] = columns[place[count:], 1]
+    return result
 
 
 def _by_m(count: int) -> tuple[Indices, Indices, Indices]:
@@ -137,6 +130,13 @@ def _make_places(count: int) -> tuple[Indices, Indices, Indices]:
     m, above = np.nonzero(np.add.outer(np.arange(count), np.arange(count)) < count)
     center = (m + above) * (m + above + 1)
     return m * count + above, center + m, center - m
+
+
+def _tables(order: int) -> Iterable[Tables]:
+    """What `_make_tables` makes, kept from one call to the next unless it is large."""
+    if order > _KEPT_ORDER:
+        return _make_tables(order)
+    return _known_tables.get(order, lambda: list(_make_tables(order)))
 
 
 def _matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:

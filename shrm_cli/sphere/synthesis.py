@@ -24,7 +24,7 @@ from shrm_cli.memo import Memo
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -86,7 +86,7 @@ class CubeSeries:
     """
 
     def __init__(self, coefficients: Array) -> None:
-        turned = transform_coefficients(coefficients, _X_POLAR)
+        turned = rotated_again(coefficients, _X_POLAR)
         self._both = np.stack([coefficients, turned], axis=1)
 
     @property
