@@ -42,10 +42,26 @@ def bundle_coefficients(lighting: Array, parts: Array) -> Array:
     ndarray, shape ((F+p+1)^2, 2p+1, bundles, channels)
         The coefficients over real harmonics of R, and of the view in world axes.
     """
+    return coupled(separated(lighting, parts.shape[0] - 1), parts)
+
+
+def separated(lighting: Array, order: int) -> Array:
+    """Return the light as `coupled` takes it for all degrees of the view.
+
+    Returns
+    -------
+    ndarray, shape (channels, 2, (order+1) (2 order+1))
+        The real and imaginary parts of the coefficients over complex harmonics [l, m + order].
+        They are only multiplied with real numbers.
+    """
+    light = complex_from_real(lighting[: (order + 1) ** 2], order)
+    light = light.reshape(-1, lighting.shape[1])
+    return np.stack([light.real.T, light.imag.T], axis=1)
+
+
+def coupled(separate: Array, parts: Array) -> Array:
+    """Compute what `bundle_coefficients` does, of light that is `separated` to exactly F."""
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    light = complex_from_real(lighting[: (order + 1) ** 2], order).reshape(-1, parts.shape[3])
-    # Both parts of complex numbers are only multiplied with real ones.
-    separate = np.stack([light.real.T, light.imag.T], axis=1)
     weights = np.einsum("lqj,lqbc->bcjl", zonal_coupling(order, p), parts)
     table = _known_tables.get((order, p), lambda: _make_table(order, p))
     weights = np.stack(

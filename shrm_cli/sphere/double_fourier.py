@@ -56,13 +56,13 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     place, cosine, sine = _by_m(count)
     columns[place, 0] = coefficients[cosine]
     columns[place[count:], 1] = coefficients[sine[count:]]
-    columns[count:] *= np.sqrt(2)
     flat = columns.reshape(count, count, 2 * maps)
     result = np.empty_like(flat)
     if count <= _KEPT_ORDER + 1:
         for which, above, k, matrices in _known_matrices.get(count, lambda: _matrices(count)):
             result[which, k] = matrices @ flat[which, above]
     else:
+        flat[1:] *= np.sqrt(2)
         _transform_circles(flat, result)
     return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
 
@@ -142,6 +142,8 @@ def _tables(order: int) -> Iterable[Tables]:
 def _matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
     """The whole transform from coefficients of one m to Fourier coefficients, for all m.
 
+    The factor sqrt(2) of real harmonics with m > 0 is in the matrices.
+
     By symmetry about the equator even l only have waves of even k, and odd l those of odd k.
 
     Returns
@@ -158,6 +160,7 @@ def _matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
             both = matrix[k, :rings].copy()
             both[:, :-1] += sign * matrix[k, :-rings:-1]
             matrices = both @ tables[above].transpose(0, 2, 1)
+            matrices[which.start == 0 :] *= np.sqrt(2)  # not those of m = 0
             found.append((which, slice(above, None, 2), k, matrices))
     return found
 

@@ -126,7 +126,7 @@ class CubeSeries:
             part = slice(start, start + step)
             waves = fourier_from_harmonics(both[:, :, part].reshape(len(both), -1))
             halves = waves.reshape(2, count, count, 2, -1)
-            fourier: list[Array] = [halves[..., which, :].astype(dtype) for which in (0, 1)]
+            fourier: list[Array] = [halves[..., which, :] for which in (0, 1)]
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
 
@@ -135,7 +135,7 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums."""
     half = s[len(s) // 2 :]  # s >= 0; the rest is its mirror image
     parts = [
-        (faces, *_meridians(series, [face[0] for face in faces], half))
+        (faces, *_meridians(series, [face[0] for face in faces], half, result.dtype))
         for series, faces in zip(fourier, (_ALONG_Z, _ALONG_X), strict=True)
     ]
     block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
@@ -177,7 +177,9 @@ def _span(indices: NDArray[np.intp]) -> slice:
     return slice(first, None if last == 0 else last - 1, -1)
 
 
-def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array, Array]:
+def _meridians(
+    fourier: Array, quadrants: list[int], half: Array, dtype: np.dtype[Any]
+) -> tuple[Array, Array]:
     """Fourier coefficients in theta along the meridians through s = +-half of each quadrant.
 
     Returns
@@ -188,8 +190,9 @@ def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array
     """
     count, maps = fourier.shape[1], fourier.shape[-1]
     parts = []
-    for parity, waves in enumerate(_longitude_waves(count, quadrants, half, fourier.dtype)):
-        series = fourier[:, parity::2].transpose(0, 1, 3, 2).reshape(-1, maps * count)
+    for parity, waves in enumerate(_longitude_waves(count, quadrants, half, dtype)):
+        series = fourier[:, parity::2].transpose(0, 1, 3, 2).astype(dtype, order="C")
+        series = series.reshape(-1, maps * count)
         parts.append((waves @ series).reshape(len(half), -1, count))
     a, b = parts
     return (
