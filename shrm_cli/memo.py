@@ -16,6 +16,19 @@ import numpy as np
 Content = TypeVar("Content")
 
 
+_STEP = 8
+"""Orders are rounded up to multiples of this where what is kept serves lower orders too."""
+
+
+def kept_order(order: int) -> int:
+    """Return the order for which something is made that lower orders take a part of.
+
+    Probes that differ ask for many orders that lie close together. The result depends on the
+    order alone, and not on what happens to be kept, so that results do not either.
+    """
+    return -(-order // _STEP) * _STEP
+
+
 class Memo:
     """Contents by their keys, within a number of bytes; those used longest ago make room.
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.memo import Memo
+from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
 
@@ -50,11 +50,14 @@ def separated(lighting: Array, order: int) -> Array:
 
     Returns
     -------
-    ndarray, shape (channels, 2, (order+1) (2 order+1))
-        The real and imaginary parts of the coefficients over complex harmonics [l, m + order].
-        They are only multiplied with real numbers.
+    ndarray, shape (channels, 2, n)
+        The real and imaginary parts of the coefficients over complex harmonics [l, m + order], to
+        the `kept_order`; 0 beyond the order. They are only multiplied with real numbers.
     """
-    light = complex_from_real(lighting[: (order + 1) ** 2], order)
+    kept, count = kept_order(order), (order + 1) ** 2
+    padded = np.zeros(((kept + 1) ** 2, lighting.shape[1]))
+    padded[:count] = lighting[:count]
+    light = complex_from_real(padded, kept)
     light = light.reshape(-1, lighting.shape[1])
     return np.stack([light.real.T, light.imag.T], axis=1)
 
@@ -62,16 +65,20 @@ def separated(lighting: Array, order: int) -> Array:
 def coupled(separate: Array, parts: Array) -> Array:
     """Compute what `bundle_coefficients` does, of light that is `separated` to exactly F."""
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    weights = np.einsum("lqj,lqbc->bcjl", zonal_coupling(order, p), parts)
-    table = _known_tables.get((order, p), lambda: _make_table(order, p))
+    kept, count = kept_order(order), (order + p + 1) * (order + p + 2) // 2
+    table = _known_tables.get((kept, p), lambda: _make_table(kept, p))
+    factors = np.zeros((*parts.shape[2:], p + 1, kept + 1))
+    factors[..., : order + 1] = np.einsum("lqj,lqbc->bcjl", zonal_coupling(order, p), parts)
     weights = np.stack(
-        [weights[:, :, j, degrees] for j, degrees in enumerate(table.degrees)], axis=2
+        [factors[:, :, j, degrees[:count]] for j, degrees in enumerate(table.degrees)], axis=2
     )
     modes = [
-        np.einsum("bcjn,cxjn->xnbc", weights, separate[..., at] * coupling)
+        np.einsum(
+            "bcjn,cxjn->xnbc", weights, separate[..., at[:, :count]] * coupling[:, :count]
+        )
         for at, coupling in zip(table.light, table.couplings, strict=True)
     ]
-    real = np.empty((len(table.cosine), 2 * p + 1, *parts.shape[2:]))
+    real = np.empty((count, 2 * p + 1, *parts.shape[2:]))
     imaginary = np.empty_like(real)
     real[:, p], imaginary[:, p] = np.sqrt(2) * modes[p]
     for s in range(1, p + 1):
@@ -81,8 +88,8 @@ def coupled(separate: Array, parts: Array) -> Array:
         imaginary[:, p - s], real[:, p - s] = raised - lowered
         real[:, p - s] *= -1
     result = np.empty(((order + p + 1) ** 2, *real.shape[1:]))
-    result[table.sine] = -imaginary
-    result[table.cosine] = real  # last, because both are the same where M = 0
+    result[table.sine[:count]] = -imaginary
+    result[table.cosine[:count]] = real  # last, because both are the same where M = 0
     return result
 
 

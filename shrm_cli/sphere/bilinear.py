@@ -16,7 +16,7 @@ comes with a wrong phase.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.memo import Memo
+from shrm_cli.memo import Memo, kept_order
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -56,8 +56,9 @@ def bilinear_errors(
     """
     if places is None:
         places = energy_places(np.ones((1, 12 * _POSITIONS, 2 * _POSITIONS)))
-    key = order, size, sampling, len(places)
-    return np.asarray(places.reshape(-1) @ _known_errors.get(key, lambda: _errors_at(*key)))
+    key = kept_order(order), size, sampling, len(places)
+    errors = _known_errors.get(key, lambda: _errors_at(*key))
+    return np.asarray(places.reshape(-1) @ errors[:, : order + 1])
 
 
 def _errors_at(order: int, size: int, sampling: Sampling, count: int) -> Array:

@@ -5,7 +5,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.memo import Memo
+from shrm_cli.memo import Memo, kept_order
 
 Array = NDArray[np.floating]
 
@@ -104,7 +104,8 @@ def zonal_coupling(order: int, p: int) -> Array:
     Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2 (32) for
     their sign.
     """
-    return _known_couplings.get((order, p), lambda: _zonal_coupling(order, p))
+    kept = kept_order(order)
+    return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]
 
 
 def _zonal_coupling(order: int, p: int) -> Array:

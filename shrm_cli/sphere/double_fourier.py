@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.memo import Memo
+from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
 
 Array = NDArray[np.floating]
@@ -59,8 +59,11 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     flat = columns.reshape(count, count, 2 * maps)
     result = np.empty_like(flat)
     if count <= _KEPT_ORDER + 1:
-        for which, above, k, matrices in _known_matrices.get(count, lambda: _matrices(count)):
-            result[which, k] = matrices @ flat[which, above]
+        kept = kept_order(count - 1) + 1
+        for which, above, k, matrices in _known_matrices.get(kept, lambda: _matrices(kept)):
+            chosen, target = flat[which, above], result[which, k]
+            size = len(target), target.shape[1], chosen.shape[1]
+            target[...] = matrices[: size[0], : size[1], : size[2]] @ chosen
     else:
         flat[1:] *= np.sqrt(2)
         _transform_circles(flat, result)

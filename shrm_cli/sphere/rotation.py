@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.memo import Memo
+from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.wigner import right_angle_degrees
 
@@ -95,9 +95,10 @@ def rotated_again(coefficients: Array, rotation: Array) -> Array:
     order = order_of(len(coefficients))
     if order > _REPEATED_ORDER:
         return transform_coefficients(coefficients, rotation)
-    key = order, rotation.tobytes()
+    kept = kept_order(order)
+    blocks = _known_blocks.get((kept, rotation.tobytes()), lambda: _blocks(kept, rotation))
     result = np.empty_like(coefficients)
-    for degree, block in enumerate(_known_blocks.get(key, lambda: _blocks(order, rotation))):
+    for degree, block in enumerate(blocks[: order + 1]):
         rows = slice(degree**2, (degree + 1) ** 2)
         np.matmul(block, coefficients[rows], out=result[rows])
     return result
