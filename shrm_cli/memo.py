@@ -64,12 +64,12 @@ class Memo:
             found = self._kept.get(key)
             if found is not None:
                 self._kept.move_to_end(key)
-                return found[0]  # type: ignore[no-any-return]
+                return found[0]
         content = make()
         size = _frozen_bytes(content, set())
         with self._lock:
             if key in self._kept:  # another thread was faster
-                return self._kept[key][0]  # type: ignore[no-any-return]
+                return self._kept[key][0]
             if size <= self._most // 2:
                 self._kept[key] = content, size
                 self._bytes += size

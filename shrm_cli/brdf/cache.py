@@ -1,10 +1,11 @@
 """What is known of BRDFs already: kept in memory, and on disk where it took long to compute.
 
 A process keeps what it needed last of all BRDFs of this package, so that the next probe finds it.
-On disk are coefficients and transfer functions, for other processes. There an entry is one file. Its name is a digest of all that its coefficients depend on: the BRDF with
-its parameters (a measured BRDF with the digest of its file), what is computed of it, the orders,
-the accuracy, and the program. The entry holds the digest of its own bytes; if it is damaged, its
-content is computed and written again.
+On disk are coefficients and transfer functions, for other processes. There an entry is a file. Its
+name is a digest of all that its coefficients depend on: the BRDF with its parameters (a measured
+BRDF with the digest of its file), what is computed of it, the orders, the accuracy, and the
+program. The entry holds the digest of its own bytes; if it is damaged, its content is computed and
+written again.
 """
 
 import contextlib
@@ -120,11 +121,6 @@ def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]
     return make() if record is None else _in_memory.get((record, *what), make)
 
 
-def forget() -> None:
-    """Forget what this process keeps in memory; files stay."""
-    _in_memory.clear()
-
-
 def cached_transfer(
     brdf: Brdf,
     order_f: int,
@@ -188,9 +184,7 @@ def _cached(
 ) -> Content:
     """What a function computes of a BRDF, from memory or from the cache if it is there."""
     what = kind.content.__name__, parameters, compute
-    return remembered(
-        brdf, what, lambda: _from_disk(kind, brdf, parameters, compute, progress)
-    )
+    return remembered(brdf, what, lambda: _from_disk(kind, brdf, parameters, compute, progress))
 
 
 def _from_disk(
@@ -256,24 +250,16 @@ def clear() -> tuple[int, int]:
 
 def _key(kind: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
     """All that an entry depends on, as JSON; None for a BRDF that this does not identify."""
-    record = _record(brdf)
-    if record is None:
-        return None
     *orders, accuracy = parameters
-    parts = {
-        "kind": kind,
-        "brdf": record,
-        "orders": orders,
-        "accuracy": accuracy,
-        "program": [__version__, np.__version__, _code(_ROOT)],
-    }
-    return json.dumps(parts, sort_keys=True)
+    program = [__version__, np.__version__, _code(_ROOT)]
+    return _record(brdf, kind=kind, orders=orders, accuracy=accuracy, program=program)
 
 
-def _record(brdf: Brdf) -> str | None:
-    """All that makes a BRDF, as JSON; None for one that this does not identify.
+def _record(brdf: Brdf, **more: Any) -> str | None:
+    """All that makes a BRDF, and what else is given, as JSON.
 
-    A measured BRDF has the digest of its file among its values.
+    It is None for a BRDF that this does not identify. A measured one has the digest of its file
+    among its values.
     """
     if not _is_of_this_package(brdf):
         return None
@@ -282,6 +268,7 @@ def _record(brdf: Brdf) -> str | None:
         "model": f"{type(brdf).__module__}.{type(brdf).__qualname__}",
         "values": brdf.values,
         "frame": [brdf.center, brdf.includes_cosine, brdf.has_horizon, brdf.zonal],
+        **more,
     }
     try:
         return json.dumps(parts, sort_keys=True)

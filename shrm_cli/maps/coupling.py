@@ -73,9 +73,7 @@ def coupled(separate: Array, parts: Array) -> Array:
         [factors[:, :, j, degrees[:count]] for j, degrees in enumerate(table.degrees)], axis=2
     )
     modes = [
-        np.einsum(
-            "bcjn,cxjn->xnbc", weights, separate[..., at[:, :count]] * coupling[:, :count]
-        )
+        np.einsum("bcjn,cxjn->xnbc", weights, separate[..., at[:, :count]] * coupling[:, :count])
         for at, coupling in zip(table.light, table.couplings, strict=True)
     ]
     real = np.empty((count, 2 * p + 1, *parts.shape[2:]))

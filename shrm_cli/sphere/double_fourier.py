@@ -155,7 +155,7 @@ def _matrices(count: int) -> list[tuple[slice, slice, slice, Array]]:
         Some m, the l - m and the k that they are about, as slices; and ndarray, shape
         (m, k, l - m).
     """
-    found = []
+    found: list[tuple[slice, slice, slice, Array]] = []
     for which, matrix, tables in _make_tables(count - 1):
         parity, rings = which.start % 2, tables[0].shape[-1]
         for above, sign in enumerate((1.0, -1.0)):

@@ -126,7 +126,7 @@ def _analysis_waves(
     columns = width - 1 if border else width
     weights = colatitude_weights(height, sampling)[:, None]
     multiples = np.arange(height) if border else 2 * np.arange(height) + 1
-    row_waves = [wave * weights for wave in _waves(multiples, rows, order)]
+    row_waves: list[Array] = [wave * weights for wave in _waves(multiples, rows, order)]
     # Column j and its mirror image width - 1 - j have opposite longitudes: half is enough.
     half = np.arange(width // 2)
     measure = longitude_weights(width, sampling)[: len(half), None]
