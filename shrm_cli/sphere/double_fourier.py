@@ -57,17 +57,18 @@ def fourier_from_harmonics(coefficients: Array) -> Array:
     columns[place, 0] = coefficients[cosine]
     columns[place[count:], 1] = coefficients[sine[count:]]
     flat = columns.reshape(count, count, 2 * maps)
-    result = np.empty_like(flat)
+    # Where the k lie side by side, syntheses take less time to sort them.
+    result = np.empty((count, 2 * maps, count))
     if count <= _KEPT_ORDER + 1:
         kept = kept_order(count - 1) + 1
         for which, above, k, matrices in _known_matrices.get(kept, lambda: _matrices(kept)):
-            chosen, target = flat[which, above], result[which, k]
-            size = len(target), target.shape[1], chosen.shape[1]
-            target[...] = matrices[: size[0], : size[1], : size[2]] @ chosen
+            chosen, target = flat[which, above].transpose(0, 2, 1), result[which, :, k]
+            size = len(target), target.shape[2], chosen.shape[2]
+            target[...] = chosen @ matrices[: size[0], : size[1], : size[2]].transpose(0, 2, 1)
     else:
         flat[1:] *= np.sqrt(2)
-        _transform_circles(flat, result)
-    return result.reshape(count, count, 2, maps).transpose(2, 0, 1, 3)
+        _transform_circles(flat, result.transpose(0, 2, 1))
+    return result.reshape(count, 2, maps, count).transpose(1, 0, 3, 2)
 
 
 def _transform_circles(flat: Array, result: Array) -> None:
