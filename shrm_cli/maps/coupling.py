@@ -23,8 +23,8 @@ Indices = NDArray[np.intp]
 
 
 _known_tables = Memo(2**25)
-"""What couples light and view. Those of F = 40 and P = 2 take 0.4 MB together, and those of F = 128
-and P = 8 60 MB, which are not all kept."""
+"""What couples light and view. All p to P = 2 take 0.3 MB together for F = 40, and all to P = 8
+20 MB for F = 96."""
 
 
 def bundle_coefficients(lighting: Array, parts: Array) -> Array:
@@ -72,10 +72,11 @@ def coupled(separate: Array, parts: Array) -> Array:
     weights = np.stack(
         [factors[:, :, j, degrees[:count]] for j, degrees in enumerate(table.degrees)], axis=2
     )
-    modes = [
-        np.einsum("bcjn,cxjn->xnbc", weights, separate[..., at[:, :count]] * coupling[:, :count])
-        for at, coupling in zip(table.light, table.couplings, strict=True)
-    ]
+    modes = []
+    for s, coupling in zip(range(-p, p + 1), table.couplings, strict=True):
+        # Where there is no such m, the coupling is 0, and the index that of anything.
+        chosen = separate.take(table.light[:, :count] + s, axis=-1, mode="clip")
+        modes.append(np.einsum("bcjn,cxjn->xnbc", weights, chosen * coupling[:, :count]))
     real = np.empty((count, 2 * p + 1, *parts.shape[2:]))
     imaginary = np.empty_like(real)
     real[:, p], imaginary[:, p] = np.sqrt(2) * modes[p]
@@ -101,10 +102,10 @@ class _Table:
 
     Attributes
     ----------
-    light : ndarray of int, shape (2p+1, p+1, n)
-        Where ``l, m = M + s`` stands in a table [l, m + F], for s = -p .. p.
+    light : ndarray of int, shape (p+1, n)
+        Where ``l, m = M`` stands in a table [l, m + F]; ``m = M + s`` is s places behind it.
     couplings : ndarray, shape (2p+1, p+1, n)
-        ``(-1)^M Lambda_J <l m p -s | J M>``. Those of M = 0 are divided by sqrt(2), because real
+        For s = -p .. p: ``(-1)^M Lambda_J <l m p -s | J M>``. Those of M = 0 are divided by sqrt(2), because real
         harmonics of M > 0 have that factor. They are 0 where there is no such l or m.
     degrees : ndarray of int, shape (p+1, n)
         The degrees l.
@@ -125,15 +126,13 @@ def _make_table(order: int, p: int) -> _Table:
     scale *= np.sqrt(4 * np.pi / (2 * total + 1))
     shifts, spins = range(-p, p + 1, 2), range(-p, p + 1)
     degrees = np.array([np.clip(total - shift, 0, order) for shift in shifts])
-    light = np.empty((len(spins), *degrees.shape), dtype=np.intp)
-    couplings = np.empty(light.shape)
+    light = degrees * (2 * order + 1) + over + order
+    couplings = np.empty((len(spins), *degrees.shape))
     for row, s in enumerate(spins):
         m = over + s
-        is_known = abs(m) <= order
         for j, shift in enumerate(shifts):
-            known = is_known & (degrees[j] == total - shift)
+            known = (abs(m) <= order) & (degrees[j] == total - shift)
             coupling = clebsch_gordan(degrees[j], m, p, -s, shift)
             couplings[row, j] = np.where(known, coupling * scale, 0.0)
-            light[row, j] = degrees[j] * (2 * order + 1) + np.where(known, m, 0) + order
     middle = total * (total + 1)
     return _Table(light, couplings, degrees, middle + over, middle - over)
