@@ -191,11 +191,23 @@ def write_parts(
         If the suffix is unknown, a value is not finite, half would overflow, or the file cannot
         be written.
     """
-    container = _container(path)
     planes = (plane for part in parts for plane in part.channels.values())
     pixel_type = choose_pixel_type(path, planes, precision)
-    container.write(path, parts, pixel_type)
+    write_chosen(path, parts, pixel_type)
     return pixel_type
+
+
+def write_chosen(
+    path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: PixelType
+) -> None:
+    """Write a file as `write_parts` does, of values that `choose_storage` has looked at already.
+
+    Raises
+    ------
+    OutputError
+        If the suffix is unknown, or the file cannot be written.
+    """
+    _container(path).write(path, parts, pixel_type)
 
 
 def choose_pixel_type(

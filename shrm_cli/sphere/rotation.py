@@ -14,12 +14,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees
 
 Array = NDArray[np.floating]
 
 _CACHED_ORDER = 96
+_REPEATED_ORDER = 64
+_known_blocks = Memo(2**24)
+"""The matrices of rotations that are needed again and again. Those of order 64 take 3 MB."""
 _BLOCK = 8192
 """Values of each m that are turned at a time, few enough to stay in the processor's cache."""
 _DIRECT = 2
@@ -72,8 +76,52 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     -------
     ndarray, shape ((order+1)^2, ...)
     """
-    source = np.asarray(coefficients, dtype=float)
-    return rotate_each_into_frame(source[..., None], np.asarray(matrix)[None])[..., 0]
+    source, matrix = np.asarray(coefficients, dtype=float), np.asarray(matrix, dtype=float)
+    flat = source.reshape(len(source), -1)
+    if np.linalg.det(matrix) < 0:
+        matrix = matrix * [1.0, -1.0, 1.0]
+        flat = flat * np.where(_is_sine(len(flat)), -1.0, 1.0)[:, None]
+    return _turned_once(flat, euler_zyz(matrix)).reshape(source.shape)
+
+
+def rotated_again(coefficients: Array, rotation: Array) -> Array:
+    """Return what `transform_coefficients` does, faster for a rotation that is needed again.
+
+    Its matrices are kept, up to an order, and so sums are rounded differently.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape ((order+1)^2, maps)
+    rotation : ndarray, shape (3, 3)
+    """
+    order = order_of(len(coefficients))
+    if order > _REPEATED_ORDER:
+        return transform_coefficients(coefficients, rotation)
+    kept = kept_order(order)
+    blocks = _known_blocks.get((kept, rotation.tobytes()), lambda: _blocks(kept, rotation))
+    result = np.empty_like(coefficients)
+    for degree, block in enumerate(blocks[: order + 1]):
+        rows = slice(degree**2, (degree + 1) ** 2)
+        np.matmul(block, coefficients[rows], out=result[rows])
+    return result
+
+
+def _blocks(order: int, rotation: Array) -> list[Array]:
+    """Return the matrix of a rotation between the harmonics of each degree; see `_turn_zyz`."""
+    alpha, beta, gamma = euler_zyz(rotation)
+    exchanged = bool(beta == np.pi / 2)
+    quarter = 0.0 if exchanged else np.pi / 2
+    # To multiply with a turn from the right is to turn the transposed matrix the other way.
+    back, between, after = (
+        _phases(order, np.array([each])) for each in (-gamma - quarter, beta, alpha - quarter)
+    )
+    blocks = []
+    for quarter_turn in _quarter_turns(order):
+        block = _turned(quarter_turn.T, back).T
+        if not exchanged:
+            block = quarter_turn.T @ _turned(block, between)
+        blocks.append(np.array(_turned(block, after)))
+    return blocks
 
 
 def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
@@ -219,11 +267,54 @@ def _turn_into_frames(source: Array, frames: Array, result: Array, lowest: int =
     mirrored = np.linalg.det(frames) < 0
     if mirrored.any():  # y -> -y comes first: the sine harmonics change sign
         frames = np.where(mirrored[:, None, None], frames * [1.0, -1.0, 1.0], frames)
-        degree = degrees(order_of(len(source)))
-        is_sine = np.arange(len(source)) < degree * (degree + 1)
-        sign = np.where(is_sine[:, None] & mirrored, -1.0, 1.0)
+        sign = np.where(_is_sine(len(source))[:, None] & mirrored, -1.0, 1.0)
         source = source * sign.reshape(len(source), *[1] * (source.ndim - 2), -1)
     _turn_zyz(source, euler_zyz(frames), result, lowest)
+
+
+def _is_sine(count: int) -> NDArray[np.bool_]:
+    """Tell which of so many harmonics have m < 0, and so a sine of the longitude."""
+    degree = degrees(order_of(count))
+    return np.asarray(np.arange(count) < degree * (degree + 1))
+
+
+def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
+    """Return functions, shape ((order+1)^2, maps), carried along by one rotation.
+
+    It is what `_turn_zyz` does, to the last bit, for a single point. Turns about z take all degrees
+    at once here, because those of single degrees are too small to be worth a call each.
+    """
+    order = order_of(len(flat))
+    alpha, beta, gamma = angles
+    degree, m = _known_indices.get(order, lambda: _degrees_and_orders(order))
+    mirrored = degree * (degree + 1) - m
+
+    def turned(values: Array, angle: Array) -> Array:
+        phase = np.arange(order + 1) * angle
+        cosine, sine = np.cos(phase)[np.abs(m)], (np.sign(m) * np.sin(phase)[np.abs(m)])
+        return cosine[:, None] * values - sine[:, None] * values[mirrored]
+
+    def product(values: Array, is_back: bool) -> Array:
+        result = np.empty_like(values)
+        for each, matrix in enumerate(_quarter_turns(order)):
+            rows = slice(each**2, (each + 1) ** 2)
+            np.matmul(matrix.T if is_back else matrix, values[rows], out=result[rows])
+        return result
+
+    if beta == np.pi / 2:
+        return turned(product(turned(flat, gamma), False), alpha)
+    flat = product(turned(flat, gamma + np.pi / 2), False)
+    return turned(product(turned(flat, beta), True), alpha - np.pi / 2)
+
+
+def _degrees_and_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the degree l and the order m of every linear index."""
+    degree = degrees(order)
+    return degree, np.arange(len(degree)) - degree * (degree + 1)
+
+
+_known_indices = Memo(2**20)
+"""Degrees and orders; those up to degree 128 take a quarter of a megabyte."""
 
 
 def _turn_zyz(

@@ -17,7 +17,7 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.coupling import bundle_coefficients
+from shrm_cli.maps.coupling import coupled, separated
 from shrm_cli.parallel import at_once
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
@@ -67,8 +67,9 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
     if order_p > _BY_DEGREE:
         return over_rings(lighting, brdf, progress)
     result = np.zeros(((order_f + order_p + 1) ** 2, (order_p + 1) ** 2, channels))
+    separate = separated(lighting, order_f)
     for p in range(order_p + 1):
-        found = bundle_coefficients(lighting, brdf[:, p, : p + 1, None])
+        found = coupled(separate, brdf[:, p, : p + 1, None])
         result[: len(found), p**2 : (p + 1) ** 2] = found[:, :, 0]
         if progress is not None:
             progress((p + 1) ** 3, (order_p + 1) ** 3)
