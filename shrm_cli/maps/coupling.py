@@ -112,8 +112,9 @@ class _Table:
     light : ndarray of int, shape (p+1, n)
         Where ``l, m = M`` stands in a table [l, m + F]; ``m = M + s`` is s places behind it.
     couplings : ndarray, shape (2p+1, p+1, n)
-        For s = -p .. p: ``(-1)^M Lambda_J <l m p -s | J M>``. Those of M = 0 are divided by sqrt(2), because real
-        harmonics of M > 0 have that factor. They are 0 where there is no such l or m.
+        For s = -p .. p: ``(-1)^M Lambda_J <l m p -s | J M>``. Those of M = 0 are divided by
+        sqrt(2), because real harmonics of M > 0 have that factor. They are 0 where there is no
+        such l or m.
     degrees : ndarray of int, shape (p+1, n)
         The degrees l.
     cosine, sine : ndarray of int, shape (n,)

@@ -116,10 +116,11 @@ def _blocks(order: int, rotation: Array) -> list[Array]:
         _phases(order, np.array([each])) for each in (-gamma - quarter, beta, alpha - quarter)
     )
     blocks = []
-    for quarter_turn in _quarter_turns(order):
-        block = _turned(quarter_turn.T, back).T
+    for quarter_turn in _known_turns.up_to(order):
+        matrix = quarter_turn.matrix
+        block = _turned(matrix.T, back).T
         if not exchanged:
-            block = quarter_turn.T @ _turned(block, between)
+            block = matrix.T @ _turned(block, between)
         blocks.append(np.array(_turned(block, after)))
     return blocks
 
@@ -296,9 +297,9 @@ def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
 
     def product(values: Array, is_back: bool) -> Array:
         result = np.empty_like(values)
-        for each, matrix in enumerate(_quarter_turns(order)):
+        for each, quarter_turn in enumerate(_quarter_turns(order)):
             rows = slice(each**2, (each + 1) ** 2)
-            np.matmul(matrix.T if is_back else matrix, values[rows], out=result[rows])
+            result[rows] = quarter_turn.applied(values[rows], is_back)
         return result
 
     if beta == np.pi / 2:
