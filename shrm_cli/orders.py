@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import cached_coefficients
+from shrm_cli.brdf.cache import cached_coefficients, remembered
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.transfer import (
@@ -327,7 +327,8 @@ def _first_order_f(brdf: Brdf) -> int:
     """
     if brdf.zonal or brdf.center != "reflection":
         return _FIRST_ORDER_F
-    return power_of_two_times(_FIRST_ORDER_F, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
+    width = remembered(brdf, ("width",), lambda: lobe_width(brdf))
+    return power_of_two_times(_FIRST_ORDER_F, _WAVES_A_LOBE / width, MAX_ORDER_F)
 
 
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:

@@ -6,18 +6,16 @@ the source in tiles of neighbors, and a group is multiplied with those tiles onl
 The result does not depend on how both are cut, but the time does.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli import settings
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.parallel import in_order
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.source import Source
 from shrm_cli.progress import Progress
@@ -258,16 +256,11 @@ class Reference:
             return points, sums
 
         done = 0
-        with ThreadPoolExecutor(settings.current().threads or os.cpu_count()) as pool:
-            try:
-                for points, sums in pool.map(work, range(0, len(groups), at_once)):
-                    result[points] = sums
-                    done = min(done + points.size, len(rows))
-                    if self.progress is not None:
-                        self.progress(done, len(rows))
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+        for points, sums in in_order(work, range(0, len(groups), at_once)):
+            result[points] = sums
+            done = min(done + points.size, len(rows))
+            if self.progress is not None:
+                self.progress(done, len(rows))
         return result
 
 

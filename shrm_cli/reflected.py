@@ -129,7 +129,11 @@ def own_energies_beyond(
     """
     known = coefficients.degree_energy
     rest = np.maximum(coefficients.total_energy - known.sum(axis=0), 0.0)
-    above = np.minimum(rest, energy_above(known))
+    if isinstance(coefficients, BrdfCoefficients):
+        above = coefficients.energy_above
+    else:
+        above = energy_above(known)
+    above = np.minimum(rest, above)
     above = np.where(coefficients.spread.any(axis=0), above, rest)
     return above, rest - above
 

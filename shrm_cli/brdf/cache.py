@@ -1,9 +1,11 @@
-"""A cache on disk for coefficients and transfer functions of BRDFs that take long to compute.
+"""What is known of BRDFs already: kept in memory, and on disk where it took long to compute.
 
-An entry is one file. Its name is a digest of all that its coefficients depend on: the BRDF with
-its parameters (a measured BRDF with the digest of its file), what is computed of it, the orders,
-the accuracy, and the program. The entry holds the digest of its own bytes; if it is damaged, its
-content is computed and written again.
+A process keeps what it needed last of all BRDFs of this package, so that the next probe finds it.
+On disk are coefficients and transfer functions, for other processes. There an entry is a file. Its
+name is a digest of all that its coefficients depend on: the BRDF with its parameters (a measured
+BRDF with the digest of its file), what is computed of it, the orders, the accuracy, and the
+program. The entry holds the digest of its own bytes; if it is damaged, its content is computed and
+written again.
 """
 
 import contextlib
@@ -15,7 +17,7 @@ import math
 import os
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -27,8 +29,10 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
+from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
 
+Known = TypeVar("Known")
 Content = TypeVar("Content", BrdfCoefficients, TransferFunctions)
 
 FOLDER_VARIABLE = "SHRM_CACHE_DIR"
@@ -44,6 +48,9 @@ _MOST_HEADER = 2**16
 _DOUBLE = 8  # bytes
 _DIGEST = hashlib.sha256().digest_size
 _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, RecursionError
+_in_memory = Memo(2**25)
+"""Coefficients, lobes and their widths. Coefficients to F = 128 and P = 8 take 0.25 MB, those to
+the limits of the orders 13 MB."""
 _ROOT = Path(__file__).parents[1]
 _CODE = ("brdf", "sphere")
 """The folders of the package with the code that coefficients depend on, subfolders included."""
@@ -85,8 +92,8 @@ def cached_coefficients(
     Returns
     -------
     BrdfCoefficients
-        What `compute` returns, to the last bit. Only BRDFs of this package are kept, because the
-        code of others could change without the key's noticing.
+        What `compute` returns, to the last bit, with read-only arrays. Only BRDFs of this package
+        are kept, because the code of others could change without the key's noticing.
     """
     sizes = 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1)
 
@@ -95,6 +102,23 @@ def cached_coefficients(
 
     kind = _Kind(BrdfCoefficients, sizes, fits)
     return _cached(kind, brdf, (order_f, order_p, accuracy), compute, progress)
+
+
+def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
+    """Take something that follows from a BRDF from this process's memory, or make it.
+
+    Parameters
+    ----------
+    brdf : Brdf
+        One whose code is not part of this package is not kept, because its values do not tell all
+        of it.
+    what : tuple
+        What is made, and all else that it depends on.
+    make : callable
+        Returns arrays, or numbers, tuples or dataclasses of them; arrays become read-only.
+    """
+    record = _record(brdf)
+    return make() if record is None else _in_memory.get((record, *what), make)
 
 
 def cached_transfer(
@@ -158,7 +182,19 @@ def _cached(
     compute: Callable[..., Content],
     progress: Progress | None,
 ) -> Content:
-    """What a function computes of a BRDF, from the cache if it is there."""
+    """What a function computes of a BRDF, from memory or from the cache if it is there."""
+    what = kind.content.__name__, parameters, compute
+    return remembered(brdf, what, lambda: _from_disk(kind, brdf, parameters, compute, progress))
+
+
+def _from_disk(
+    kind: _Kind[Content],
+    brdf: Brdf,
+    parameters: tuple[int, int, float],
+    compute: Callable[..., Content],
+    progress: Progress | None,
+) -> Content:
+    """What a function computes of a BRDF, from the cache on disk if it is there."""
     more = {} if progress is None else {"progress": progress}
     is_used = settings.current().cache is not False
     key = _key(kind.content.__name__, brdf, parameters) if is_used else None
@@ -214,18 +250,25 @@ def clear() -> tuple[int, int]:
 
 def _key(kind: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
     """All that an entry depends on, as JSON; None for a BRDF that this does not identify."""
+    *orders, accuracy = parameters
+    program = [__version__, np.__version__, _code(_ROOT)]
+    return _record(brdf, kind=kind, orders=orders, accuracy=accuracy, program=program)
+
+
+def _record(brdf: Brdf, **more: Any) -> str | None:
+    """All that makes a BRDF, and what else is given, as JSON.
+
+    It is None for a BRDF that this does not identify. A measured one has the digest of its file
+    among its values.
+    """
     if not _is_of_this_package(brdf):
         return None
-    *orders, accuracy = parameters
     parts = {
-        "kind": kind,
         "name": brdf.name,
         "model": f"{type(brdf).__module__}.{type(brdf).__qualname__}",
         "values": brdf.values,
         "frame": [brdf.center, brdf.includes_cosine, brdf.has_horizon, brdf.zonal],
-        "orders": orders,
-        "accuracy": accuracy,
-        "program": [__version__, np.__version__, _code(_ROOT)],
+        **more,
     }
     try:
         return json.dumps(parts, sort_keys=True)

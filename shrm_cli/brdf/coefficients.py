@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import Sum
-from shrm_cli.brdf.transfer import accuracy_remark, both_signs, compute_transfer
+from shrm_cli.brdf.transfer import accuracy_remark, both_signs, compute_transfer, energy_above
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_P
 
@@ -84,6 +84,11 @@ class BrdfCoefficients:
         """
         return np.maximum(self.degree_energy - self.energies().sum(axis=1), 0.0)
 
+    @cached_property
+    def energy_above(self) -> Array:
+        """The energy at degrees above F as `transfer.energy_above` estimates it, shape (3,)."""
+        return energy_above(self.degree_energy)
+
     @property
     def converged(self) -> bool:
         """Whether the sampling reached the accuracy that was asked for."""
@@ -95,8 +100,17 @@ class BrdfCoefficients:
         return accuracy_remark(self.accuracy, self.asked)
 
     def energies(self) -> Array:
-        """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q."""
-        return np.sum(self.values**2 * both_signs(self.order_p)[:, None], axis=2)
+        """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q.
+
+        The array is read-only.
+        """
+        return self._energies
+
+    @cached_property
+    def _energies(self) -> Array:
+        found = np.sum(self.values**2 * both_signs(self.order_p)[:, None], axis=2)
+        found.setflags(write=False)
+        return found
 
     def captured(self) -> Array:
         """The fraction of the energy of all channels that each pair of orders captures (eq. 5.18).
@@ -104,11 +118,20 @@ class BrdfCoefficients:
         Returns
         -------
         ndarray, shape (F+1, P+1)
+            Read-only.
         """
+        return self._captured
+
+    @cached_property
+    def _captured(self) -> Array:
         total = self.total_energy.sum()
         if total == 0:
-            return np.ones(self.values.shape[:2])
-        return np.cumsum(np.cumsum(self.energies().sum(axis=-1), axis=0), axis=1) / total
+            found = np.ones(self.values.shape[:2])
+        else:
+            summed = np.cumsum(self.energies().sum(axis=-1), axis=0)
+            found = np.cumsum(summed, axis=1) / total
+        found.setflags(write=False)
+        return found
 
     def truncated(self, order_f: int, order_p: int) -> Array:
         """The coefficients up to smaller orders, shape (order_f+1, order_p+1, order_p+1, 3)."""

@@ -5,6 +5,7 @@ The names are those of the files, so that they are known without loading any of 
 
 import importlib
 import pkgutil
+from functools import cache
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import BrdfError
@@ -26,9 +27,14 @@ def module_names(package: str) -> list[str]:
     list of str
         The names of the modules, with hyphens in the place of underscores.
     """
+    return list(_module_names(package))
+
+
+@cache
+def _module_names(package: str) -> tuple[str, ...]:
     places = importlib.import_module(package).__path__
     modules = [found.name for found in pkgutil.iter_modules(places) if not found.ispkg]
-    return sorted(name.replace("_", "-") for name in modules)
+    return tuple(sorted(name.replace("_", "-") for name in modules))
 
 
 def load_class(package: str, name: str) -> type[Brdf]:

@@ -10,6 +10,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_samples import every_third, transfer_samples
 from shrm_cli.brdf.polar_rule import PolarRule, SplitRule, azimuths, squeezed_azimuths
 from shrm_cli.errors import BrdfError
+from shrm_cli.parallel import at_once
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_table
 
@@ -23,6 +24,10 @@ _SCOUTS = 0.1, 0.3, 0.5, 0.7, 0.85, 0.95
 """The angles of the views in `lobe_width`, as parts of the way from the normal to the horizon."""
 _TABLE_BYTES = 200 * 2**20
 """The most that tables of Legendre functions take together; the last one is kept in any case."""
+_NODES_AT_ONCE = 3 * 2**6
+"""The nodes for which Legendre functions are computed together: a multiple of 3."""
+_LARGE = 2**18
+"""The values of Legendre functions above which several threads are worth their start."""
 _LEAST_COSINE, _SQUEEZE = 1e-3, 0.5
 """Near grazing, azimuths crowd as this power of the cosine of the view's angle from the normal.
 
@@ -183,19 +188,36 @@ class LobeExpander:
             result[q, q:] = table[q, : self.order_f + 1 - q] @ np.ascontiguousarray(by_q[q])
         return result.reshape(self.max_q + 1, self.order_f + 1, views, channels)
 
-    def _table(self, count: int) -> tuple[Array, Array]:
-        """Legendre functions [q, l - q, node] times weights, of all nodes and of every third."""
+    def prepare(self, count: int) -> None:
+        """Make the table for a number of nodes in theta_i; no `expand` may run meanwhile.
+
+        Calls of `expand` with that number may then run at the same time.
+        """
         if count in self._tables:
             self._tables.move_to_end(count)
-            return self._tables[count]
+            return
         theta, weights = self.rule.nodes(count)
-        functions = legendre_table(self.order_f, np.cos(theta), max_m=self.max_q)
-        coarse = functions[..., 1::3] * self.rule.nodes(count // 3)[1]
-        functions *= weights
-        found = self._tables[count] = functions, coarse
+        coarse_weights = self.rule.nodes(count // 3)[1]
+        shape = self.max_q + 1, self.order_f + 1
+        functions, coarse = np.empty((*shape, count)), np.empty((*shape, count // 3))
+
+        def fill(start: int) -> None:
+            rows = slice(start, start + _NODES_AT_ONCE)
+            thirds = slice(start // 3, (start + _NODES_AT_ONCE) // 3)
+            table = legendre_table(self.order_f, np.cos(theta[rows]), max_m=self.max_q)
+            np.multiply(table[..., 1::3], coarse_weights[thirds], out=coarse[..., thirds])
+            np.multiply(table, weights[rows], out=functions[..., rows])
+
+        at_once(fill, range(0, count, _NODES_AT_ONCE), functions.size > _LARGE)
+        self._tables[count] = functions, coarse
         while len(self._tables) > 1 and self._table_bytes() > _TABLE_BYTES:
             self._tables.popitem(last=False)
-        return found
+
+    def _table(self, count: int) -> tuple[Array, Array]:
+        """Legendre functions [q, l - q, node] times weights, of all nodes and of every third."""
+        if count not in self._tables:
+            self.prepare(count)
+        return self._tables[count]
 
     def _table_bytes(self) -> int:
         return sum(part.nbytes for pair in self._tables.values() for part in pair)

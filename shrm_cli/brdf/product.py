@@ -11,9 +11,7 @@ Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Li
 Spherical Harmonics", section 3 and eq. 1.
 """
 
-import os
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil
@@ -22,11 +20,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli import settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product_rule import LightRule
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
+from shrm_cli.parallel import in_order
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import harmonic_planes
 from shrm_cli.sphere.parabolic import project, unproject
@@ -277,18 +275,13 @@ class ProductFunctions:
             weight, rule, part = job
             return weight * rule.coefficients(views[part], order)
 
-        with ThreadPoolExecutor(settings.current().threads or os.cpu_count()) as pool:
-            try:
-                for (_, rule, part), found in zip(jobs, pool.map(work, jobs), strict=True):
-                    if found.shape[-1] > result.shape[-1]:
-                        result = np.repeat(result, found.shape[-1], axis=-1)
-                    result[part] += found
-                    done += len(part) * rule.along * rule.around
-                    if progress is not None:
-                        progress(done, count)
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+        for (_, rule, part), found in zip(jobs, in_order(work, jobs), strict=True):
+            if found.shape[-1] > result.shape[-1]:
+                result = np.repeat(result, found.shape[-1], axis=-1)
+            result[part] += found
+            done += len(part) * rule.along * rule.around
+            if progress is not None:
+                progress(done, count)
         return result
 
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:

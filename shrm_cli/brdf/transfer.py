@@ -20,6 +20,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.errors import BrdfError
+from shrm_cli.parallel import in_order
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
@@ -47,7 +48,10 @@ _FALLING = 0.8
 _ZONAL_NODES = 2**7, 2**15
 """The fewest and the most nodes for a zonal BRDF."""
 _ZONAL_VIEWS = 12
-_VIEWS_AT_ONCE = 32
+_VIEWS_AT_ONCE = 8
+"""The most views that a thread expands together."""
+_LARGE = 2**17
+"""The number of samples above which several threads are worth their start."""
 _SCALE = 1000
 """The number of steps in which progress is reported."""
 
@@ -341,15 +345,20 @@ class _Sampling:
             which = which[chosen]
 
     def _expand(self, views: "_Views", which: NDArray[np.intp]) -> None:
-        levels = np.unique(views.levels[which], axis=0)
         pending = int(np.sum(views.levels[which].prod(axis=1)))
-        for count, azimuth_count in levels:
-            same = which[(views.levels[which] == (count, azimuth_count)).all(axis=1)]
-            for start in range(0, len(same), _VIEWS_AT_ONCE):
-                part = same[start : start + _VIEWS_AT_ONCE]
-                found = self._expander.expand(views.theta_o[part], int(count), int(azimuth_count))
-                views.put(part, found)
-                size = int(count * azimuth_count) * len(part)
+        for count in np.unique(views.levels[which, 0]):
+            # Views of the same number of nodes in theta_i share a large table.
+            self._expander.prepare(int(count))
+            jobs = _blocks(views.levels, which[views.levels[which, 0] == count])
+
+            def expanded(block: NDArray[np.intp]) -> Expansion:
+                lights, azimuths = (int(n) for n in views.levels[block[0]])
+                return self._expander.expand(views.theta_o[block], lights, azimuths)
+
+            is_large = sum(views.levels[block].prod(axis=1).sum() for block in jobs) > _LARGE
+            for block, found in zip(jobs, in_order(expanded, jobs, is_large), strict=True):
+                views.put(block, found)
+                size = int(views.levels[block].prod(axis=1).sum())
                 self._spent, pending = self._spent + size, pending - size
                 self._show(self._spent / (self._spent + pending + 1))
 
@@ -421,6 +430,15 @@ class _Views:
         """Other nodes of theta_o, of which none is known, with levels as of those beside them."""
         after = np.clip(np.searchsorted(self.theta_o, theta_o), 1, len(self.theta_o) - 1)
         return _Views(theta_o, weights, np.maximum(self.levels[after - 1], self.levels[after]))
+
+
+def _blocks(levels: NDArray[np.integer], which: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Split views into blocks that have the same numbers of nodes, and few views each."""
+    blocks = []
+    for level in np.unique(levels[which], axis=0):
+        same = which[(levels[which] == level).all(axis=1)]
+        blocks += np.array_split(same, -(-len(same) // _VIEWS_AT_ONCE))
+    return blocks
 
 
 def _projected(values: Array, theta_o: Array, weights: Array, order_p: int) -> Array:

@@ -19,8 +19,9 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import MOST_CHANNELS, excess
 from shrm_cli.files.noise import quiet
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.whole import replacing
+from shrm_cli.parallel import in_order
 
 Array = NDArray[np.floating]
 
@@ -46,14 +47,17 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
         If the file cannot be written.
     """
     dtype = np.float32 if pixel_type == "float" else np.float16
-    stored = [
-        OpenEXR.Part(
-            _header(part),
-            # OpenEXR ignores strides, so the planes must be contiguous.
-            {name: np.ascontiguousarray(plane, dtype) for name, plane in part.channels.items()},
-        )
-        for part in parts
-    ]
+
+    def contiguous(plane: Array) -> Array:
+        # OpenEXR ignores strides.
+        return np.ascontiguousarray(plane, dtype)
+
+    stored = []
+    for part in parts:
+        planes = list(part.channels.values())
+        is_large = sum(plane.size for plane in planes) > LARGE
+        packed = in_order(contiguous, planes, is_large)
+        stored.append(OpenEXR.Part(_header(part), dict(zip(part.channels, packed, strict=True))))
     with replacing(path) as temporary:
         try:
             with OpenEXR.File(stored, num_threads=settings.current().threads or -1) as file:

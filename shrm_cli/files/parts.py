@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.inputs import note
+from shrm_cli.parallel import in_order
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -32,6 +33,8 @@ HALF_ROUNDING = 2.0**-11
 """The most that half costs values which it has all its digits for, relative to them."""
 _VALUES_AT_ONCE = 2**18
 """Values that are rounded at a time."""
+LARGE = 2**20
+"""The values of planes above which several threads are worth their start."""
 
 
 @dataclass(frozen=True)
@@ -188,11 +191,23 @@ def write_parts(
         If the suffix is unknown, a value is not finite, half would overflow, or the file cannot
         be written.
     """
-    container = _container(path)
     planes = (plane for part in parts for plane in part.channels.values())
     pixel_type = choose_pixel_type(path, planes, precision)
-    container.write(path, parts, pixel_type)
+    write_chosen(path, parts, pixel_type)
     return pixel_type
+
+
+def write_chosen(
+    path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: PixelType
+) -> None:
+    """Write a file as `write_parts` does, of values that `choose_storage` has looked at already.
+
+    Raises
+    ------
+    OutputError
+        If the suffix is unknown, or the file cannot be written.
+    """
+    _container(path).write(path, parts, pixel_type)
 
 
 def choose_pixel_type(
@@ -228,15 +243,20 @@ def choose_storage(
         If a value is not finite in 32-bit float, or half is asked for and would overflow.
     """
     largest = whole = lost = 0.0
-    for plane in planes:
-        # A NaN fails this comparison, so it becomes the largest value, which is then refused.
+
+    def measured(plane: Array) -> tuple[float, float, float]:
         high = float(max(plane.max(), -plane.min())) if plane.size else 0.0
+        fits = high < _HALF_OVERFLOW and precision != "float"
+        return high, *(_squares(plane) if fits else (0.0, 0.0))
+
+    planes = list(planes)
+    is_large = sum(plane.size for plane in planes) > LARGE
+    for high, *squares in in_order(measured, planes, is_large):
+        # A NaN fails this comparison, so it becomes the largest value, which is then refused.
         largest = largest if high <= largest else high
         if not largest <= _FLOAT_MAX:
             raise OutputError(f"{path}: a value is not finite in 32-bit float; dim the light")
-        if largest < _HALF_OVERFLOW and precision != "float":
-            squares = _squares(plane)
-            whole, lost = whole + squares[0], lost + squares[1]
+        whole, lost = whole + squares[0], lost + squares[1]
     overflows = largest >= _HALF_OVERFLOW
     if precision == "half" and overflows:
         raise OutputError(

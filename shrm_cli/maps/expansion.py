@@ -6,6 +6,7 @@ whose part of the reflected light is visible, so that no truncated series rings 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
@@ -55,7 +56,7 @@ class Expansion:
     size: int
     carried: int
 
-    @property
+    @cached_property
     def error(self) -> float:
         """The predicted relative RMS error of the reflected light; see `predicted_error`."""
         return predicted_error(self.lighting, self.coefficients, self.carried, self.orders.order_p)
@@ -66,7 +67,7 @@ class Expansion:
         remark = self.coefficients.remark
         return None if remark is None else f"{self.brdf!r} is {remark}"
 
-    @property
+    @cached_property
     def estimated(self) -> float:
         """The energy of the reflected light that is only estimated, relative to all of it."""
         whole = reflected_rms(self.lighting, self.coefficients) ** 2

@@ -11,7 +11,7 @@ from shrm_cli.files.parts import (
     choose_storage,
     open_file,
     peek,
-    write_parts,
+    write_chosen,
 )
 from shrm_cli.maps import registry
 from shrm_cli.maps.arrangement import Arrangement
@@ -89,7 +89,7 @@ def store(
     if info.options and asked != "auto":
         for part in parts:
             part.header["shrm:options"] = options_text({**info.options, "precision": asked})
-    write_parts(path, parts, storage.pixel_type)
+    write_chosen(path, parts, storage.pixel_type)
     return storage
 
 

@@ -5,13 +5,17 @@ below zero. A screen shows that as black, and tone mapping may do worse.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE
+
+Array = NDArray[np.floating]
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
@@ -34,10 +38,18 @@ def negative_share(map_: Map) -> float:
     float
         In 0 .. 1, to about 0.001 where it is small.
     """
+    shown = map_.glimpse(*_pairs())
+    return float(np.mean(shown @ LUMINANCE < 0))
+
+
+@cache
+def _pairs() -> tuple[Array, Array]:
+    """Return the mirror directions and the views, which are always the same; read-only."""
     directions = spiral_directions(_PAIRS)
     views = directions[scrambled(_PAIRS)]
-    shown = map_.glimpse(directions, views)
-    return float(np.mean(shown @ LUMINANCE < 0))
+    for each in (directions, views):
+        each.setflags(write=False)
+    return directions, views
 
 
 def examined(made: Prefiltered) -> Prefiltered:

@@ -3,6 +3,7 @@
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,20 +20,25 @@ class Prefiltered:
     facts : dict
         Facts that the map's own `summary` does not have, by the names used in JSON. For maps
         that are made for a BRDF ``error_bound`` is among them: the conservative relative RMS
-        error of eq. 5.19, or None in the angular domain. So is ``predicted_wrong_share``: the
-        share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`, or None
-        where it is not known.
+        error of eq. 5.19, or None in the angular domain.
     notes : tuple of (str, str)
         Headings and texts that tell people what was chosen automatically.
     warnings : tuple of str
         Lines that the user should know about the map.
+    further : dict
+        Facts that take a while to find, by functions that find them when somebody asks for the
+        `summary`. For maps that are made for a BRDF ``predicted_wrong_share`` is here or among the
+        facts: the share of what is visible whose luminance is wrong by more than
+        `vocabulary.WRONG`, or None where it is not known.
     """
 
     map: Map
     facts: dict[str, Any] = field(default_factory=dict)
     notes: tuple[tuple[str, str], ...] = ()
     warnings: tuple[str, ...] = ()
+    further: dict[str, Callable[[], Any]] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Return the numbers that users and scripts ask for, by the names used in JSON."""
-        return {**self.map.summary(), **self.facts, **self.map.info.origin()}
+        found = {name: find() for name, find in self.further.items()}
+        return {**self.map.summary(), **self.facts, **found, **self.map.info.origin()}

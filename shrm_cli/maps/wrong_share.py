@@ -13,14 +13,19 @@ in which rho_hat_lq is the lobe for the view, with all its degrees p. The error 
 sum over the lobes' errors, and all views of a direction share its A_lq.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.cache import remembered
+from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.expansion import Expansion
+from shrm_cli.memo import Memo
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import INVISIBLE, visible_beyond
 from shrm_cli.sphere.harmonics import complex_from_real, legendre_table
@@ -30,6 +35,9 @@ from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
 Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
+_KEPT_ORDER = 96
+_known_rings = Memo(2**25)
+"""The functions on the rings, up to some orders of the light; those of order 96 take 6 MB."""
 _RINGS, _AROUND = 6, 20
 """The rings of central directions, and the directions on each of them."""
 _VIEWS, _AZIMUTHS = 12, 10
@@ -160,14 +168,14 @@ def wrong_share(lighting: Lighting, lobes: Lobes, unknown: float = 0.0) -> float
     local = _local_light(light, order, max_q)
     both = np.concatenate([lobes.whole, lobes.error], axis=2)
     flat = both.swapaxes(2, 3).reshape(max_q + 1, -1, both.shape[2])
-    by_q = (local @ flat.astype(complex)).reshape(max_q + 1, -1)
+    by_q = (local @ flat).reshape(2 * (max_q + 1), -1)
     # The sum over both signs of q is twice the real part of that over q > 0.
     q, azimuths = np.arange(max_q + 1), 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
     waves = np.where(q == 0, 1, 2)[:, None] * np.exp(1j * np.outer(q, azimuths))
-    values = by_q.real.T @ waves.real - by_q.imag.T @ waves.imag
-    whole, error = np.split(values.reshape(local.shape[1], -1, _AZIMUTHS), 2, axis=1)
+    values = by_q.T @ np.concatenate([waves.real, -waves.imag])
+    whole, error = np.split(values.reshape(local.shape[2], -1, _AZIMUTHS), 2, axis=1)
     # Only degree 0 has a mean over all central directions.
-    means = lobes.whole[0, 0] @ local[0, 0, : both.shape[-1]].real
+    means = lobes.whole[0, 0] @ local[0, 0, 0, : both.shape[-1]]
     limit = WRONG * np.maximum(whole, SEEN_FLOOR * float(lobes.shares @ means))
 
     def share_of(happens: Array) -> float:
@@ -210,11 +218,19 @@ def _lobes_of(expansion: Expansion, accuracy: float) -> Lobes | None:
 
 def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float) -> Array | None:
     """Sample lobes until they miss no more of the energy than allowed; None where they do."""
-    expander = LobeExpander(brdf, light_rule(brdf), order, max_q)
     count, azimuth_count = _NODES
     count = 12 * int(np.ceil(max(count, min(_NODES_A_DEGREE * order, _ENOUGH)) / 12))
+
+    @cache
+    def expander() -> LobeExpander:
+        return LobeExpander(brdf, light_rule(brdf), order, max_q)
+
+    def sample(nodes: int, azimuths: int) -> Lobe:
+        return expander().expand(angles, nodes, azimuths)
+
     while len(angles) * count * azimuth_count <= _MOST_SAMPLES:
-        found = expander.expand(angles, count, azimuth_count)
+        what = "lobes", order, max_q, angles.tobytes(), count, azimuth_count
+        found = remembered(brdf, what, partial(sample, count, azimuth_count))
         by_theta, by_phi = (
             each.sum() / max(found.energy.sum(), 1e-300)
             for each in (found.error_theta, found.error_phi)
@@ -226,7 +242,7 @@ def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float)
     return None
 
 
-def _local_light(light: Array, order: int, max_q: int) -> ComplexArray:
+def _local_light(light: Array, order: int, max_q: int) -> Array:
     """Expand the light about central directions that are spread evenly.
 
     Parameters
@@ -238,20 +254,45 @@ def _local_light(light: Array, order: int, max_q: int) -> ComplexArray:
 
     Returns
     -------
-    ndarray, shape (max_q+1, directions, (order+1) channels)
-        ``A_lq(R)``, zero where q > l.
+    ndarray, shape (2, max_q+1, directions, (order+1) channels)
+        The real and the imaginary part of ``A_lq(R)``, zero where q > l.
     """
     channels, m = light.shape[1], np.arange(-order, order + 1)[:, None]
     by_degree = complex_from_real(light, order)
+    waves = np.exp(1j * m * (2 * np.pi / _AROUND * np.arange(_AROUND)))
+    result = np.zeros((2, max_q + 1, _RINGS, _AROUND, order + 1, channels))
+    for degree, by_ring in enumerate(_rings(order, max_q)):
+        spin, rows = min(degree, max_q), slice(order - degree, order + degree + 1)
+        lit = (waves[rows, :, None] * by_degree[degree, rows, None]).reshape(2 * degree + 1, -1)
+        found = (by_ring.T @ lit).reshape(spin + 1, _RINGS, _AROUND, channels)
+        result[0, : spin + 1, :, :, degree] = found.real
+        result[1, : spin + 1, :, :, degree] = found.imag
+    return result.reshape(2, max_q + 1, _RINGS * _AROUND, -1)
+
+
+def _rings(order: int, max_q: int) -> Iterable[ComplexArray]:
+    """Return what `_make_rings` yields, kept from one call to the next unless it is large."""
+    if order > _KEPT_ORDER:
+        return _make_rings(order, max_q)
+    return _known_rings.get((order, max_q), lambda: list(_make_rings(order, max_q)))
+
+
+def _make_rings(order: int, max_q: int) -> Iterator[ComplexArray]:
+    """Yield ``d^l_mq(theta) exp(i m phi)`` on the first direction of each ring, l = 0 .. order.
+
+    Yields
+    ------
+    ndarray, shape (2l+1, (q+1) rings)
+        For q = 0 .. min(l, max_q).
+    """
+    m = np.arange(-order, order + 1)[:, None]
     theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)
     # Rings are turned against each other by the golden angle, so that no meridian is special.
     turned = np.exp(1j * m * (np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)))
-    waves = np.exp(1j * m * (2 * np.pi / _AROUND * np.arange(_AROUND)))
-    result = np.zeros((max_q + 1, _RINGS, _AROUND, order + 1, channels), dtype=complex)
-    for degree, d in small_d_degrees(order, theta, max_spin=max_q):
+    for degree, d in small_d_degrees(order, theta[: _RINGS // 2], max_spin=max_q):
         spin, rows = d.shape[1] // 2, slice(order - degree, order + degree + 1)
-        by_ring = (d[:, spin:] * turned[rows, None]).reshape(2 * degree + 1, -1)
-        lit = (waves[rows, :, None] * by_degree[degree, rows, None]).reshape(2 * degree + 1, -1)
-        found = by_ring.T @ lit
-        result[: spin + 1, :, :, degree] = found.reshape(spin + 1, _RINGS, _AROUND, channels)
-    return result.reshape(max_q + 1, _RINGS * _AROUND, -1)
+        north = d[:, spin:]
+        # d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)
+        south = north[::-1, :, ::-1] * (-1.0) ** (degree + np.arange(spin + 1))[:, None]
+        both = np.concatenate([north, south], axis=2)
+        yield (both * turned[rows, None]).reshape(2 * degree + 1, -1)

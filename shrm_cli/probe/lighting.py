@@ -1,6 +1,7 @@
 """Probe -> Lighting: the spherical harmonic coefficients of the incident light."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +44,15 @@ class Lighting:
         return order_of(len(self.coefficients))
 
     def power(self) -> Array:
-        """``sum_m |L_lm|^2`` of each degree and channel, shape (order+1, 3)."""
+        """``sum_m |L_lm|^2`` of each degree and channel, shape (order+1, 3); read-only."""
+        return self._power
+
+    @cached_property
+    def _power(self) -> Array:
         starts = np.arange(self.order + 1) ** 2
-        return np.add.reduceat(self.coefficients**2, starts)
+        found = np.add.reduceat(self.coefficients**2, starts)
+        found.setflags(write=False)
+        return found
 
 
 class Projection:

@@ -1,15 +1,18 @@
 """Clebsch-Gordan coefficients: by a sum where one of the degrees is small, else from J^2."""
 
-from functools import lru_cache
 from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.memo import Memo, kept_order
+
 Array = NDArray[np.floating]
 
 MOST_SMALL = 12
 """The largest degree p for which the sums below keep ten digits."""
+_known_couplings = Memo(2**25)
+"""What `zonal_coupling` returned. That of F = 512 and p = 32 takes 4.5 MB."""
 
 
 def clebsch_gordan(degree: ArrayLike, m: ArrayLike, small: int, s: int, shift: int) -> Array:
@@ -78,7 +81,6 @@ def _ratio(number: Array, difference: int) -> Array:
     return result if difference >= 0 else 1 / result
 
 
-@lru_cache(64)
 def zonal_coupling(order: int, p: int) -> Array:
     """Return ``(-1)^q (<l q p -q | J 0> + <l -q p q | J 0>)`` for all l up to an order.
 
@@ -102,6 +104,12 @@ def zonal_coupling(order: int, p: int) -> Array:
     Varshalovich, Moskalev and Khersonskii 1988, 8.1.1 and 8.1.2 for the vectors, 8.5.2 (32) for
     their sign.
     """
+    kept = kept_order(order)
+    return _known_couplings.get((kept, p), lambda: _zonal_coupling(kept, p))[: order + 1]
+
+
+def _zonal_coupling(order: int, p: int) -> Array:
+    """Compute what `zonal_coupling` returns."""
     degree, q = np.arange(order + 1)[:, None], np.arange(p + 1)
     # The basis is |l 0, p 0> and the normalized even sums (|l q, p -q> + |l -q, p q>) / sqrt(2).
     square = np.zeros((order + 1, p + 1, p + 1))

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.memo import Memo
+
 Array = NDArray[np.floating]
 
 
@@ -107,10 +109,10 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
 
     Returns
     -------
-    ndarray, shape (last - first, order+1, n)
+    ndarray, shape (last - first, order + 1 - first, n)
         ``[m - first, l - m, ...]``, zero where l > order; the same to the last bit as in the table.
     """
-    table = np.zeros((last - first, order + 1, len(z)))
+    table = np.zeros((last - first, order + 1 - first, len(z)))
     sine = np.sqrt((1 - z) * (1 + z))
     highest = np.full(len(z), np.sqrt(1 / (4 * np.pi)))  # f_mm
     for degree in range(last):
@@ -119,15 +121,16 @@ def legendre_columns(order: int, z: Array, first: int, last: int) -> Array:
         if degree >= first:
             table[degree - first, 0] = highest
     # The recurrence in l goes up in all m at once, as far as each of them reaches.
+    m = np.arange(first, last)
+    high = m + np.arange(1, order - first + 1)[:, None]  # the degree l
+    scale = np.sqrt((4 * high**2 - 1) / (high**2 - m**2))
+    back = scale * np.sqrt(((high - 1) ** 2 - m**2) / (4 * (high - 1) ** 2 - 1))
     for above in range(1, order - first + 1):
-        m = np.arange(first, min(last, order - above + 1))[:, None]
-        high = m + above  # the degree l
-        scale = np.sqrt((4 * high**2 - 1) / (high**2 - m**2))
-        current = scale * z * table[: len(m), above - 1]
+        kept = slice(min(last, order - above + 1) - first)
+        current = table[kept, above]
+        np.multiply(scale[above - 1, kept, None] * z, table[kept, above - 1], out=current)
         if above > 1:
-            back = np.sqrt(((high - 1) ** 2 - m**2) / (4 * (high - 1) ** 2 - 1))
-            current -= scale * back * table[: len(m), above - 2]
-        table[: len(m), above] = current
+            current -= back[above - 1, kept, None] * table[kept, above - 2]
     return table
 
 
@@ -192,11 +195,20 @@ def complex_from_real(coefficients: Array, order: int) -> NDArray[np.complexfloa
     result = np.zeros((order + 1, 2 * order + 1, *tail), dtype=complex)
     degree = np.arange(order + 1)
     result[:, order] = coefficients[degree * (degree + 1)]
-    degree, m = (1 + each for each in np.tril_indices(order))  # all m = 1 .. l
+    degree, m, signs = _known_orders.get(order, lambda: _positive_orders(order))
     center = degree * (degree + 1)
-    signs = ((-1.0) ** m).reshape(-1, *[1] * len(tail))
     # f = a Y_m + b Y_-m over the real basis is (a - i b)/sqrt2 over exp(i m phi).
     positive = (coefficients[center + m] - 1j * coefficients[center - m]) / np.sqrt(2)
-    result[degree, order + m] = signs * positive
+    result[degree, order + m] = signs.reshape(-1, *[1] * len(tail)) * positive
     result[degree, order - m] = np.conj(positive)
     return result
+
+
+_known_orders = Memo(2**20)
+"""What `_positive_orders` returned. That of order 96 takes 0.1 MB."""
+
+
+def _positive_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Return l and m of all harmonics with m > 0, and the sign (-1)^m."""
+    degree, m = (1 + each for each in np.tril_indices(order))
+    return degree, m, (-1.0) ** m

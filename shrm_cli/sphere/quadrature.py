@@ -8,9 +8,14 @@ OpenEXR defines its environment maps.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.memo import Memo
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
+
+
+_known_weights = Memo(2**20)
+"""The weights of rows, for some heights."""
 
 
 def nodes(size: int, sampling: Sampling = "center") -> Array:
@@ -43,12 +48,16 @@ def colatitude_weights(height: int, sampling: Sampling = "center") -> Array:
     Returns
     -------
     ndarray, shape (height,)
-        They sum to 2.
+        They sum to 2. Read-only.
 
     References
     ----------
     Waldvogel 2006, Fast construction of the Fejer and Clenshaw-Curtis quadrature rules.
     """
+    return _known_weights.get((height, sampling), lambda: _colatitude_weights(height, sampling))
+
+
+def _colatitude_weights(height: int, sampling: Sampling) -> Array:
     intervals = height if sampling == "center" else height - 1
     k = np.arange(intervals // 2 + 1)
     moments = 4 / (1 - 4.0 * k**2)  # twice the integrals of cos(2 k theta) sin(theta)

@@ -8,16 +8,22 @@ is then a few turns of pairs, and two products with matrices that are the same f
 import itertools
 import threading
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.harmonics import degrees, order_of
-from shrm_cli.sphere.wigner import right_angle_degrees
+from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees
 
 Array = NDArray[np.floating]
 
 _CACHED_ORDER = 96
+_REPEATED_ORDER = 64
+_known_blocks = Memo(2**24)
+"""The matrices of rotations that are needed again and again. Those of order 64 take 3 MB."""
 _BLOCK = 8192
 """Values of each m that are turned at a time, few enough to stay in the processor's cache."""
 _DIRECT = 2
@@ -70,8 +76,53 @@ def transform_coefficients(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
     -------
     ndarray, shape ((order+1)^2, ...)
     """
-    source = np.asarray(coefficients, dtype=float)
-    return rotate_each_into_frame(source[..., None], np.asarray(matrix)[None])[..., 0]
+    source, matrix = np.asarray(coefficients, dtype=float), np.asarray(matrix, dtype=float)
+    flat = source.reshape(len(source), -1)
+    if np.linalg.det(matrix) < 0:
+        matrix = matrix * [1.0, -1.0, 1.0]
+        flat = flat * np.where(_is_sine(len(flat)), -1.0, 1.0)[:, None]
+    return _turned_once(flat, euler_zyz(matrix)).reshape(source.shape)
+
+
+def rotated_again(coefficients: Array, rotation: Array) -> Array:
+    """Return what `transform_coefficients` does, faster for a rotation that is needed again.
+
+    Its matrices are kept, up to an order, and so sums are rounded differently.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape ((order+1)^2, maps)
+    rotation : ndarray, shape (3, 3)
+    """
+    order = order_of(len(coefficients))
+    if order > _REPEATED_ORDER:
+        return transform_coefficients(coefficients, rotation)
+    kept = kept_order(order)
+    blocks = _known_blocks.get((kept, rotation.tobytes()), lambda: _blocks(kept, rotation))
+    result = np.empty_like(coefficients)
+    for degree, block in enumerate(blocks[: order + 1]):
+        rows = slice(degree**2, (degree + 1) ** 2)
+        np.matmul(block, coefficients[rows], out=result[rows])
+    return result
+
+
+def _blocks(order: int, rotation: Array) -> list[Array]:
+    """Return the matrix of a rotation between the harmonics of each degree; see `_turn_zyz`."""
+    alpha, beta, gamma = euler_zyz(rotation)
+    exchanged = bool(beta == np.pi / 2)
+    quarter = 0.0 if exchanged else np.pi / 2
+    # To multiply with a turn from the right is to turn the transposed matrix the other way.
+    back, between, after = (
+        _phases(order, np.array([each])) for each in (-gamma - quarter, beta, alpha - quarter)
+    )
+    blocks = []
+    for quarter_turn in _known_turns.up_to(order):
+        matrix = quarter_turn.matrix
+        block = _turned(matrix.T, back).T
+        if not exchanged:
+            block = matrix.T @ _turned(block, between)
+        blocks.append(np.array(_turned(block, after)))
+    return blocks
 
 
 def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
@@ -217,11 +268,54 @@ def _turn_into_frames(source: Array, frames: Array, result: Array, lowest: int =
     mirrored = np.linalg.det(frames) < 0
     if mirrored.any():  # y -> -y comes first: the sine harmonics change sign
         frames = np.where(mirrored[:, None, None], frames * [1.0, -1.0, 1.0], frames)
-        degree = degrees(order_of(len(source)))
-        is_sine = np.arange(len(source)) < degree * (degree + 1)
-        sign = np.where(is_sine[:, None] & mirrored, -1.0, 1.0)
+        sign = np.where(_is_sine(len(source))[:, None] & mirrored, -1.0, 1.0)
         source = source * sign.reshape(len(source), *[1] * (source.ndim - 2), -1)
     _turn_zyz(source, euler_zyz(frames), result, lowest)
+
+
+def _is_sine(count: int) -> NDArray[np.bool_]:
+    """Tell which of so many harmonics have m < 0, and so a sine of the longitude."""
+    degree = degrees(order_of(count))
+    return np.asarray(np.arange(count) < degree * (degree + 1))
+
+
+def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
+    """Return functions, shape ((order+1)^2, maps), carried along by one rotation.
+
+    It is what `_turn_zyz` does, to the last bit, for a single point. Turns about z take all degrees
+    at once here, because those of single degrees are too small to be worth a call each.
+    """
+    order = order_of(len(flat))
+    alpha, beta, gamma = angles
+    degree, m = _known_indices.get(order, lambda: _degrees_and_orders(order))
+    mirrored = degree * (degree + 1) - m
+
+    def turned(values: Array, angle: Array) -> Array:
+        phase = np.arange(order + 1) * angle
+        cosine, sine = np.cos(phase)[np.abs(m)], (np.sign(m) * np.sin(phase)[np.abs(m)])
+        return cosine[:, None] * values - sine[:, None] * values[mirrored]
+
+    def product(values: Array, is_back: bool) -> Array:
+        result = np.empty_like(values)
+        for each, quarter_turn in enumerate(_quarter_turns(order)):
+            rows = slice(each**2, (each + 1) ** 2)
+            result[rows] = quarter_turn.applied(values[rows], is_back)
+        return result
+
+    if beta == np.pi / 2:
+        return turned(product(turned(flat, gamma), False), alpha)
+    flat = product(turned(flat, gamma + np.pi / 2), False)
+    return turned(product(turned(flat, beta), True), alpha - np.pi / 2)
+
+
+def _degrees_and_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the degree l and the order m of every linear index."""
+    degree = degrees(order)
+    return degree, np.arange(len(degree)) - degree * (degree + 1)
+
+
+_known_indices = Memo(2**20)
+"""Degrees and orders; those up to degree 128 take a quarter of a megabyte."""
 
 
 def _turn_zyz(
@@ -265,15 +359,10 @@ def _turn_zyz(
             some = np.s_[..., at : at + step]
             before, between, after = ((cosine[some], sine[some]) for cosine, sine in turns)
             block = source[rows][some].astype(float, copy=False)
-            block = _product(quarter_turn, _turned(block, before))
+            block = quarter_turn.applied(_turned(block, before))
             if not exchanged:
-                block = _product(quarter_turn.T, _turned(block, between))
+                block = quarter_turn.applied(_turned(block, between), backwards=True)
             result[rows][some] = _turned(block, after)
-
-
-def _product(matrix: Array, block: Array) -> Array:
-    """A matrix times functions, shape (2l+1, ...)."""
-    return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
 
 
 def _phases(order: int, angle: Array, dtype: np.typing.DTypeLike = float) -> tuple[Array, Array]:
@@ -301,18 +390,80 @@ def _turned(block: Array, phases: tuple[Array, Array]) -> Array:
     return result
 
 
-def _quarter_turns(order: int) -> Iterable[Array]:
-    """Yield the matrices of Ry(pi/2) between real harmonics, degree by degree."""
-    return _known_turns.up_to(order) if order <= _CACHED_ORDER else _right_angle_turns(order)
+class _QuarterTurn(Protocol):
+    """Ry(pi/2) of one degree."""
+
+    def applied(self, block: Array, backwards: bool = False) -> Array:
+        """Turn functions, shape (2l+1, ...), or turn them back."""
 
 
-def _right_angle_turns(order: int) -> Iterator[Array]:
+@dataclass(frozen=True)
+class _WholeTurn:
+    """The matrix of Ry(pi/2) between real harmonics of one degree: one product for few of them."""
+
+    matrix: Array
+
+    def applied(self, block: Array, backwards: bool = False) -> Array:
+        matrix = self.matrix.T if backwards else self.matrix
+        return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
+
+
+@dataclass(frozen=True)
+class _SplitTurn:
+    """The same by the parts of that matrix that are not zero, a quarter of it.
+
+    Attributes
+    ----------
+    blocks : pair of pairs of ndarray
+        As `right_angle_blocks` yields them.
+    weights : ndarray, shape (l+1, 1)
+        The factors between ``d_mn`` and real harmonics, of m and of n alike.
+    """
+
+    blocks: tuple[tuple[Array, Array], tuple[Array, Array]]
+    weights: Array
+
+    def applied(self, block: Array, backwards: bool = False) -> Array:
+        degree = len(block) // 2
+        flat = block.reshape(len(block), -1)
+        result = np.empty_like(flat)
+        # The matrix of the turn back has no sign (-1)^(m+n).
+        weights = np.abs(self.weights) if backwards else self.weights
+        # Both halves hold m = 0, which is a cosine: there are no sines to come from it, and the
+        # cosines come last.
+        for is_sine, half in ((1, np.s_[degree::-1]), (0, np.s_[degree:])):
+            source, target = weights * flat[half], result[half]
+            source[:is_sine] = 0
+            for i in (0, 1):
+                # Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
+                j = (degree + i + is_sine) % 2
+                target[i::2] = self.blocks[i][j] @ source[j::2]
+            target *= weights
+        return result.reshape(block.shape)
+
+
+def _quarter_turns(order: int) -> Iterable[_QuarterTurn]:
+    """Yield Ry(pi/2) between real harmonics, degree by degree."""
+    if order <= _CACHED_ORDER:
+        return _known_turns.up_to(order)
+    weights = _turn_weights(order)[:, None]
+    blocks = enumerate(right_angle_blocks(order))
+    return (_SplitTurn(each, weights[: degree + 1]) for degree, each in blocks)
+
+
+def _turn_weights(order: int) -> Array:
+    """The factors of m or n between ``d_mn`` and real harmonics, shape (order+1,)."""
+    m = np.arange(order + 1)
+    return np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
+
+
+def _right_angle_turns(order: int) -> Iterator[_WholeTurn]:
     """Yield the matrices of Ry(pi/2) from ``d_mn``, m, n >= 0, by ``d_m,-n = (-1)^(l+m) d_mn``.
 
     Cosine harmonics meet where l + m + n is even, sine harmonics where it is odd.
     """
     m = np.arange(order + 1)
-    factor = np.where(m == 0, 1.0, np.sqrt(2)) * (-1.0) ** m
+    factor = _turn_weights(order)
     weights = factor[:, None] * factor
     odd = (m[:, None] + m) % 2
     by_parity = weights * (1 - odd), weights * odd
@@ -324,7 +475,7 @@ def _right_angle_turns(order: int) -> Iterator[Array]:
         np.multiply(
             quadrant[:0:-1, :0:-1], sine[degree:0:-1, degree:0:-1], out=result[:degree, :degree]
         )
-        yield result
+        yield _WholeTurn(result)
 
 
 class _KnownTurns:
@@ -334,11 +485,11 @@ class _KnownTurns:
     """
 
     def __init__(self) -> None:
-        self._found: list[Array] = []
+        self._found: list[_WholeTurn] = []
         self._more = _right_angle_turns(_CACHED_ORDER)
         self._lock = threading.Lock()
 
-    def up_to(self, order: int) -> list[Array]:
+    def up_to(self, order: int) -> list[_WholeTurn]:
         with self._lock:
             self._found += itertools.islice(self._more, max(order + 1 - len(self._found), 0))
         return self._found[: order + 1]

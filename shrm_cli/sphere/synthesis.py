@@ -14,15 +14,18 @@ axis. Values are exact at each texel: no intermediate image is interpolated, and
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.layouts import FACES
+from shrm_cli.memo import Memo
+from shrm_cli.parallel import at_once, in_order
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
-from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -40,9 +43,14 @@ _ALONG_X = (
     (2, "-Y", True, False),
     (3, "-Z", True, False),
 )
+_AXES = _ALONG_Z, _ALONG_X
 
-_BLOCK_BYTES = 2**27
+_known_waves = Memo(2**24)
+"""Waves of some sizes and orders, those of size 64 and order 64 take 1.1 MB in single precision."""
+_BLOCK_BYTES = 2**26
 """Memory that the intermediate arrays of some maps may take."""
+_LARGE = 2**24
+"""The values of series, times rows, above which several threads are worth their start."""
 _CACHED_BYTES = 2**21
 """Memory of what is evaluated in one go, so that it stays in the processor's cache."""
 
@@ -82,7 +90,7 @@ class CubeSeries:
     """
 
     def __init__(self, coefficients: Array) -> None:
-        turned = transform_coefficients(coefficients, _X_POLAR)
+        turned = rotated_again(coefficients, _X_POLAR)
         self._both = np.stack([coefficients, turned], axis=1)
 
     @property
@@ -120,30 +128,39 @@ class CubeSeries:
         step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count))
         for start in range(0, maps, step):
             part = slice(start, start + step)
-            waves = fourier_from_harmonics(both[:, :, part].reshape(len(both), -1))
-            halves = waves.reshape(2, count, count, 2, -1)
-            fourier: list[Array] = [halves[..., which, :].astype(dtype) for which in (0, 1)]
+            fourier = _double_fourier(both[:, :, part])
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
+
+
+def _double_fourier(both: Array) -> list[Array]:
+    """The double Fourier sums of series as they are, and turned, ``[l (l+1) + m, which, map]``."""
+    waves = fourier_from_harmonics(both.reshape(len(both), -1))
+    halves = waves.reshape(*waves.shape[:3], 2, -1)
+    return [halves[..., which, :] for which in (0, 1)]
 
 
 def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     """Evaluate all faces into `result`, (maps, 6, N, N), from both series' double Fourier sums."""
     half = s[len(s) // 2 :]  # s >= 0; the rest is its mirror image
-    parts = [
-        (faces, *_meridians(series, [face[0] for face in faces], half))
-        for series, faces in zip(fourier, (_ALONG_Z, _ALONG_X), strict=True)
-    ]
+
+    def along(axis: int) -> tuple[Array, Array]:
+        quadrants = [face[0] for face in _AXES[axis]]
+        return _meridians(fourier[axis], quadrants, half, result.dtype)
+
+    is_large = fourier[0].size * len(half) > _LARGE
+    parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
     block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
     step = max(1, _CACHED_BYTES // block)
-    for start in range(0, len(half), step):
+
+    def fill(start: int) -> None:
         rows = slice(start, start + step)
-        same, opposite = (
-            waves.astype(result.dtype) for waves in _waves(fourier[0].shape[1], half[rows], half)
-        )
-        for faces, symmetric, antisymmetric in parts:
+        same, opposite = _kept_waves(fourier[0].shape[1], half[rows], half, result.dtype)
+        for faces, (symmetric, antisymmetric) in parts:
             even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
             _store_rows(even, odd, faces, start, result)
+
+    at_once(fill, range(0, len(half), step), is_large)
 
 
 def _store_rows(
@@ -175,7 +192,9 @@ def _span(indices: NDArray[np.intp]) -> slice:
     return slice(first, None if last == 0 else last - 1, -1)
 
 
-def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array, Array]:
+def _meridians(
+    fourier: Array, quadrants: list[int], half: Array, dtype: np.dtype[Any]
+) -> tuple[Array, Array]:
     """Fourier coefficients in theta along the meridians through s = +-half of each quadrant.
 
     Returns
@@ -185,18 +204,47 @@ def _meridians(fourier: Array, quadrants: list[int], half: Array) -> tuple[Array
         in the order that `_waves` has.
     """
     count, maps = fourier.shape[1], fourier.shape[-1]
-    phi = _meridian_angles(quadrants, half)
     parts = []
-    for parity in (0, 1):
-        m = np.arange(parity, count, 2)
-        waves = np.concatenate([np.cos(np.outer(phi, m)), np.sin(np.outer(phi, m))], axis=1)
-        series = fourier[:, parity::2].transpose(0, 1, 3, 2).reshape(2 * len(m), maps * count)
-        parts.append((waves.astype(fourier.dtype) @ series).reshape(len(half), -1, count))
+    for parity, waves in enumerate(_longitude_waves(count, quadrants, half, dtype)):
+        series = fourier[:, parity::2].transpose(0, 1, 3, 2).astype(dtype, order="C")
+        series = series.reshape(-1, maps * count)
+        parts.append((waves @ series).reshape(len(half), -1, count))
     a, b = parts
     return (
         np.concatenate([a[..., 0::2], b[..., 1::2]], axis=-1),
         np.concatenate([a[..., 1::2], b[..., 0::2]], axis=-1),
     )
+
+
+def _longitude_waves(
+    count: int, quadrants: list[int], half: Array, dtype: np.dtype[Any]
+) -> tuple[Array, Array]:
+    """Cosines and sines of m times the longitudes of `_meridians`, m < count.
+
+    Returns
+    -------
+    even, odd : ndarray, shape (longitudes, about count)
+        Those of even and of odd m; the cosines come first.
+    """
+
+    def make() -> tuple[Array, Array]:
+        phi = _meridian_angles(quadrants, half)
+        products = (np.outer(phi, np.arange(parity, count, 2)) for parity in (0, 1))
+        even, odd = (np.concatenate([np.cos(p), np.sin(p)], axis=1).astype(dtype) for p in products)
+        return even, odd
+
+    key = "longitudes", count, tuple(quadrants), half.tobytes(), np.dtype(dtype)
+    return _known_waves.get(key, make)
+
+
+def _kept_waves(count: int, s: Array, t: Array, dtype: np.dtype[Any]) -> tuple[Array, Array]:
+    """What `_waves` returns, in a precision; it is kept from one call to the next."""
+
+    def make() -> tuple[Array, Array]:
+        same, opposite = _waves(count, s, t)
+        return same.astype(dtype), opposite.astype(dtype)
+
+    return _known_waves.get((count, s.tobytes(), t.tobytes(), np.dtype(dtype)), make)
 
 
 def _meridian_angles(quadrants: list[int], half: Array) -> Array:
@@ -299,7 +347,7 @@ def _gather_faces(
     step = max(1, _CACHED_BYTES // (len(faces) * 2 * maps * len(half) * 8))
     for start in range(0, len(half), step):
         rows = slice(start, start + step)
-        same, opposite = _waves(count, half[rows], half)
+        same, opposite = _kept_waves(count, half[rows], half, np.dtype(float))
         at = np.arange(start, start + len(same))
         even = np.empty((len(same), len(faces), 2, maps, len(half)))
         odd = np.empty_like(even)
@@ -323,16 +371,15 @@ def _moments(symmetric: Array, antisymmetric: Array, quadrants: list[int], half:
     """Moments from sums along meridians: the transpose of `_meridians`."""
     maps, count = symmetric.shape[3], symmetric.shape[4]
     result = np.zeros((2, count, count, maps))
-    phi = _meridian_angles(quadrants, half)
     evens, odds = (count + 1) // 2, count // 2
-    a, b = (np.empty((len(phi), maps, count)) for _ in range(2))
-    symmetric = symmetric.reshape(len(phi), maps, count)
-    antisymmetric = antisymmetric.reshape(len(phi), maps, count)
+    waves = _longitude_waves(count, quadrants, half, np.dtype(float))
+    longitudes = len(waves[0])
+    a, b = (np.empty((longitudes, maps, count)) for _ in range(2))
+    symmetric = symmetric.reshape(longitudes, maps, count)
+    antisymmetric = antisymmetric.reshape(longitudes, maps, count)
     a[..., 0::2], b[..., 1::2] = symmetric[..., :evens], symmetric[..., evens:]
     a[..., 1::2], b[..., 0::2] = antisymmetric[..., :odds], antisymmetric[..., odds:]
     for parity, part in ((0, a), (1, b)):
-        m = np.arange(parity, count, 2)
-        waves = np.concatenate([np.cos(np.outer(phi, m)), np.sin(np.outer(phi, m))], axis=1)
-        sums = (waves.T @ part.reshape(len(phi), -1)).reshape(2, len(m), maps, count)
+        sums = (waves[parity].T @ part.reshape(longitudes, -1)).reshape(2, -1, maps, count)
         result[:, parity::2] = sums.transpose(0, 1, 3, 2)
     return result

@@ -1,8 +1,11 @@
 """Spherical harmonic analysis: from samples on a grid to real coefficients."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.memo import Memo
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.latlong import LATLONG_AXES
@@ -12,6 +15,8 @@ from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
+_known_waves = Memo(2**24)
+"""The waves of each size and order; those of 1024 x 512 pixels and order 64 take 0.8 MB."""
 _ROWS_AT_ONCE = 64
 """The rows that are folded at a time, which stay in the processor's cache."""
 
@@ -47,18 +52,8 @@ class LatLongAnalysis:
         dtype: type = np.float32,
     ) -> None:
         self.order = order
-        border = sampling == "border"
-        # theta is a multiple of pi / rows, longitude one of pi / columns.
-        rows = height - 1 if border else 2 * height
-        columns = width - 1 if border else width
-        weights = colatitude_weights(height, sampling)[:, None]
-        multiples = np.arange(height) if border else 2 * np.arange(height) + 1
-        self._row_waves = [wave * weights for wave in _waves(multiples, rows, order)]
-        # Column j and its mirror image width - 1 - j have opposite longitudes: half is enough.
-        half = np.arange(width // 2)
-        measure = longitude_weights(width, sampling)[: len(half), None]
-        column_waves = _waves(width - 1 - 2 * half, columns, order)
-        self._column_waves: list[Array] = [(wave * measure).astype(dtype) for wave in column_waves]
+        key = width, height, order, sampling, np.dtype(dtype)
+        self._row_waves, self._column_waves = _known_waves.get(key, lambda: _analysis_waves(*key))
         self._moments: Array | None = None
 
     def add(self, start: int, pixels: Array, weights: Array | None = None) -> None:
@@ -109,6 +104,34 @@ class LatLongAnalysis:
         if self._moments is None:
             raise ValueError("no rows were added")
         return harmonics_from_moments(self._moments)
+
+
+def _analysis_waves(
+    width: int, height: int, order: int, sampling: Sampling, dtype: np.dtype[Any]
+) -> tuple[list[Array], list[Array]]:
+    """Return the waves over rows and over columns, times the weights of the integrals.
+
+    The parameters are those of `LatLongAnalysis`.
+
+    Returns
+    -------
+    rows : list of ndarray, shape (height, order+1)
+        The cosines and the sines.
+    columns : list of ndarray, shape (width/2, order+1)
+        The same over half of the columns, in the precision `dtype`.
+    """
+    border = sampling == "border"
+    # theta is a multiple of pi / rows, longitude one of pi / columns.
+    rows = height - 1 if border else 2 * height
+    columns = width - 1 if border else width
+    weights = colatitude_weights(height, sampling)[:, None]
+    multiples = np.arange(height) if border else 2 * np.arange(height) + 1
+    row_waves: list[Array] = [wave * weights for wave in _waves(multiples, rows, order)]
+    # Column j and its mirror image width - 1 - j have opposite longitudes: half is enough.
+    half = np.arange(width // 2)
+    measure = longitude_weights(width, sampling)[: len(half), None]
+    column_waves = _waves(width - 1 - 2 * half, columns, order)
+    return row_waves, [(wave * measure).astype(dtype) for wave in column_waves]
 
 
 def _waves(multiples: NDArray[np.integer], divisor: int, order: int) -> tuple[Array, Array]:

@@ -55,36 +55,66 @@ def small_d_degrees(
 def right_angle_degrees(order: int) -> Iterator[Array]:
     """Yield ``d^l_mn(pi/2)``, m, n = 0 .. l, for l = 0 .. order.
 
-    The same recurrence where it is simplest: the cosine is 0, and one quadrant holds all values,
-    ``d_m,-n = (-1)^(l+m) d_mn``.
-
     Yields
     ------
     d : ndarray, shape (l+1, l+1)
     """
+    for degree, blocks in enumerate(right_angle_blocks(order)):
+        quadrant = np.empty((degree + 1, degree + 1))
+        for rows, columns in np.ndindex(2, 2):
+            quadrant[rows::2, columns::2] = blocks[rows][columns]
+        yield quadrant
+
+
+def right_angle_blocks(order: int) -> Iterator[tuple[tuple[Array, Array], tuple[Array, Array]]]:
+    """Yield the values of `right_angle_degrees`, those of even and of odd m and n apart.
+
+    The same recurrence where it is simplest: the cosine is 0, and one quadrant holds all values,
+    ``d_m,-n = (-1)^(l+m) d_mn``. It never mixes values of different m or n, and those of odd m
+    and even n follow by ``d_nm = (-1)^(m-n) d_mn``.
+
+    Yields
+    ------
+    blocks : pair of pairs of ndarray
+        ``blocks[i][j]`` has m = i, i + 2 .. and n = j, j + 2 .. in its rows and columns.
+    """
     m = np.arange(order + 1.0)
-    products = np.outer(m, m)
-    before, previous = np.zeros((0, 0)), np.ones((1, 1))
-    root = np.zeros((0, 0))  # sqrt((l^2 - m^2) (l^2 - n^2)) of the degree below
+    pairs = (0, 0), (0, 1), (1, 1)
+    before = {pair: np.zeros((0, 0)) for pair in pairs}
+    previous = {(0, 0): np.ones((1, 1)), (0, 1): np.zeros((1, 0)), (1, 1): np.zeros((0, 0))}
+    side = np.zeros(0)  # sqrt(l^2 - m^2) of the degree below, m = 0 .. l - 1
     edge = np.ones(1)  # d^l_ln, n = 0 .. l
-    yield previous
-    for degree in range(1, order + 1):
-        k = degree - 1
-        side = np.sqrt(degree**2 - m[:degree] ** 2)
-        scale = np.outer(side, side)
-        current = np.zeros((degree + 1, degree + 1))
-        if k > 0:
-            inner = current[:degree, :degree]
-            np.multiply(products[:degree, :degree], previous, out=inner)
-            inner *= -(2 * k + 1) / k
-            inner[:k, :k] -= (degree / k) * root * before
-            inner /= scale
-        ratio = np.sqrt(2 * degree * (2 * degree - 1) / (degree**2 - m[:degree] ** 2))
-        edge = np.append(-ratio / 2 * edge, 0.5**degree)
-        current[degree] = edge
-        current[:, degree] = (-1.0) ** (degree - m[: degree + 1]) * edge
-        yield current
-        before, previous, root = previous, current, scale
+    for degree in range(order + 1):
+        if degree:
+            k, root = degree - 1, side
+            side = np.sqrt(degree**2 - m[:degree] ** 2)
+            ratio = np.sqrt(2 * degree * (2 * degree - 1)) / side
+            edge = np.append(-ratio / 2 * edge, 0.5**degree)
+            column = (-1.0) ** (degree - m[: degree + 1]) * edge
+            ahead, behind = m[:degree] / side, root / side[:k]
+            current = {}
+            for i, j in pairs:
+                size = len(m[i : degree + 1 : 2]), len(m[j : degree + 1 : 2])
+                block = current[i, j] = np.zeros(size)
+                if k > 0:
+                    steps = -(2 * k + 1) / k * ahead[i::2], ahead[j::2]
+                    _add_scaled(block, previous[i, j], *steps)
+                    steps = -degree / k * behind[i::2], behind[j::2]
+                    _add_scaled(block, before[i, j], *steps)
+                if degree % 2 == i:
+                    block[-1] = edge[j::2]
+                if degree % 2 == j:
+                    block[:, -1] = column[i::2]
+            before, previous = previous, current
+        mixed = previous[0, 1]
+        yield (previous[0, 0], mixed), (-mixed.T, previous[1, 1])
+
+
+def _add_scaled(target: Array, values: Array, rows: Array, columns: Array) -> None:
+    """Add values times factors of their rows and columns, into the corner of a larger array."""
+    scaled = values * rows[:, None]
+    scaled *= columns
+    target[: len(rows), : len(columns)] += scaled
 
 
 def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: Array) -> Array:

@@ -13,6 +13,7 @@ import ducc0
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.memo import Memo
 from shrm_cli.sphere import double_fourier, rotation
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.sphere.transform import LatLongAnalysis
@@ -33,8 +34,8 @@ def rows() -> Iterable[Row]:
 def _forget_tables() -> None:
     for module in (rotation, double_fourier):
         for value in vars(module).values():
-            if hasattr(value, "cache_clear"):
-                value.cache_clear()
+            if isinstance(value, Memo):
+                value.clear()
 
 
 def _each(

@@ -18,6 +18,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import OutputError
+from shrm_cli.memo import Memo
 from tests.cli.helpers import environment
 
 ORDERS = (8, 3, 1e-3)
@@ -27,6 +28,7 @@ ORDERS = (8, 3, 1e-3)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(cache, "_SLOW", -1.0)
+    monkeypatch.setattr(cache, "_in_memory", Memo(0))  # as in a new process
     return tmp_path / "cache"
 
 
@@ -62,8 +64,9 @@ def test_what_was_computed_comes_back_to_the_last_bit(spec):
     assert compute.calls == 1
     assert same(first, again)
     assert same(again, compute_coefficients(brdf, *ORDERS))
-    again.values[0, 0, 0] = 7  # a caller's own array
-    assert same(first, cached_coefficients(brdf, *ORDERS, compute))
+    for each in (first, again):
+        with pytest.raises(ValueError, match="read-only"):
+            each.values[0, 0, 0] = 7
 
 
 def test_the_key_is_all_that_coefficients_depend_on(monkeypatch):
@@ -142,6 +145,37 @@ def test_quick_results_are_not_kept(folder, monkeypatch):
         cached_coefficients(parse_spec("phong"), *ORDERS, compute)
     assert compute.calls == 2
     assert not folder.exists()
+
+
+@pytest.mark.parametrize("on_disk", [True, False])
+def test_a_process_keeps_what_it_computed(folder, monkeypatch, on_disk):
+    memory = Memo(2**20)
+    monkeypatch.setattr(cache, "_in_memory", memory)
+    monkeypatch.setattr(cache, "_SLOW", 1000)
+    compute = Counted()
+    with settings.using(cache=on_disk):
+        first, again = (
+            cached_coefficients(parse_spec("phong"), *ORDERS, compute) for _ in range(2)
+        )
+        other = cached_coefficients(parse_spec("phong:exponent=3"), *ORDERS, compute)
+        turned = cached_coefficients(parse_spec("phong").recentered("normal"), *ORDERS, compute)
+        higher = cached_coefficients(parse_spec("phong"), 9, 3, 1e-3, compute)
+    assert compute.calls == 4
+    assert first is again
+    assert len({id(each) for each in (first, other, turned, higher)}) == 4
+    assert sum(each.values.nbytes for each in (first, other, turned, higher)) < memory.bytes
+
+
+def test_brdfs_of_others_are_not_kept_in_memory(monkeypatch):
+    """Two of them may have the same name and values, and differ all the same."""
+    memory = Memo(2**20)
+    monkeypatch.setattr(cache, "_in_memory", memory)
+    compute = Counted()
+    mine = Sum([(1, Foreign()), (1, parse_spec("lambertian"))])
+    for brdf in (Foreign(), Foreign(), mine):
+        cached_coefficients(brdf, *ORDERS, compute)
+    assert compute.calls == 3
+    assert len(memory) == 0
 
 
 class Foreign(Brdf):
@@ -437,8 +471,10 @@ def test_concurrent_runs_share_it(folder):
         "from shrm_cli.brdf import cache\n"
         "from shrm_cli.brdf.coefficients import compute_coefficients as compute\n"
         "from shrm_cli.brdf.spec import parse_spec\n"
+        "from shrm_cli.memo import Memo\n"
         "import numpy as np, sys\n"
         "cache._SLOW, cache.MOST_BYTES = -1.0, 40000\n"
+        "cache._in_memory = Memo(0)\n"
         "for turn in range(12):\n"
         "    brdf = parse_spec(f'microfacet:sigma=0.{3 + turn % 3}')\n"
         "    found = cache.cached_coefficients(brdf, 8, 3, 1e-2, compute)\n"

@@ -50,12 +50,12 @@ def test_it_is_what_brute_force_counts(light, to, spec, rho_hat, given, range_):
     expected = share(light, rho_hat, made.map)
     assert range_[0] < expected < range_[1]
     # A share of 1500 points is uncertain by up to 0.013, and the prediction's own points add to it.
-    assert made.facts["predicted_wrong_share"] == pytest.approx(expected, rel=0.1, abs=0.03)
+    assert made.summary()["predicted_wrong_share"] == pytest.approx(expected, rel=0.1, abs=0.03)
 
 
 def test_lobes_that_are_complete_leave_nothing_wrong(light):
     made = prefilter_with_facts(Probe.from_array(light), "shrm", {"brdf": "phong:exponent=20"})
-    assert made.facts["predicted_wrong_share"] == 0
+    assert made.summary()["predicted_wrong_share"] == 0
 
 
 @pytest.mark.parametrize(("to", "given"), [

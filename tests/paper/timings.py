@@ -18,6 +18,7 @@ from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.memo import Memo
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
@@ -176,7 +177,7 @@ def _median_seconds(function: Callable[[], object], repeats: int) -> float:
     for _ in range(repeats + 1):
         for module in (rotation, double_fourier):
             for value in vars(module).values():
-                if hasattr(value, "cache_clear"):
-                    value.cache_clear()
+                if isinstance(value, Memo):
+                    value.clear()
         seconds.append(_seconds(function))
     return statistics.median(seconds[1:])

@@ -15,6 +15,7 @@ from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.measured.reading.text_file import first_lines, parse_numbers, read_lines
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
+from shrm_cli.parallel import at_once
 from shrm_cli.sphere.directions import from_angles
 
 MAX_SAMPLES = 4096
@@ -206,7 +207,12 @@ def _sampled_table(light: Array, view: Array, colors: Array) -> tuple[Array, flo
     offset = max(_LOG_OFFSET * float(np.median(colors.max(axis=1))), 1e-6 * float(colors.max()))
     count = len(samples)
     system = np.ones((count + 1, count + 1))
-    system[:count, :count] = _kernel(samples, samples)
+
+    def fill(start: int) -> None:
+        part = slice(start, min(start + _NODES_AT_ONCE, count))
+        system[part, :count] = _kernel(samples[part], samples)
+
+    at_once(fill, range(0, count, _NODES_AT_ONCE))
     system[np.arange(count), np.arange(count)] += _SMOOTHING
     system[count, count] = 0
     known = np.append(np.log(colors + offset), np.zeros((1, 3)), axis=0)
@@ -219,9 +225,12 @@ def _sampled_table(light: Array, view: Array, colors: Array) -> tuple[Array, flo
         at, axis=0, return_inverse=True
     )  # half of them are moved to the same places
     found = np.empty((len(at), 3))
-    for start in range(0, len(at), _NODES_AT_ONCE):
+
+    def interpolate(start: int) -> None:
         part = slice(start, start + _NODES_AT_ONCE)
         found[part] = _kernel(at[part], samples) @ weights[:count] + weights[count]
+
+    at_once(interpolate, range(0, len(at), _NODES_AT_ONCE))
     largest = colors.max(axis=0)
     table = np.zeros((*_NODES, _RECORD), dtype=np.float32)
     logs = np.clip(found, np.log(offset), np.log(largest + offset))

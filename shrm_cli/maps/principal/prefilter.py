@@ -121,9 +121,13 @@ def prefilter(
     made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
     remarks = [planner.spectrum.transfer.remark for planner in planners]
     lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
-    share = predicted_wrong_share(terms[0].planner, terms[0].form) if len(terms) == 1 else None
-    facts = {"error_bound": None, "predicted_wrong_share": share}
-    return Prefiltered(made, facts, notes, tuple(lines))
+
+    def share() -> float | None:
+        is_whole = len(terms) == 1
+        return predicted_wrong_share(terms[0].planner, terms[0].form) if is_whole else None
+
+    facts, further = {"error_bound": None}, {"predicted_wrong_share": share}
+    return Prefiltered(made, facts, notes, tuple(lines), further)
 
 
 def _unmet(

@@ -17,7 +17,8 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.coupling import bundle_coefficients
+from shrm_cli.maps.coupling import coupled, separated
+from shrm_cli.parallel import at_once
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -31,6 +32,10 @@ _BY_DEGREE = 8
 and F^3 P^2 steps over rings, but those are matrix products."""
 _TABLE_BYTES = 2**27
 """The bytes that the tables and waves of a block of several rings may take."""
+_MODES_AT_ONCE, _FUNCTIONS_AT_ONCE = 16, 128
+"""The Fourier modes, and the coefficients of the view, for which products are made together."""
+_LARGE = 2**18
+"""The numbers in an array above which several threads are worth their start."""
 _LEAST_BLOCKS = 8
 """The least number of blocks, so that progress is seen."""
 
@@ -62,8 +67,9 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
     if order_p > _BY_DEGREE:
         return over_rings(lighting, brdf, progress)
     result = np.zeros(((order_f + order_p + 1) ** 2, (order_p + 1) ** 2, channels))
+    separate = separated(lighting, order_f)
     for p in range(order_p + 1):
-        found = bundle_coefficients(lighting, brdf[:, p, : p + 1, None])
+        found = coupled(separate, brdf[:, p, : p + 1, None])
         result[: len(found), p**2 : (p + 1) ** 2] = found[:, :, 0]
         if progress is not None:
             progress((p + 1) ** 3, (order_p + 1) ** 3)
@@ -118,16 +124,24 @@ def _local_modes(light: ComplexArray, brdf: Array, theta: Array) -> ComplexArray
     result = np.zeros(
         (2 * order_p + 1, 2 * order_f + 1, 2 * count, order_p + 1, channels), dtype=complex
     )
-    for q in range(min(order_p, order_f) + 1):
-        shape = count, order_p + 1 - q, channels
-        for m in range(-order_f, order_f + 1):
-            low, at = max(abs(m), q), order_f + m
-            both = np.stack([light[low:, at], mirrored[low:, at]], axis=1)
-            products = both[:, :, None] * brdf[low:, None, q:, q]
-            modes = table[low:, q, at].T @ products.reshape(len(both), -1).view(float)
-            north, south = np.split(modes.view(complex), 2, axis=1)
-            result[order_p + q, at, :count, q:] = north.reshape(shape)
-            result[order_p + q, -1 - at, count:, q:] = (-1) ** q * south.reshape(shape)
+    both = np.stack([light, mirrored]).transpose(2, 1, 0, 3)  # [m + F, l, north or south, channel]
+
+    def add(q: int) -> None:
+        shape = -1, count, 2, order_p + 1 - q, channels
+        for start in range(0, 2 * order_f + 1, _MODES_AT_ONCE):
+            some = slice(start, min(start + _MODES_AT_ONCE, 2 * order_f + 1))
+            # Below the least of |m| and q all is zero.
+            low = max(min(abs(start - order_f), abs(some.stop - 1 - order_f)), q)
+            if start < order_f < some.stop:
+                low = q
+            products = both[some, low:, :, None] * brdf[low:, None, q:, q]
+            products = products.reshape(*products.shape[:2], -1).view(float)
+            modes = (table[low:, q, some].transpose(1, 2, 0) @ products).view(complex)
+            north, south = np.moveaxis(modes.reshape(shape), 2, 0)
+            result[order_p + q, some, :count, q:] = north
+            result[order_p + q, ::-1][some, count:, q:] = (-1) ** q * south
+
+    at_once(add, range(min(order_p, order_f) + 1), result.size > _LARGE)
     # The light is real, so that B_p,-q is the conjugate of B_pq, times (-1)^q.
     odd = (-1.0) ** np.arange(order_p, 0, -1)
     result[:order_p] = odd.reshape(-1, 1, 1, 1, 1) * result[:order_p:-1, ::-1].conj()
@@ -146,7 +160,9 @@ def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
     order_f, channels = local.shape[1] // 2, local.shape[-1]
     band = order_f + order_p
     waves = np.empty((2, band + 1, len(theta), (order_p + 1) ** 2, channels))
-    for p, d in small_d_degrees(order_p, theta):
+
+    def add(of_degree: tuple[int, Array]) -> None:
+        p, d = of_degree
         spins = np.moveaxis(local[order_p - p : order_p + p + 1, :, :, p], 2, 0)
         flat = np.ascontiguousarray(spins).reshape(len(theta), 2 * p + 1, -1).view(float)
         turned = (np.moveaxis(d[p:], 2, 0) @ flat).view(complex)
@@ -162,6 +178,8 @@ def _global_waves(local: ComplexArray, theta: Array, order_p: int) -> Array:
                 continue
             _store(waves, middle + s, positive, negative, sign * np.sqrt(2) / 2)
             _store(waves, middle - s, positive, negative, -sign * np.sqrt(2) / 2, imaginary=True)
+
+    at_once(add, [*small_d_degrees(order_p, theta)], waves.size > _LARGE)
     return waves
 
 
@@ -189,15 +207,20 @@ def _store(
 def _integrate(waves: Array, legendre: Array, weights: Array, result: Array) -> None:
     """Add what the rings contribute to the coefficients, by integrals over the cosine of theta."""
     count = legendre.shape[0]
-    flat = np.moveaxis(waves, 0, 2).reshape(count, len(weights), -1)
-    sums = (legendre * weights) @ flat
-    sums = sums.reshape(count, count, 2, *result.shape[1:])
-    for m in range(count):
-        degree = np.arange(m, count)
-        middle = degree * (degree + 1)
-        # The integral over phi of cos^2 or sin^2 is pi for M > 0, where the amplitudes are halved,
-        # and real harmonics of M > 0 have a factor sqrt(2).
-        scale = 2 * np.pi * (np.sqrt(2) if m else 1.0)
-        result[middle + m] += scale * sums[m, : len(degree), 0]
-        if m:
-            result[middle - m] += scale * sums[m, : len(degree), 1]
+    weighted = legendre * weights
+
+    def add(start: int) -> None:
+        some = slice(start, start + _FUNCTIONS_AT_ONCE)
+        flat = np.moveaxis(waves[..., some, :], 0, 2).reshape(count, len(weights), -1)
+        sums = (weighted @ flat).reshape(count, count, 2, -1, result.shape[-1])
+        for m in range(count):
+            degree = np.arange(m, count)
+            middle = degree * (degree + 1)
+            # The integral over phi of cos^2 or sin^2 is pi for M > 0, where the amplitudes are
+            # halved, and real harmonics of M > 0 have a factor sqrt(2).
+            scale = 2 * np.pi * (np.sqrt(2) if m else 1.0)
+            result[middle + m, some] += scale * sums[m, : len(degree), 0]
+            if m:
+                result[middle - m, some] += scale * sums[m, : len(degree), 1]
+
+    at_once(add, range(0, result.shape[1], _FUNCTIONS_AT_ONCE), result.size > _LARGE)

@@ -270,9 +270,13 @@ def prefilter_shrm(
     kept = compressed(made, compress)
     # Forms other than that of an SHRM add errors of their own, and so does compression.
     is_all = form is SHRM_FORM and not kept.info.added_error
-    share = predicted_wrong_share(expansion) if is_all else None
-    facts = {"error_bound": expansion.bound, "predicted_wrong_share": share}
-    return Prefiltered(kept, facts, warnings=warnings)
+
+    def share() -> float | None:
+        return predicted_wrong_share(expansion) if is_all else None
+
+    facts = {"error_bound": expansion.bound}
+    further = {"predicted_wrong_share": share}
+    return Prefiltered(kept, facts, warnings=warnings, further=further)
 
 
 def expand(
