@@ -55,9 +55,10 @@ def _pairs() -> tuple[Array, Array]:
 def examined(made: Prefiltered) -> Prefiltered:
     """Record the negative share of a map that was just made, and warn of it where it is seen."""
     share = negative_share(made.map)
-    facts = {**made.facts, "negative_share": share}
+    # It stands behind the facts that are still to be found, so that JSON keeps its order.
+    further = {**made.further, "negative_share": lambda: share}
     warnings = (*made.warnings, *negative_warnings(made.map, share))
-    return replace(made, facts=facts, warnings=warnings)
+    return replace(made, further=further, warnings=warnings)
 
 
 def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
