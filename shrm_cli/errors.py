@@ -38,6 +38,10 @@ class OutputError(ShrmError):
     """An output file cannot be written completely."""
 
 
+class RemoteError(ShrmError):
+    """A file that is not on this machine's disks cannot be listed, fetched or written."""
+
+
 class ArgumentError(ShrmError):
     """An argument has a value that it cannot have, or does not apply to what is asked for.
 
