@@ -206,6 +206,9 @@ def test_a_web_server_is_read(tmp_path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of the packages of the store and of its server
 def test_a_store_that_speaks_s3(tmp_path, monkeypatch):
+    """The extra `dev` leaves these packages out, whose installation takes longer than the tests:
+    ``pip install s3fs 'moto[s3]' flask flask-cors``.
+    """
     s3fs = pytest.importorskip("s3fs")
     server_module = pytest.importorskip("moto.server")
     server = server_module.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
