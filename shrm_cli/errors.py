@@ -42,6 +42,10 @@ class RemoteError(ShrmError):
     """A file that is not on this machine's disks cannot be listed, fetched or written."""
 
 
+class ClusterError(ShrmError):
+    """A cluster cannot be reached, or its workers cannot take part."""
+
+
 class ArgumentError(ShrmError):
     """An argument has a value that it cannot have, or does not apply to what is asked for.
 
