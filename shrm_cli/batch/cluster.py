@@ -13,7 +13,7 @@ import signal
 import sysconfig
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import CancelledError, Executor, Future
 from typing import Any, TypeVar
 
 from shrm_cli import __version__
@@ -26,6 +26,10 @@ LOCAL = "local"
 
 _PATIENCE = 15.0
 """Seconds within which a scheduler must answer, and within which one worker at least must join."""
+_AWAY = (
+    "the cluster went away before all was done; start it again, and give the same command: what is "
+    "made already is skipped"
+)
 _ONE_THREAD = (
     "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS",
 )  # fmt: skip
@@ -46,8 +50,17 @@ class ClusterWorkers:
         self.executor, self.workers = executor, workers
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Hand a call to the cluster."""
-        return self.executor.submit(function, *arguments)
+        """Hand a call to the cluster.
+
+        Raises
+        ------
+        ClusterError
+            If the scheduler has been away for so long that dask has given it up.
+        """
+        try:
+            return self.executor.submit(function, *arguments)
+        except Exception as error:
+            raise ClusterError(f"{_AWAY} ({_line(error)})") from error
 
     def is_lost(self, error: BaseException) -> bool:
         """Whether an error means that workers died in the middle of a task, again and again.
@@ -85,7 +98,8 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
     ------
     ClusterError
         If dask is not installed, nobody answers at the address, no worker joins, or the workers
-        have other versions of `shrm` or of Python.
+        have other versions of `shrm` or of Python. Also if the scheduler goes away: dask cancels
+        all tasks then, and the CancelledError that their results raise in the block becomes one.
     """
     try:
         import distributed
@@ -107,8 +121,17 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
         stack.enter_context(client)
         _prepare(client, scheduler)
         executor = client.get_executor(pure=False)
-        stack.callback(executor.shutdown, wait=False)
-        yield ClusterWorkers(executor, sum(client.nthreads().values()))
+        stack.callback(_shut_down, executor)
+        try:
+            yield ClusterWorkers(executor, sum(client.nthreads().values()))
+        except CancelledError as error:
+            raise ClusterError(f"scheduler {scheduler}: {_AWAY}") from error
+
+
+def _shut_down(executor: Executor) -> None:
+    """Cancel what has not begun; a scheduler that went away cannot be told any more."""
+    with contextlib.suppress(Exception):
+        executor.shutdown(wait=False)
 
 
 def limit_worker_threads() -> None:

@@ -1,5 +1,7 @@
 """A cluster of two workers on this machine, as dask starts it."""
 
+import contextlib
+import json
 import operator
 import os
 import signal
@@ -21,7 +23,12 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, which are no
 
 @pytest.fixture(scope="module")
 def two():
-    with cluster_executor("local", 2) as workers:
+    """Return two workers of a scheduler that gives a task up when its second worker dies."""
+    dask = pytest.importorskip("dask")
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        cluster_executor("local", 2) as workers,
+    ):
         yield workers
 
 
@@ -110,6 +117,53 @@ def test_an_existing_cluster_is_used_and_refused_for_other_versions(monkeypatch)
         monkeypatch.setattr(cluster.pkgutil, "resolve_name", cluster.pkgutil.get_data)
         with pytest.raises(ClusterError, match=r"has no shrm \("), cluster_executor(address):
             pass
+
+
+LEFT = """
+import os, signal, sys, time
+from shrm_cli.batch.cluster import ClusterError, cluster_executor
+if __name__ == "__main__":
+    with cluster_executor(sys.argv[1]) as workers:
+        print(workers.submit(abs, -3).result(60), flush=True)
+        waiting = workers.submit(time.sleep, 60)
+        os.kill(int(sys.argv[2]), signal.SIGKILL)
+        waiting.result(60)
+"""
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_away_is_told_in_one_line(tmp_path):
+    script, address = tmp_path / "run.py", tmp_path / "address"
+    script.write_text(LEFT)
+    dask = [sys.executable, "-W", "ignore", "-m", "dask"]
+    common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    at = ["--scheduler-file", str(address)]
+    here = ["--host", "127.0.0.1", "--no-dashboard"]
+    started = [subprocess.Popen([*dask, "scheduler", *at, "--port", "0", *here], **common)]
+    try:
+        started.append(subprocess.Popen([*dask, "worker", *at, "--nthreads", "1", *here], **common))
+        place = awaited(address)["address"]
+        command = [sys.executable, "-W", "ignore", str(script), place, str(started[0].pid)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait()
+    assert done.stdout == "3\n"
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(
+        f"shrm_cli.errors.ClusterError: scheduler {place}: the cluster went away"
+    )
+    assert "distributed.client - ERROR" not in done.stderr
+
+
+def awaited(path):
+    """Return the JSON that another process writes into a file soon."""
+    for _ in range(300):
+        time.sleep(0.1)
+        with contextlib.suppress(OSError, ValueError):
+            return json.loads(path.read_text())
+    raise TimeoutError(path)
 
 
 def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
