@@ -38,6 +38,14 @@ class OutputError(ShrmError):
     """An output file cannot be written completely."""
 
 
+class RemoteError(ShrmError):
+    """A file that is not on this machine's disks cannot be listed, fetched or written."""
+
+
+class ClusterError(ShrmError):
+    """A cluster cannot be reached, or its workers cannot take part."""
+
+
 class ArgumentError(ShrmError):
     """An argument has a value that it cannot have, or does not apply to what is asked for.
 

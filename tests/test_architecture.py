@@ -32,6 +32,7 @@ STOPS = [
     {"maps"},
     {"transfer"},
     {"prefilter"},
+    {"batch"},
     {"render"},
     {"analysis"},
     {"cli"},
@@ -46,6 +47,9 @@ USERS = {
 """The stops that alone may open images or talk to the terminal, by what they do it with."""
 EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
+    "batch/cluster.py": {"distributed", "dask", "threadpoolctl"},
+    "batch/collect.py": {"pyarrow"},
+    "files/remote.py": {"fsspec"},
     "render/flip.py": {"flip_evaluator"},
     "geometry/load.py": {"trimesh"},
     "geometry/rays.py": {"embreex"},

@@ -84,9 +84,18 @@ class Archive:
             If there is none of this name, or it holds what is no character. Python would make a
             string of that, but fail later.
         """
-        array = self._array(name, 0, "U", range(4, MOST_TEXT), MOST_TEXT)
-        points = np.frombuffer(array.tobytes(), array.dtype.byteorder.replace("=", "<") + "u4")
-        return bytes(points.astype("<u4")).decode("utf-32-le").rstrip("\0")
+        (text,) = _texts(self._array(name, 0, "U", range(4, MOST_TEXT), MOST_TEXT).reshape(1))
+        return text
+
+    def texts(self, name: str) -> list[str]:
+        """Return a list of texts, which must not be packed.
+
+        Raises
+        ------
+        ValueError
+            If there is none of this name, or one holds what is no character.
+        """
+        return _texts(self._array(name, 1, "U", range(4, MOST_TEXT), self._stored(name)))
 
     def _stored(self, name: str) -> int:
         """Bytes of an array that is not packed.
@@ -166,6 +175,14 @@ def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
                 step = max(1, _CHUNK // max(1, rows[:1].nbytes))
                 for start in range(0, len(rows), step):
                     stream.write(rows[start : start + step].tobytes())
+
+
+def _texts(array: NDArray[Any]) -> list[str]:
+    """Decode an array of texts, which numpy keeps as numbers of 32 bits each."""
+    size = array.dtype.itemsize
+    data = array.astype(array.dtype.newbyteorder("<")).tobytes()
+    rows = (data[start : start + size] for start in range(0, len(data), size))
+    return [row.decode("utf-32-le").rstrip("\0") for row in rows]
 
 
 def _header(name: str, stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

@@ -1,0 +1,261 @@
+"""Workers of a cluster: `dask.distributed` hands tasks to other machines, and repeats lost ones.
+
+The packages of the extra `cluster` are imported when a cluster is asked for. A scheduler's address,
+such as ``tcp://host:8786``, leads to a cluster that runs already, and ``local`` starts one on this
+machine. Both are used through the executor of the standard library that dask offers.
+"""
+
+import contextlib
+import logging
+import os
+import pkgutil
+import signal
+import sysconfig
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future
+from typing import Any, TypeVar
+
+from shrm_cli import __version__
+from shrm_cli.errors import ClusterError
+
+Result = TypeVar("Result")
+
+LOCAL = "local"
+"""The address that asks for a cluster on this machine."""
+
+_PATIENCE = 15.0
+"""Seconds within which a scheduler must answer, and within which one worker at least must join."""
+_AWAY = (
+    "the cluster went away before all was done; start it again, and give the same command: what is "
+    "made already is skipped"
+)
+_ONE_THREAD = (
+    "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENIMAGEIO_THREADS",
+)  # fmt: skip
+"""Variables that keep libraries to one thread, if they are set before the libraries load."""
+
+
+class ClusterWorkers:
+    """The workers of a cluster, as `cluster_executor` yields them.
+
+    Attributes
+    ----------
+    executor : concurrent.futures.Executor
+    workers : int
+        The number of tasks that are worked on at a time: the threads of all workers.
+    """
+
+    def __init__(self, executor: Executor, workers: int) -> None:
+        self.executor, self.workers = executor, workers
+
+    def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
+        """Hand a call to the cluster.
+
+        Raises
+        ------
+        ClusterError
+            If the scheduler has been away for so long that dask has given it up.
+        """
+        try:
+            return self.executor.submit(function, *arguments)
+        except Exception as error:
+            raise ClusterError(f"{_AWAY} ({_line(error)})") from error
+
+    def is_lost(self, error: BaseException) -> bool:
+        """Whether an error means that workers died in the middle of a task, again and again.
+
+        Dask repeats what a dead worker had to do, and gives a task up when the fourth worker that
+        had it dies. A task that waited beside one that kills its workers may be given up as well,
+        so a task that is lost should be done once more, alone.
+        """
+        from distributed import KilledWorker
+
+        return isinstance(error, KilledWorker)
+
+    def renew(self) -> None:
+        """Go on after a worker's death: the cluster has started another one by itself."""
+
+
+@contextlib.contextmanager
+def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[ClusterWorkers]:
+    """Context manager that connects to a cluster, or starts one on this machine.
+
+    Parameters
+    ----------
+    scheduler : str
+        The address of a scheduler, or ``local``.
+    jobs : int, optional
+        The number of workers of a local cluster, each a process with one thread; by default as
+        many as there are processors. An existing cluster has as many as it has.
+
+    Yields
+    ------
+    ClusterWorkers
+        Tasks that have not begun when the block ends are cancelled.
+
+    Raises
+    ------
+    ClusterError
+        If dask is not installed, nobody answers at the address, no worker joins, or the workers
+        have other versions of `shrm` or of Python. Also if the scheduler goes away: dask cancels
+        all tasks then, and the CancelledError that their results raise in the block becomes one.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise ClusterError(
+            f"scheduler {scheduler}: clusters need the package distributed; "
+            "pip install 'shrm[cluster]'"
+        ) from error
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_quiet())
+        try:
+            cluster = stack.enter_context(_started(jobs)) if scheduler == LOCAL else scheduler
+            client = distributed.Client(cluster, timeout=_PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            raise ClusterError(
+                f"scheduler {scheduler}: nobody answers there ({_line(error)}); "
+                "start one with `dask scheduler`, and name it as in tcp://host:8786"
+            ) from error
+        stack.enter_context(client)
+        _prepare(client, scheduler)
+        executor = client.get_executor(pure=False)
+        stack.callback(_shut_down, executor)
+        try:
+            yield ClusterWorkers(executor, sum(client.nthreads().values()))
+        except CancelledError as error:
+            raise ClusterError(f"scheduler {scheduler}: {_AWAY}") from error
+
+
+def _shut_down(executor: Executor) -> None:
+    """Cancel what has not begun; a scheduler that went away cannot be told any more."""
+    with contextlib.suppress(Exception):
+        executor.shutdown(wait=False)
+
+
+def limit_worker_threads() -> None:
+    """Keep the libraries of this process to one thread each, loaded or not.
+
+    The workers share the processors already. BLAS with several threads would also round
+    differently, and the same inputs must give the same bytes on every machine.
+    """
+    from threadpoolctl import threadpool_limits
+
+    for name in _ONE_THREAD:
+        os.environ[name] = "1"
+    threadpool_limits(1)
+
+
+@contextlib.contextmanager
+def _started(jobs: int | None) -> Iterator[Any]:
+    """Start a cluster on this machine, reached by nobody else, and end it after the block."""
+    from distributed import LocalCluster
+
+    cluster = LocalCluster(
+        n_workers=jobs or os.cpu_count() or 1,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+        memory_limit=None,  # dask would kill workers by what it guesses of their memory
+    )
+    with cluster:
+        yield cluster
+
+
+def _prepare(client: Any, scheduler: str) -> None:
+    """Wait for a worker, compare its versions with ours, and limit the threads of all workers.
+
+    Raises
+    ------
+    ClusterError
+        If there is no worker, or one that cannot take part.
+    """
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError as error:
+        raise ClusterError(
+            f"scheduler {scheduler}: it has no workers; start some with `dask worker {scheduler}`"
+        ) from error
+    _check_versions(client, scheduler)
+    try:
+        client.register_plugin(_plugin(ignores_interrupts=scheduler == LOCAL), name="shrm-threads")
+    except Exception as error:  # whatever a worker raises comes back as it is
+        raise ClusterError(
+            f"scheduler {scheduler}: a worker cannot limit its threads ({_line(error)}); "
+            "pip install 'shrm[cluster]' there"
+        ) from error
+
+
+def _plugin(ignores_interrupts: bool) -> Any:
+    """Return what every worker does when it joins.
+
+    Ctrl-C on a terminal reaches the workers of a local cluster too. They ignore it, because it is
+    for the process that started them, which ends them.
+    """
+    from distributed import WorkerPlugin
+
+    class OneThread(WorkerPlugin):  # type: ignore[misc]
+        def setup(self, worker: Any) -> None:
+            limit_worker_threads()
+            if ignores_interrupts:
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return OneThread()
+
+
+def _check_versions(client: Any, scheduler: str) -> None:
+    """Refuse workers with other versions, whose maps could differ or which could not read tasks.
+
+    The functions that are run belong to the standard library: a worker that lacks `shrm` knows
+    them too.
+
+    Raises
+    ------
+    ClusterError
+        If a worker has another `shrm`, none, or a Python of another minor version.
+    """
+    ours = {"Python": sysconfig.get_python_version(), "shrm": __version__}
+    found = {
+        "Python": client.run(sysconfig.get_python_version, on_error="return"),
+        "shrm": client.run(pkgutil.resolve_name, "shrm_cli:__version__", on_error="return"),
+    }
+    for package, versions in found.items():
+        for worker, version in sorted(versions.items()):
+            if version == ours[package]:
+                continue
+            has = f"has {package} {version}, and we have {ours[package]}"
+            if isinstance(version, Exception):
+                has = f"has no {package} ({_line(version)})"
+            raise ClusterError(
+                f"scheduler {scheduler}: its worker {worker} {has}; install the same there"
+            )
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the logs of dask off the terminal: what matters to the user is told by exceptions."""
+    import distributed  # noqa: F401  (it sets up its loggers while it loads)
+
+    logs = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    logs += [
+        logger
+        for name, logger in logging.root.manager.loggerDict.items()
+        if isinstance(logger, logging.Logger) and name.startswith(("distributed.", "tornado."))
+    ]
+    levels = [logger.level for logger in logs]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module=r"(dask|distributed|tornado)\b")
+        for logger in logs:
+            logger.setLevel(logging.CRITICAL + 1)
+        try:
+            yield
+        finally:
+            for logger, level in zip(logs, levels, strict=True):
+                logger.setLevel(level)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,171 @@
+"""Batches for render farms: parts of a batch, and the two forms in which farms take commands.
+
+A farm has its own queue, which starts commands and repeats those that failed. A batch is divided
+into parts for it, each of them a command of its own: ``shrm batch ... --part 3/100`` makes what
+belongs to the third of a hundred, and ``--part 3-5/100`` what belongs to three of them.
+
+Which part a probe belongs to is decided by its name alone, so that every machine finds the same
+whatever order its folder is listed in, and files that come later move no others.
+"""
+
+import hashlib
+import json
+import re
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+from shrm_cli.errors import ArgumentError
+
+_PART = re.compile(r"([1-9][0-9]{0,8})(?:-([1-9][0-9]{0,8}))?/([1-9][0-9]{0,8})")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+"""Characters that neither a line of a list nor a job template may have in an argument."""
+
+
+def part_of(name: str, count: int) -> int:
+    """Return the part, from 1 to a count, that a name belongs to.
+
+    The part is the name's SHA-256 digest modulo the count, so that parts are about equally large:
+    one that has n names on average has n plus or minus the square root of n.
+    """
+    digest = hashlib.sha256(name.encode("utf-8", "surrogateescape")).digest()
+    return int.from_bytes(digest[:16], "big") % count + 1
+
+
+def parse_part(text: str) -> tuple[int, int, int]:
+    """Return the first part, the last part and the number of parts that a text such as 3-5/9 names.
+
+    Raises
+    ------
+    ArgumentError
+        If the text is not ``K/N`` or ``A-B/N`` with 1 <= A <= B <= N.
+    """
+    match = _PART.fullmatch(text)
+    if match is not None:
+        first, last, count = int(match[1]), int(match[2] or match[1]), int(match[3])
+        if first <= last <= count:
+            return first, last, count
+    raise ArgumentError(
+        "part", f"{text!r}: not a part of a batch; write 3/10, or 3-5/10 for three of ten parts"
+    )
+
+
+def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
+    """Return a line of a POSIX shell for every part of a batch.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        What follows ``shrm batch``, without the flags that ask for these lines.
+    parts : int
+        The number of parts.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument holds a line break or another control character.
+    """
+    _check(arguments, "commands")
+    start = shlex.join(["shrm", "batch", *arguments])
+    return [f"{start} --part {part}/{parts}" for part in range(1, parts + 1)]
+
+
+def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batch") -> str:
+    """Return a job template of Open Job Description, whose tasks are the parts of a batch.
+
+    Its extension TASK_CHUNKING lets the farm run several neighbouring parts as one command. How
+    many is the job's parameter ``PartsPerCommand``, which whoever submits it can set.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        What follows ``shrm batch``, without the flags that ask for this template.
+    parts : int
+        The number of parts.
+    name : str
+        What the farm calls the job.
+
+    Returns
+    -------
+    str
+        JSON, which is YAML too.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument holds a line break or another control character.
+
+    References
+    ----------
+    Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
+    """
+    _check([*arguments, name], "openjd")
+    words = ["batch", *map(_literal, arguments), "--part", f"{{{{Task.Param.Part}}}}/{parts}"]
+    part = {
+        "name": "Part",
+        "type": "CHUNK[INT]",
+        "range": f"1-{parts}",
+        "chunks": {
+            "defaultTaskCount": "{{Param.PartsPerCommand}}",
+            "rangeConstraint": "CONTIGUOUS",
+        },
+    }
+    step = {
+        "name": "Bake",
+        "parameterSpace": {"taskParameterDefinitions": [part]},
+        "script": {"actions": {"onRun": {"command": "shrm", "args": words}}},
+    }
+    template: dict[str, Any] = {
+        "specificationVersion": "jobtemplate-2023-09",
+        "extensions": ["TASK_CHUNKING"],
+        "name": _literal(name),
+        "parameterDefinitions": _parameters(),
+        "steps": [step],
+    }
+    return json.dumps(template, indent=2, ensure_ascii=False) + "\n"
+
+
+_BRACES = {"{": "LeftBrace", "}": "RightBrace"}
+"""The job's parameters that stand for braces."""
+
+
+def _parameters() -> list[dict[str, Any]]:
+    """Return the parameters of the job: how much a command does, and how braces are written."""
+    several: dict[str, Any] = {
+        "name": "PartsPerCommand",
+        "type": "INT",
+        "description": "How many parts one command makes.",
+        "minValue": 1,
+        "default": 1,
+    }
+    braces = [
+        {
+            "name": parameter,
+            "type": "STRING",
+            "description": "A brace in an argument, which a template cannot hold otherwise.",
+            "userInterface": {"control": "HIDDEN"},
+            "default": brace,
+            "allowedValues": [brace],
+        }
+        for brace, parameter in _BRACES.items()
+    ]
+    return [several, *braces]
+
+
+def _literal(text: str) -> str:
+    """Write a text so that it stands for itself in a template.
+
+    Two braces begin an expression, and there is no way to escape them. Their place is taken by
+    expressions whose values are braces; single ones too, which could join those of expressions.
+    """
+    if "{{" not in text and "}}" not in text:
+        return text
+    return re.sub("[{}]", lambda brace: f"{{{{Param.{_BRACES[brace[0]]}}}}}", text)
+
+
+def _check(arguments: Sequence[str], flag: str) -> None:
+    for argument in arguments:
+        if _CONTROL.search(argument):
+            raise ArgumentError(
+                flag, f"cannot hold the control character in {argument!r}; rename what it names"
+            )

@@ -1,0 +1,260 @@
+"""Files that are reached by a URL: in object stores, on servers, or in another process's memory.
+
+The package `fsspec` (the extra `remote`) opens them, with one package more for each kind of store,
+such as s3fs for ``s3://``. Where a store is and who asks is told to these packages by the
+environment and by their own files of settings, never by arguments of `shrm`.
+
+The image libraries read files on disk only. So what is read is copied into a temporary file first,
+a block at a time, and what is written is made on disk, whole, before it is uploaded.
+"""
+
+import contextlib
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+from shrm_cli.errors import RemoteError
+
+MOST_BYTES = 2**32
+"""The most bytes that are fetched of one file unless the caller says otherwise."""
+
+_BLOCK = 2**22
+"""Bytes that are fetched at a time."""
+_MOST_NAME = 100
+"""The most characters of a temporary copy's name; file systems take 255 bytes."""
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://")
+"""The start of a URL. A single letter before the colon is a drive of Windows."""
+_LOGIN = re.compile(r"(?:(?<=://)[^/\s]*|[^/\s:]+:[^/\s]*)@")
+"""The user and the password of a URL, also where a message leaves its scheme out."""
+_SIGNATURE = re.compile(r"\?[^\s?=]*=[^\s'\",)]*")
+"""The query of a URL, which signs addresses that may be opened without a password."""
+
+
+def is_remote(name: str | os.PathLike[str]) -> bool:
+    """Whether a name is a URL, such as ``s3://bucket/a.exr``, and not a path."""
+    return _SCHEME.match(os.fspath(name)) is not None
+
+
+def shown(url: str) -> str:
+    """Return a URL as it may be printed: without password, and without the query that signs it."""
+    return _SIGNATURE.sub("?...", _LOGIN.sub("***@", url))
+
+
+def matching(pattern: str) -> list[str]:
+    """Return the URLs of the files that match a pattern, in the order of the alphabet.
+
+    Parameters
+    ----------
+    pattern : str
+        A URL, in which ``*``, ``?``, ``[...]`` and ``**`` mean what they mean in a shell. In
+        addresses of web servers ``?`` begins the query, and servers that list no folders match
+        nothing but whole addresses.
+
+    Raises
+    ------
+    RemoteError
+        If the place cannot be listed.
+    """
+    with _errors(pattern):
+        system, path = _opened(pattern)
+        found = system.glob(path, detail=True)
+        files = sorted(name for name, facts in found.items() if facts["type"] == "file")
+        return [_url_of(pattern, path, name, system) for name in files]
+
+
+def exists(url: str) -> bool:
+    """Whether there is a file at a URL.
+
+    Raises
+    ------
+    RemoteError
+        If the place cannot be asked.
+    """
+    with _errors(url):
+        system, path = _opened(url)
+        try:
+            return system.info(path)["type"] == "file"
+        except FileNotFoundError:
+            return False
+
+
+@contextlib.contextmanager
+def fetched(
+    url: str, folder: str | os.PathLike[str] | None = None, most_bytes: int = MOST_BYTES
+) -> Iterator[Path]:
+    """Yield the path of a temporary copy, which has the name of the original and is removed after.
+
+    Parameters
+    ----------
+    url : str
+    folder : path-like, optional
+        Where the copy is made, in a folder of its own; by default where the system has its
+        temporary files.
+    most_bytes : int
+        The most bytes that the file may have.
+
+    Raises
+    ------
+    RemoteError
+        If the file cannot be fetched, has more bytes, or ends before its stated size.
+    """
+    with tempfile.TemporaryDirectory(prefix=".shrm-", dir=folder) as own:
+        with _errors(url):
+            system, path = _opened(url)
+            copy = Path(own) / _name_of(url, path)
+            _download(system, path, copy, shown(url), most_bytes)
+        yield copy
+
+
+def publish(local: str | os.PathLike[str], url: str) -> None:
+    """Upload a file so that the URL has all of it, or what it had before.
+
+    An object of a store such as S3 appears when its upload is complete, and not before. Where a
+    file grows visibly while it is written, as on disks and on SFTP servers, it is uploaded under
+    another name beside the target, and renamed. File systems of the second kind are known by
+    their own way to rename: fsspec's general one copies, which would gain nothing.
+
+    Raises
+    ------
+    RemoteError
+        If the file cannot be uploaded.
+    """
+    with _errors(url):
+        system, path = _opened(url)
+        if not _renames(system):
+            system.put_file(os.fspath(local), path)
+            return
+        folder = system._parent(path)
+        system.makedirs(folder, exist_ok=True)
+        name = PurePosixPath(path).name
+        temporary = f"{folder}/.{name[:_MOST_NAME]}.shrm-{os.urandom(8).hex()}"
+        try:
+            system.put_file(os.fspath(local), temporary)
+            _rename(system, temporary, path)
+        except BaseException:
+            with contextlib.suppress(Exception):
+                system.rm_file(temporary)
+            raise
+
+
+def _opened(url: str) -> tuple[Any, str]:
+    """Return the file system of a URL and the path in it; nothing is known from an earlier call.
+
+    File systems remember lists of files, which other processes change.
+
+    Raises
+    ------
+    RemoteError
+        If a package is missing, or the URL is one within another.
+    """
+    match = _SCHEME.match(url)
+    if match is None or "::" in url:
+        raise RemoteError(f"{shown(url)}: not a single URL; name one such as s3://bucket/file")
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise RemoteError(
+            f"{shown(url)}: files elsewhere need the package fsspec; pip install 'shrm[remote]'"
+        ) from error
+    try:
+        system, path = url_to_fs(url)
+    except ImportError as error:
+        raise RemoteError(
+            f"{shown(url)}: {match[1]}:// needs a package that is not installed "
+            f"({_reason(error)}); pip install it"
+        ) from error
+    system.invalidate_cache()
+    return system, path
+
+
+def _download(system: Any, path: str, copy: Path, name: str, most_bytes: int) -> None:
+    """Copy a file in blocks; the size that it states is not taken for what it is."""
+    stated = system.info(path).get("size")
+    if stated is not None and stated > most_bytes:
+        raise _too_large(name, stated, most_bytes)
+    read = 0
+    with (
+        open(copy, "wb") as target,
+        system.open(path, "rb", block_size=_BLOCK) as source,
+    ):
+        while block := source.read(_BLOCK):
+            read += len(block)
+            if read > most_bytes:
+                raise _too_large(name, read, most_bytes)
+            target.write(block)
+    if stated is not None and read != stated:
+        raise RemoteError(f"{name}: ended after {read:,} of {stated:,} bytes; try again")
+
+
+def _too_large(name: str, size: int, most_bytes: int) -> RemoteError:
+    return RemoteError(
+        f"{name}: has {size:,} bytes or more, which is above {most_bytes:,}; use a smaller file"
+    )
+
+
+def _renames(system: Any) -> bool:
+    """Whether a file system has its own way to rename, rather than to copy and remove."""
+    from fsspec import AbstractFileSystem
+
+    return type(system).mv is not AbstractFileSystem.mv
+
+
+def _rename(system: Any, temporary: str, path: str) -> None:
+    """Rename a file to one that may exist.
+
+    Some servers never rename onto an existing file: SMB's, and many of FTP. There the old file is
+    removed first, so that for a moment there is neither, but never half of one.
+    """
+    try:
+        system.mv(temporary, path)
+    except OSError:
+        if not (system.exists(temporary) and system.exists(path)):
+            raise
+        system.rm_file(path)
+        system.mv(temporary, path)
+
+
+def _url_of(pattern: str, path: str, name: str, system: Any) -> str:
+    """Return the URL of a file that a file system names, with the server that the pattern names."""
+    if pattern.endswith(path):
+        return pattern.removesuffix(path) + name
+    return str(system.unstrip_protocol(name))
+
+
+def _name_of(url: str, path: str) -> str:
+    """Return a name for a file's copy on disk: the last part of its path, without any query."""
+    if url.lower().startswith(("http://", "https://")):
+        path = unquote(re.split("[?#]", path)[0])
+    name = PurePosixPath(path.replace("\0", "")).name[-_MOST_NAME:]
+    return name if name not in ("", "..") else "file"
+
+
+@contextlib.contextmanager
+def _errors(url: str) -> Iterator[None]:
+    """Turn whatever a file system raises into a RemoteError of one line.
+
+    Each package has exceptions of its own: those of network libraries, of missing credentials and
+    of servers' refusals have no base class in common but Exception.
+    """
+    try:
+        yield
+    except RemoteError:
+        raise
+    except FileNotFoundError as error:  # which fsspec also raises for web servers that are away
+        raise RemoteError(
+            f"{shown(url)}: there is no such file, or its place cannot be reached; check the URL"
+        ) from error
+    except Exception as error:
+        raise RemoteError(
+            f"{shown(url)}: {_reason(error)}; check the URL, the network and the credentials"
+        ) from error
+
+
+def _reason(error: BaseException) -> str:
+    """Return what an exception says as one line that holds no password."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return shown(text.rstrip("."))
