@@ -31,7 +31,7 @@ STOPS = [
     {"reference"},
     {"maps"},
     {"transfer"},
-    {"prefilter"},
+    {"prefilter", "naming"},
     {"batch"},
     {"render"},
     {"analysis"},
@@ -58,7 +58,8 @@ EXTRAS = {
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
     "__init__.py", "errors.py", "files/inputs.py", "files/whole.py", "layouts.py",
-    "maps/options.py", "maps/registry.py", "progress.py", "settings.py", "vocabulary.py",
+    "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
+    "vocabulary.py",
     *(f"maps/{folder}/options.py" for folder in FOLDERS),
 }  # fmt: skip
 """Modules that `shrm --help` may load, besides those of cli/."""

@@ -27,12 +27,11 @@ def module_names(package: str) -> list[str]:
     list of str
         The names of the modules, with hyphens in the place of underscores.
     """
-    return list(_module_names(package))
+    return list(_module_names(tuple(importlib.import_module(package).__path__)))
 
 
 @cache
-def _module_names(package: str) -> tuple[str, ...]:
-    places = importlib.import_module(package).__path__
+def _module_names(places: tuple[str, ...]) -> tuple[str, ...]:
     modules = [found.name for found in pkgutil.iter_modules(places) if not found.ispkg]
     return tuple(sorted(name.replace("_", "-") for name in modules))
 

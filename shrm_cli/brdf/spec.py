@@ -13,6 +13,7 @@ of a choice.
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +21,12 @@ from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.discovery import is_built_in
 from shrm_cli.brdf.foreign import make_checked
 from shrm_cli.brdf.library import built_in_names, find_model, model_names
-from shrm_cli.brdf.python_file import FileTerm, file_term, load_model
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.color import Primaries, from_rec709
 from shrm_cli.errors import BrdfError
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.python_file import FileTerm
 
 
 def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None = None) -> Brdf:
@@ -62,6 +65,8 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         return model(**values) if is_built_in(model) else make_checked(model, values, name)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
+    from shrm_cli.brdf.python_file import load_model
+
     model = load_model(term)
     if model.name in built_in_names() and not is_built_in(model):
         raise BrdfError(
@@ -114,10 +119,13 @@ def file_label(spec: str) -> str:
     return "".join(c if c.isalnum() or c in "._+" else "-" for c in text)
 
 
-def _python_term(spec: str) -> FileTerm | None:
+def _python_term(spec: str) -> "FileTerm | None":
     """The Python file that a term names; models of `shrm` come first, whatever their values."""
-    name = spec.strip().partition(":")[0]
-    return None if name in built_in_names() else file_term(spec)
+    if spec.strip().partition(":")[0] in built_in_names():
+        return None
+    from shrm_cli.brdf.python_file import file_term  # most runs do not need it
+
+    return file_term(spec)
 
 
 def _is_one_file(spec: str) -> bool:

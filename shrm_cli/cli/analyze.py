@@ -18,9 +18,10 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
+from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
+from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT, SAMPLINGS
 
 if TYPE_CHECKING:

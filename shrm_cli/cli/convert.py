@@ -19,12 +19,13 @@ from shrm_cli.cli.options import (
     report_options,
     representation_options,
 )
-from shrm_cli.cli.outputs import check_outputs, probe_stem
+from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 from shrm_cli.maps.options import Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions
+from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import (
     CONTAINERS,
     FRAMES,

@@ -52,23 +52,12 @@ def keep_other_map(
     BrdfError
         If the BRDF cannot be used.
     """
-    from shrm_cli.maps.provenance import record_of, same_brdf
-    from shrm_cli.prefilter import checked_arguments, options_of
+    from shrm_cli.batch.made import difference
 
-    if not os.path.lexists(target):
-        return
-    given = checked_arguments(to, given, probe)
-    found = readable_map(target)
-    if found is None or found.representation != to:
-        raise kept(target, f"it is no map of representation {to} that can be read")
-    if found.info.probe_sha256 != probe.digest():
-        raise kept(target, "another probe made it, or another version of this one")
-    if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
-        raise kept(target, "it is for another BRDF")
-    wanted = options_of(probe, given) | ({} if precision == "auto" else {"precision": precision})
-    differing = _differing(found.info.options, wanted)
-    if differing:
-        raise kept(target, f"it was made with other options ({differing})")
+    if os.path.lexists(target):
+        why = difference(target, to, probe, given, precision)
+        if why is not None:
+            raise kept(target, why)
 
 
 def readable_map(path: str) -> Map | None:
@@ -104,21 +93,3 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     text = "" if stored is None else stored.first.text("shrm:recipe")
     if text != json.dumps(recipe):
         raise kept(target, "other inputs or options made it")
-
-
-def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Return in words how the options of a file differ from those of this run."""
-    here = json.loads(json.dumps(here))
-    if there.get("reading") != here["reading"]:
-        return "how the probe is read"
-    names = sorted({*there, *here} - {"reading"})
-    texts = [
-        f"`{name}` {_text(there.get(name))} there, {_text(here.get(name))} here"
-        for name in names
-        if there.get(name) != here.get(name)
-    ]
-    return ", ".join(texts)
-
-
-def _text(value: Any) -> str:
-    return "by default" if value is None else json.dumps(value)

@@ -73,30 +73,39 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None
         ctx.with_resource(settings.using(threads=value))
 
 
-def report_options(command: Command) -> Command:
-    """Add the options --json, --quiet, --threads and --no-cache."""
+def output_options(command: Command) -> Command:
+    """Add the options --json and --quiet."""
     return _apply(
         command,
         [
             click.option("--json", "as_json", is_flag=True, help="Print results as JSON."),
             click.option("--quiet", is_flag=True, help="Print errors only."),
-            click.option(
-                "--threads",
-                type=click.IntRange(1, 1024),
-                callback=_limit_threads,
-                expose_value=False,
-                is_eager=True,
-                help="Threads for image files and integrals; the rest takes one.  [default: all]",
-            ),
-            click.option(
-                "--no-cache",
-                is_flag=True,
-                callback=_disable_cache,
-                expose_value=False,
-                help="Neither read nor keep coefficients of BRDFs.",
-            ),
         ],
     )
+
+
+def cache_option(command: Command) -> Command:
+    """Add the option --no-cache."""
+    return click.option(
+        "--no-cache",
+        is_flag=True,
+        callback=_disable_cache,
+        expose_value=False,
+        help="Neither read nor keep coefficients of BRDFs.",
+    )(command)
+
+
+def report_options(command: Command) -> Command:
+    """Add the options --json, --quiet, --threads and --no-cache."""
+    threads = click.option(
+        "--threads",
+        type=click.IntRange(1, 1024),
+        callback=_limit_threads,
+        expose_value=False,
+        is_eager=True,
+        help="Threads for image files and integrals; the rest takes one.  [default: all]",
+    )
+    return _apply(command, [output_options, threads, cache_option])
 
 
 def read_options(command: Command) -> Command:
@@ -150,20 +159,29 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
     click.BadParameter
         If --clamp is not positive, or an angle is not finite.
     """
+    from shrm_cli.probe.options import ReadOptions, with_keywords
+
+    return with_keywords(ReadOptions(), reading_keywords(sampling, values))  # type: ignore[arg-type]
+
+
+def reading_keywords(sampling: str | None, values: dict[str, Any]) -> dict[str, Any]:
+    """Return the keywords of `open_probe` from the values of `read_options`, which are removed.
+
+    Raises
+    ------
+    click.BadParameter
+        If --clamp is not positive, or an angle is not finite.
+    """
     import math
 
-    from shrm_cli.probe.options import ReadOptions
-    from shrm_cli.probe.pixels import PixelPolicy
-
-    clamp = values.pop("clamp")
+    clamp = values["clamp"]
     if clamp is not None and not (math.isfinite(clamp) and clamp > 0):
         raise click.BadParameter("must be a positive number", param_hint="'--clamp'")
     for name in TURNS:
         if not math.isfinite(values[name]):
             raise click.BadParameter("must be a finite number of degrees", param_hint=f"'--{name}'")
-    policy = PixelPolicy(values.pop("fix_nonfinite"), clamp)
-    others = {name: values.pop(name) for name in _READING}
-    return ReadOptions(sampling=sampling, pixels=policy, **others)  # type: ignore[arg-type]
+    found = {"sampling": sampling, **{name: values.pop(name) for name in READING_NAMES[1:]}}
+    return {name: value for name, value in found.items() if value not in (None, False)}
 
 
 def reading_rules(holds: bool, words: str) -> dict[str, Applies]:

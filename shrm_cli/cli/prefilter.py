@@ -22,11 +22,12 @@ from shrm_cli.cli.options import (
     representation_options,
     shared_options,
 )
-from shrm_cli.cli.outputs import brdf_label, check_outputs, probe_stem
+from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
+from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import (
     CONTAINERS,
     REPRESENTATIONS,
@@ -51,16 +52,20 @@ _OWN_OPTIONS = {
     f"Options of --to {listing(names, 'and')}": [option.name for option in options]
     for names, options in own_options(registry.descriptions())
 }
-_HEADINGS = {
+MAKING_HEADINGS = {
     "What to make": ["brdf", "to"],
     "How exact": ["eps", "error", "order_f", "order_p", "max_size", "center"],
     "Form of the map": [
         "size", "frame", "map_sampling", "domain", "source_height", "precision",
     ],
     **_OWN_OPTIONS,
+}  # fmt: skip
+"""The options about what is made, under the headings of the help."""
+_HEADINGS = {
+    **MAKING_HEADINGS,
     "How the probe is read": [*READING_NAMES, "probe_sampling"],
     "Output": ["output", "force", "as_json", "quiet"],
-}  # fmt: skip
+}
 """The options under the headings of the help."""
 
 

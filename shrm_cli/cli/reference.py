@@ -19,8 +19,9 @@ from shrm_cli.cli.options import (
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import brdf_label, check_outputs, picture_attributes, probe_stem
+from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:

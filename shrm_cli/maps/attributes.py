@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli import __version__
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import StoredPart, sound_primaries
@@ -59,6 +60,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     header: dict[str, Any] = {
         "shrm:representation": reflection_map.representation,
         "shrm:version": reflection_map.format_version,
+        "shrm:program": __version__,
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,
@@ -224,6 +226,7 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "storage_error": (float, _is_size),
     "domain": (str, DOMAINS.__contains__),
     "options": (str, _is_json_object),
+    "program": (str, lambda value: len(value) <= _MOST_TEXT),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
     "sampling": (str, ("", *SAMPLINGS).__contains__),
@@ -238,6 +241,7 @@ _OPTIONAL: dict[str, Any] = {
     "storage_error": 0.0,
     "domain": "frequency",
     "options": "{}",
+    "program": "",
     "layout": "openexr",
     "orientation": "openexr",
 }

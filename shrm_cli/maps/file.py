@@ -1,6 +1,7 @@
 """Writing maps of every representation to files, and reading them back."""
 
 import os
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,8 +16,14 @@ from shrm_cli.files.parts import (
 )
 from shrm_cli.maps import registry
 from shrm_cli.maps.arrangement import Arrangement
-from shrm_cli.maps.attributes import has_map_attributes, options_text, read_attributes
+from shrm_cli.maps.attributes import (
+    has_map_attributes,
+    map_info,
+    options_text,
+    read_attributes,
+)
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.vocabulary import Orientation, Precision
 
@@ -112,6 +119,40 @@ def open_map(path: str | os.PathLike[str]) -> Map:
         )
     found: Map = registry.module(name, "file").decode(file)
     return found
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What the beginning of a map's file tells of how it was made.
+
+    Attributes
+    ----------
+    representation : str
+    info : MapInfo
+        That of the first part. The probe, the BRDF and the options are those of the whole file.
+    program : str
+        The version of `shrm` that wrote the file; empty in files from before this was recorded.
+    """
+
+    representation: str
+    info: MapInfo
+    program: str
+
+
+def recorded(path: str | os.PathLike[str]) -> Recorded | None:
+    """Read how a map was made, without its pixels; None if it is no map that can be read.
+
+    The file is only looked at, and does not count as an input.
+    """
+    file = peek(path)
+    if file is None:
+        return None
+    try:
+        attributes = read_attributes(file.first)
+    except MapError:
+        return None
+    info = map_info(attributes, file.first)
+    return Recorded(attributes["representation"], info, attributes["program"])
 
 
 def is_map(path: str | os.PathLike[str]) -> bool:

@@ -2,17 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.probe.disc import disc_coefficients
 from shrm_cli.probe.lamps import PolarRows
-from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.light_sum import LightSum
 
 Array = NDArray[np.floating]
 
@@ -112,8 +114,23 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     ----------
     Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
+    if type(probe) is Probe:
+        return _project_image(probe, order, progress)
+    # Most runs have no other probes, and are spared the loading of these modules.
+    from shrm_cli.probe.light_sum import LightSum
+    from shrm_cli.probe.shared import SharedProbe
+
     if isinstance(probe, LightSum):
         return _project_sum(probe, order, progress)
+    if isinstance(probe, SharedProbe):
+        if order not in probe.lights:
+            probe.lights[order] = _project_image(probe, order, progress)
+        return probe.lights[order]
+    return _project_image(probe, order, progress)
+
+
+def _project_image(probe: Probe, order: int, progress: Progress | None) -> Lighting:
+    """Project the pixels of a probe."""
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
     analysis = probe.grid.analysis(resolved)
@@ -136,8 +153,10 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     return Lighting(result, energy)
 
 
-def _project_sum(light: LightSum, order: int, progress: Progress | None) -> Lighting:
+def _project_sum(light: "LightSum", order: int, progress: Progress | None) -> Lighting:
     """Project each light of a sum; only products of two lights are integrated over pixels."""
+    from shrm_cli.probe.disc import disc_coefficients
+
     coefficients = disc_coefficients(light.discs, order)
     energy = sum((disc.energy for disc in light.discs), np.zeros(3))
     for term in light.terms:

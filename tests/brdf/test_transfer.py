@@ -16,6 +16,7 @@ from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import BrdfError
+from shrm_cli.memo import Memo
 from tests import ggx
 
 
@@ -195,6 +196,7 @@ def test_anisotropic_brdfs_are_refused():
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(cache, "_SLOW", -1.0)
+    monkeypatch.setattr(cache, "_in_memory", Memo(0))  # as in a new process
     return tmp_path / "cache"
 
 

@@ -7,6 +7,7 @@ import pytest
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.memo import Memo
 from tests.cli.helpers import assert_refused, done, process, run
 
 
@@ -15,6 +16,7 @@ def folder(tmp_path, monkeypatch):
     """A cache with two entries."""
     monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / "kept"))
     monkeypatch.setattr(cache, "_SLOW", -1.0)
+    monkeypatch.setattr(cache, "_in_memory", Memo(0))  # as in a new process
     for exponent in (2, 3):
         brdf = parse_spec(f"phong:exponent={exponent}")
         cache.cached_coefficients(brdf, 8, 3, 1e-2, compute_coefficients)

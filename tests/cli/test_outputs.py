@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.cli.outputs import brdf_label, probe_stem
+from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
@@ -66,6 +66,10 @@ CASES = {
     "window": (
         ["prefilter", "probe.exr", "--to", "irradiance"], ["--window", "hann"],
         '--window by default there, "hann" here',
+    ),
+    "split sum": (
+        ["prefilter", "probe.exr", "--to", "splitsum"], ["--levels", "3"],
+        "--levels by default there, 3 here",
     ),
     "exponential": (
         ["prefilter", "probe.exr", "--to", "she"], ["--roughness", "0.3..1"],

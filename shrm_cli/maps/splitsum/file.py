@@ -39,7 +39,9 @@ def encode(split_sum: SplitSum) -> list[Part]:
         names, split_sum.roughness, split_sum.levels,
         split_sum.level_info, strict=True,
     )  # fmt: skip
-    for name, roughness, level, info in levels:
+    for name, roughness, level, level_info in levels:
+        # The options, and what came to them later, are those of the whole file.
+        info = replace(level_info, options=split_sum.info.options)
         header = {
             "name": name,
             **common_header(replace(split_sum, info=info), 0),

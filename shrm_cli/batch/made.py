@@ -1,0 +1,80 @@
+"""Whether a file is what a run would make: the same probe, BRDF and options made it."""
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from shrm_cli.maps.file import recorded
+from shrm_cli.maps.provenance import record_of, same_brdf
+from shrm_cli.prefilter import checked_arguments, options_of
+from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import Precision
+
+
+def difference(
+    path: str | os.PathLike[str],
+    to: str,
+    probe: Probe,
+    given: Mapping[str, Any],
+    precision: Precision,
+    program: str = "",
+) -> str | None:
+    """Say in what a file differs from the map that a run would write.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that exists. Only its beginning is read: files appear whole or not at all.
+    to : str
+        The representation.
+    probe : Probe
+    given : mapping of str to value
+        The arguments of `shrm_cli.prefilter.prefilter` by name.
+    precision : {"auto", "half", "float"}
+    program : str
+        The version of `shrm` that must have written the file; any, where it is empty.
+
+    Returns
+    -------
+    str or None
+        A part of a sentence such as ``it is for another BRDF``, or None where nothing differs.
+
+    Raises
+    ------
+    ArgumentError, BrdfError
+        If an argument or the BRDF cannot be used.
+    """
+    given = checked_arguments(to, given, probe)
+    found = recorded(path)
+    if found is None or found.representation != to:
+        return f"it is no map of representation {to} that can be read"
+    if found.info.probe_sha256 != probe.digest():
+        return "another probe made it, or another version of this one"
+    if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
+        return "it is for another BRDF"
+    wanted = options_of(probe, given) | ({} if precision == "auto" else {"precision": precision})
+    differing = _differing(found.info.options, wanted)
+    if differing:
+        return f"it was made with other options ({differing})"
+    if program and found.program != program:
+        return f"shrm {found.program or 'of another version'} made it, and this is {program}"
+    return None
+
+
+def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in words how the options of a file differ from those of this run."""
+    here = json.loads(json.dumps(here))
+    if there.get("reading") != here["reading"]:
+        return "how the probe is read"
+    names = sorted({*there, *here} - {"reading"})
+    texts = [
+        f"`{name}` {_text(there.get(name))} there, {_text(here.get(name))} here"
+        for name in names
+        if there.get(name) != here.get(name)
+    ]
+    return ", ".join(texts)
+
+
+def _text(value: Any) -> str:
+    return "by default" if value is None else json.dumps(value)

@@ -1,0 +1,115 @@
+"""A probe of which several maps are made: it is read once, and projected once to each order."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.probe.image import ProbeImage
+from shrm_cli.probe.light_sum import LightSum
+from shrm_cli.probe.probe import Probe
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.lighting import Lighting
+
+Array = NDArray[np.floating]
+
+MOST_BYTES = 128 * 2**20
+"""The most bytes of an image's pixels that are held. Larger images are read again for each map."""
+_PIXEL = 3 * 4  # bytes
+
+
+@dataclass(frozen=True, eq=False)
+class HeldImage:
+    """An image whose pixels stay in memory from the first time that they are read.
+
+    Attributes
+    ----------
+    image : ProbeImage
+    """
+
+    image: ProbeImage
+
+    @property
+    def name(self) -> str:
+        return self.image.name
+
+    @property
+    def path(self) -> Path | None:
+        return self.image.path
+
+    @property
+    def width(self) -> int:
+        return self.image.width
+
+    @property
+    def height(self) -> int:
+        return self.image.height
+
+    @property
+    def file_format(self) -> str:
+        return self.image.file_format
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self.image.notes
+
+    @property
+    def row_multiple(self) -> int:
+        return self.image.row_multiple
+
+    def facts(self) -> dict[str, Any]:
+        """What was taken of the file."""
+        return self.image.facts()
+
+    def contents(self) -> Iterator[bytes]:
+        """Yield, piece by piece, the bytes that tell this image from others."""
+        return self.image.contents()
+
+    def read(self, start: int, stop: int) -> Array:
+        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
+        return self._pixels[start:stop].copy()
+
+    @cached_property
+    def _pixels(self) -> Array:
+        return self.image.read(0, self.height)
+
+
+@dataclass(frozen=True)
+class SharedProbe(Probe):
+    """A probe that remembers its pixels, its digest, and its coefficients to each order.
+
+    Every map that is made of it has the same bytes as one that is made of the probe alone.
+
+    Attributes
+    ----------
+    lights : dict of int to Lighting
+        By order; `shrm_cli.probe.lighting.project` fills it.
+    """
+
+    lights: "dict[int, Lighting]" = field(default_factory=dict)
+
+    def digest(self) -> str:
+        """SHA-256 of the bytes of the files, which are read for it once."""
+        return self._digest
+
+    @cached_property
+    def _digest(self) -> str:
+        return super().digest()
+
+
+def shared(probe: Probe) -> Probe:
+    """Return a probe to make several maps of.
+
+    A sum of lights, and a probe whose pixels are too many to hold, are returned as they are.
+    """
+    size = sum(image.width * image.height for image in probe.images) * _PIXEL
+    if isinstance(probe, LightSum) or size > MOST_BYTES:
+        return probe
+    values = {each.name: getattr(probe, each.name) for each in fields(Probe)}
+    held = tuple(HeldImage(image) for image in probe.images)
+    return SharedProbe(**{**values, "images": held})
