@@ -44,6 +44,15 @@ def span_of(center: Center) -> float:
     return np.pi / 2 if center == "normal" else np.pi
 
 
+def _with_sign(basis: Array) -> Array:
+    """Return eigenvectors, one a column, whose largest number is positive.
+
+    Their signs mean nothing, and would hang on the last bit of the matrix otherwise.
+    """
+    largest = np.abs(basis).argmax(axis=0)
+    return basis * np.where(basis[largest, np.arange(basis.shape[1])] < 0, -1.0, 1.0)
+
+
 @dataclass(frozen=True)
 class Spectrum:
     """The singular vectors of a BRDF, weighted by light, for every azimuthal order and channel.
@@ -109,7 +118,7 @@ class Spectrum:
                 rows = np.sqrt(emphasis[q:, channel])[:, None] * transfer.values[q, q:, :, channel]
                 rows = rows * divided[:, channel]
                 # The right singular vectors are eigenvectors of a small matrix over the nodes.
-                basis = np.linalg.eigh(rows.T @ rows)[1]
+                basis = _with_sign(np.linalg.eigh(rows.T @ rows)[1])
                 vectors[q, :, :, channel] = basis[:, ::-1][:, :count].T
         return vectors * np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
 
