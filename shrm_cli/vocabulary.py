@@ -85,6 +85,9 @@ MAX_LEVELS = 64
 MAX_TRANSFER_ORDER = 8
 """The largest order of precomputed transfer, whose matrices have (order + 1)^4 numbers a vertex."""
 
+MAX_COLLECTED_ORDER = 64
+"""The largest degree of the coefficients that a batch gathers of its probes, 4225 of each."""
+
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of linear R, G and B in the luminance (ITU-R BT.709).
 

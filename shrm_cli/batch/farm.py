@@ -1,8 +1,8 @@
 """Batches for render farms: parts of a batch, and the two forms in which farms take commands.
 
 A farm has its own queue, which starts commands and repeats those that failed. A batch is divided
-into parts for it, each of them a command of its own: ``shrm batch ... --part 3/100`` makes what
-belongs to the third of a hundred, and ``--part 3-5/100`` what belongs to three of them.
+into parts for it, each of them a command of its own: ``shrm batch ... --share 3/100`` makes what
+belongs to the third of a hundred, and ``--share 3-5/100`` what belongs to three of them.
 
 Which part a probe belongs to is decided by its name alone, so that every machine finds the same
 whatever order its folder is listed in, and files that come later move no others.
@@ -46,7 +46,7 @@ def parse_part(text: str) -> tuple[int, int, int]:
         if first <= last <= count:
             return first, last, count
     raise ArgumentError(
-        "part", f"{text!r}: not a part of a batch; write 3/10, or 3-5/10 for three of ten parts"
+        "share", f"{text!r}: not a part of a batch; write 3/10, or 3-5/10 for three of ten parts"
     )
 
 
@@ -67,7 +67,7 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
     """
     _check(arguments, "commands")
     start = shlex.join(["shrm", "batch", *arguments])
-    return [f"{start} --part {part}/{parts}" for part in range(1, parts + 1)]
+    return [f"{start} --share {part}/{parts}" for part in range(1, parts + 1)]
 
 
 def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batch") -> str:
@@ -100,7 +100,7 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """
     _check([*arguments, name], "openjd")
-    words = ["batch", *map(_literal, arguments), "--part", f"{{{{Task.Param.Part}}}}/{parts}"]
+    words = ["batch", *map(_literal, arguments), "--share", f"{{{{Task.Param.Part}}}}/{parts}"]
     part = {
         "name": "Part",
         "type": "CHUNK[INT]",

@@ -21,6 +21,7 @@ from shrm_cli.files import inputs
 # The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
     "prefilter": "Prefilter a light probe for a BRDF.",
+    "batch": "Make maps of many probes.",
     "render": "Render spheres and meshes from maps.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",

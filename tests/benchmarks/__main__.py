@@ -9,6 +9,7 @@ MODULES = [
     "tests.benchmarks.bench_sphere",
     "tests.benchmarks.bench_process",
     "tests.benchmarks.bench_transfer",
+    "tests.benchmarks.bench_batch",
 ]
 """The modules of benchmarks, each with a function `rows() -> Iterable[Row]`."""
 

@@ -1,0 +1,242 @@
+"""What a batch makes: the product of probes, BRDFs and forms, and the names of the outputs."""
+
+import glob
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+from shrm_cli.batch.job import Job, Recipe
+from shrm_cli.brdf.spec import named_files
+from shrm_cli.errors import ArgumentError, OutputError, ProbeError
+from shrm_cli.files.remote import is_remote, matching
+from shrm_cli.maps import registry
+from shrm_cli.maps.options import SHARED, listing, owners
+from shrm_cli.naming import brdf_label, probe_stem
+from shrm_cli.prefilter import check_arguments
+from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
+
+DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
+FIELDS = ("probe", "folder", "brdf", "to")
+"""What the names of outputs may hold in braces."""
+_FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
+_SEPARATORS = "-._/ "
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Maps that are made with the same options.
+
+    Attributes
+    ----------
+    probes : tuple of str
+        Paths, URLs, or patterns of them such as ``probes/**/*.exr``.
+    brdfs : tuple of str
+        Specifications.
+    to : tuple of str
+        Representations.
+    output : str
+        The name of the outputs, in which ``{probe}`` stands for the name of the probe's file
+        without its suffix, ``{folder}`` for its folders below those that the pattern names,
+        ``{brdf}`` for the BRDF and ``{to}`` for the representation. What is empty, as the BRDF of
+        irradiance is, takes the separator before it along.
+    arguments : mapping of str to value
+        Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them.
+    own : mapping of str to mapping
+        Arguments for single forms, by the names of the forms; they come before those for all.
+    reading : mapping of str to value
+        Keywords of `shrm_cli.probe.probe.open_probe`.
+    precision : {"auto", "half", "float"}
+    runs_code : bool
+        Whether BRDFs may be classes in Python files, which are run.
+    """
+
+    probes: tuple[str, ...]
+    brdfs: tuple[str, ...] = ()
+    to: tuple[str, ...] = ("shrm",)
+    output: str = DEFAULT_OUTPUT
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    precision: Precision = "auto"
+    runs_code: bool = False
+
+    def recipes(self) -> list[Recipe]:
+        """Return what is made of each probe.
+
+        Raises
+        ------
+        ArgumentError
+            If a form is unknown or lacks a BRDF, or an argument has a value that it cannot have,
+            or applies to none of the forms.
+        """
+        self._refuse_idle()
+        found = []
+        for to in dict.fromkeys(self.to):
+            needs_brdf = registry.description(to).needs_brdf
+            given = self._arguments(to)
+            specs = self.brdfs if needs_brdf else (None,)
+            if not specs:
+                check_arguments(to, given)
+            for spec in dict.fromkeys(specs):
+                check_arguments(to, [*given, *(["brdf"] if needs_brdf else [])])
+                found.append(Recipe(to, spec, given, self.precision, self.runs_code))
+        return found
+
+    def jobs(self) -> list[Job]:
+        """Return all jobs, those of one probe after the other.
+
+        Raises
+        ------
+        ArgumentError
+            As of `recipes`.
+        ProbeError
+            If a pattern matches nothing.
+        OutputError
+            If the name of the outputs is unsound.
+        """
+        recipes = self.recipes()
+        if not self.probes:
+            raise ProbeError("no probes; name some, such as 'probes/*.exr'")
+        return [
+            Job(probe, self.reading, recipe, self._output(probe, folder, recipe))
+            for probe, folder in found_probes(self.probes)
+            for recipe in recipes
+        ]
+
+    def _arguments(self, to: str) -> dict[str, Any]:
+        """Return the arguments that a form is made with, checked."""
+        chosen = registry.description(to)
+        options = {**SHARED, **{each.name: each for each in chosen.options}}
+        given = {name: each for name, each in self.arguments.items() if name in chosen.arguments}
+        given |= self.own.get(to, {})
+        check_arguments(to, [*given, *(["brdf"] if chosen.needs_brdf else [])])
+        return {name: options[name].checked(value) for name, value in given.items()}
+
+    def _refuse_idle(self) -> None:
+        """Refuse arguments and BRDFs that nothing is made with."""
+        known = registry.descriptions()
+        for to in (*self.to, *self.own):
+            if to not in known:
+                raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
+        for to in self.own:
+            if to not in self.to:
+                raise ArgumentError("to", f"does not name {to}, which has options of its own")
+        for name in self.arguments:
+            of = owners(known, name)
+            if not of:
+                raise ArgumentError(name, "is no argument of prefilter")
+            if not set(of) & set(self.to):
+                raise ArgumentError(name, f"applies with `to` {listing(of, 'or')}")
+        if self.brdfs and not any(known[to].needs_brdf for to in self.to):
+            raise ArgumentError("brdf", f"says nothing to {listing(self.to, 'and')}")
+
+    def _output(self, probe: str, folder: str, recipe: Recipe) -> str:
+        """Return the name of an output."""
+        label = "" if recipe.brdf is None else brdf_label(recipe.brdf)
+        values = {"probe": probe_stem(probe), "folder": folder, "brdf": label, "to": recipe.to}
+
+        def put(found: re.Match[str]) -> str:
+            separator, name = found.groups()
+            if name not in values:
+                known = ", ".join(f"{{{each}}}" for each in FIELDS)
+                raise OutputError(f"{self.output}: {{{name}}} stands for nothing; give {known}")
+            return separator + values[name] if values[name] else ""
+
+        made = _FIELD.sub(put, self.output)
+        is_cut = self.output.startswith("{") and made[:1] in _SEPARATORS
+        return made[1:] if is_cut else made
+
+
+def found_probes(patterns: Iterable[str]) -> list[tuple[str, str]]:
+    """Return the probes that patterns match, and their folders below those that patterns name.
+
+    Parameters
+    ----------
+    patterns : iterable of str
+        A name that exists is no pattern, whatever it holds. One with no ``*``, ``?`` or ``[`` is
+        taken as it is, with ``%`` for six faces too.
+
+    Returns
+    -------
+    list of (str, str)
+        In the order of the patterns, and of the alphabet within each; each probe once.
+
+    Raises
+    ------
+    ProbeError
+        If a pattern matches nothing.
+    """
+    found: dict[str, str] = {}
+    for pattern in patterns:
+        if not glob.has_magic(pattern) or os.path.exists(pattern):
+            found.setdefault(pattern, "")
+            continue
+        names = matching(pattern) if is_remote(pattern) else _files(pattern)
+        if not names:
+            raise ProbeError(f"{pattern}: matches no file; quote and correct the pattern")
+        for name in names:
+            found.setdefault(name, _below(name, pattern))
+    return list(found.items())
+
+
+def _files(pattern: str) -> list[str]:
+    return sorted(name for name in glob.glob(pattern, recursive=True) if os.path.isfile(name))
+
+
+def _below(name: str, pattern: str) -> str:
+    """Return the folders of a file below those that its pattern names, joined by ``/``."""
+    fixed = 0
+    for part in PurePath(pattern).parts:
+        if glob.has_magic(part):
+            break
+        fixed += 1
+    return "/".join(PurePath(name).parts[fixed:-1])
+
+
+def checked(jobs: list[Job]) -> list[Job]:
+    """Return jobs whose outputs have names of their own, and are none of the inputs.
+
+    Raises
+    ------
+    OutputError
+        If two jobs have one output, an output is an input, or has a suffix that no map has.
+    """
+    inputs = {_identity(job.probe): job.probe for job in jobs}
+    specs = {job.recipe.brdf for job in jobs}
+    files = [str(path) for spec in specs if spec is not None for path in named_files(spec)]
+    inputs |= {_identity(path): path for path in files}
+    made: dict[str, Job] = {}
+    for job in jobs:
+        place = _identity(job.output)
+        if not job.output.lower().endswith(tuple(CONTAINERS)):
+            raise OutputError(f"{job.output}: what is written is {'.exr'}; name it so")
+        if place in inputs:
+            raise OutputError(f"{job.output}: would overwrite the input; name another output")
+        if place in made:
+            raise OutputError(_twice(job, made[place]))
+        made[place] = job
+    return jobs
+
+
+def _identity(name: str) -> str:
+    return name if is_remote(name) else os.path.realpath(name)
+
+
+def _twice(one: Job, other: Job) -> str:
+    """Say what two jobs of one output differ in."""
+    both = f"{one.output}: of {other.probe} and of {one.probe}"
+    if one.probe != other.probe and probe_stem(one.probe) != probe_stem(other.probe):
+        return f"{both}; put {{probe}} into the name of the outputs"
+    if one.probe != other.probe:
+        return f"{both}; put {{folder}} into the name of the outputs"
+    if one.recipe.brdf != other.recipe.brdf:
+        return (
+            f"{one.output}: of {other.recipe.brdf} and of {one.recipe.brdf}; put {{brdf}} into the "
+            "name of the outputs, or make two entries of them"
+        )
+    if one.recipe.to != other.recipe.to:
+        return f"{one.output}: of two forms; put {{to}} into the name of the outputs"
+    return f"{one.output}: made twice of {one.probe}; name the outputs of each entry differently"

@@ -1,0 +1,101 @@
+"""One output of a batch, and the outputs of one probe that are made together."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from shrm_cli.vocabulary import Precision
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a map is made of any probe.
+
+    Attributes
+    ----------
+    to : str
+        The representation.
+    brdf : str, optional
+        The specification of the BRDF; None for representations that need none.
+    arguments : mapping of str to value
+        The other arguments of `shrm_cli.prefilter.prefilter` that are given, by name.
+    precision : {"auto", "half", "float"}
+        The pixel type of the file.
+    runs_code : bool
+        Whether the specification may name a Python file, which is run.
+    """
+
+    to: str
+    brdf: str | None
+    arguments: Mapping[str, Any]
+    precision: Precision = "auto"
+    runs_code: bool = False
+
+
+@dataclass(frozen=True)
+class Job:
+    """One output: a probe, what is made of it, and the file.
+
+    Attributes
+    ----------
+    probe : str
+        The path of the probe, or its URL.
+    reading : mapping of str to value
+        Keywords of `shrm_cli.probe.probe.open_probe`.
+    recipe : Recipe
+        Jobs share the recipes that they have in common.
+    output : str
+        The path of the map, or its URL.
+    """
+
+    probe: str
+    reading: Mapping[str, Any]
+    recipe: Recipe
+    output: str
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Jobs of the same probe, read in the same way, which a worker does one after the other.
+
+    Attributes
+    ----------
+    probe : str
+    reading : mapping of str to value
+    jobs : tuple of Job
+    collects : bool
+        Whether the coefficients of the probe are gathered too.
+    """
+
+    probe: str
+    reading: Mapping[str, Any]
+    jobs: tuple[Job, ...]
+    collects: bool = False
+
+    def parts(self, size: int) -> "list[Chunk]":
+        """Cut the chunk into parts of `size` jobs; the first one collects."""
+        starts = range(0, len(self.jobs), size)
+        return [
+            Chunk(self.probe, self.reading, self.jobs[k : k + size], self.collects and k == 0)
+            for k in starts
+        ] or [self]
+
+
+Task = tuple[Chunk, ...]
+"""What a worker is given at a time."""
+
+
+def by_probe(jobs: Iterable[Job]) -> list[Chunk]:
+    """Gather the jobs of each probe, in the order of their first ones."""
+    found: dict[tuple[str, str], list[Job]] = {}
+    for job in jobs:
+        found.setdefault((job.probe, repr(job.reading)), []).append(job)
+    return [Chunk(each[0].probe, each[0].reading, tuple(each)) for each in found.values()]
+
+
+def cut(chunks: Sequence[Chunk], workers: int) -> list[Chunk]:
+    """Cut chunks into parts of equal length where they are fewer than the workers."""
+    if not chunks or len(chunks) >= workers:
+        return list(chunks)
+    parts = -(-workers // len(chunks))
+    return [part for each in chunks for part in each.parts(max(1, -(-len(each.jobs) // parts)))]

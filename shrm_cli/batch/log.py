@@ -1,0 +1,123 @@
+"""The log of a batch, a line of JSON for each job, and the totals of a run."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import IO, Any
+
+from shrm_cli import __version__
+from shrm_cli.batch.work import Record, Result
+from shrm_cli.errors import OutputError
+
+_MOST_FAILURES = 1000
+"""The most failures that the totals name; the log has all of them."""
+
+
+@dataclass
+class Totals:
+    """What has become of the jobs of a run so far.
+
+    Attributes
+    ----------
+    jobs : int
+        All that are to be done.
+    made, skipped, failed, waiting : int
+        Waiting are those of a run that only looks.
+    warned : int
+        Outputs that have warnings.
+    bytes : int
+        Of the outputs that were made.
+    failures : list of dict
+        The first records of what failed.
+    """
+
+    jobs: int
+    made: int = 0
+    skipped: int = 0
+    failed: int = 0
+    waiting: int = 0
+    warned: int = 0
+    bytes: int = 0
+    failures: list[Record] = field(default_factory=list)
+
+    @property
+    def done(self) -> int:
+        """Jobs of which is known what has become of them."""
+        return self.made + self.skipped + self.failed + self.waiting
+
+    def add(self, record: Record) -> None:
+        """Count a record."""
+        status = record["status"]
+        setattr(self, status, getattr(self, status) + 1)
+        self.bytes += record.get("bytes", 0)
+        self.warned += bool(record.get("warnings"))
+        if status == "failed" and len(self.failures) < _MOST_FAILURES:
+            self.failures.append(record)
+
+    def add_result(self, result: Result) -> None:
+        """Count the records of a probe, and the failure to gather its coefficients."""
+        for record in result.records:
+            self.add(record)
+        if result.error and not result.records:
+            self.jobs += 1
+            self.add({"status": "failed", "probe": result.probe, "error": result.error})
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the totals by the names used in JSON."""
+        names = ("jobs", "made", "skipped", "failed", "waiting", "warned", "bytes")
+        numbers = {name: getattr(self, name) for name in names}
+        return {**numbers, "not_done": self.jobs - self.done}
+
+
+class Log:
+    """A file that grows by a line of JSON for each job.
+
+    Parameters
+    ----------
+    stream : text file
+    """
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream = stream
+
+    def write(self, record: Record) -> None:
+        """Append a record with the time; whoever reads the file finds whole lines."""
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self._stream.write(json.dumps({"time": now, **record}) + "\n")
+        self._stream.flush()
+
+
+@contextmanager
+def opened_log(path: str | os.PathLike[str], jobs: int) -> Iterator[Log]:
+    """Append to a log, which is made if there is none.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    try:
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise OutputError(f"{path}: not a regular file; name another `log`")
+        with open(path, "a", encoding="utf-8", errors="backslashreplace") as stream:
+            if _lacks_line_end(path):
+                stream.write("\n")
+            log = Log(stream)
+            log.write({"status": "begun", "jobs": jobs, "shrm": __version__})
+            yield log
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror}); make room or name another `log`"
+        ) from error
+
+
+def _lacks_line_end(path: str | os.PathLike[str]) -> bool:
+    """Whether a file ends in the middle of a line, as after a run that was killed."""
+    with open(path, "rb") as stream:
+        if stream.seek(0, os.SEEK_END) == 0:
+            return False
+        stream.seek(-1, os.SEEK_END)
+        return stream.read(1) != b"\n"

@@ -1,0 +1,294 @@
+"""What a worker does: it makes the maps of a probe, one after the other, and tells of each.
+
+Nothing that goes wrong with one job stops the others: what a job tells is a record, a dictionary
+as JSON has them, with what was made, or with the error.
+"""
+
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli import __version__, settings
+from shrm_cli.batch.collect import What, lighting_of
+from shrm_cli.batch.job import Chunk, Job, Task
+from shrm_cli.batch.made import difference
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ShrmError
+from shrm_cli.files import remote
+from shrm_cli.files.inputs import protecting
+from shrm_cli.files.whole import check_target
+from shrm_cli.maps.file import store
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.shared import shared
+
+Array = NDArray[np.floating]
+
+Record = dict[str, Any]
+"""What is told of a job; `docs/batch.md` lists the keys."""
+
+_SAID = (
+    "size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error",
+)  # fmt: skip
+"""What a record takes over from the summary of a map."""
+MOST_DOWNLOAD = 2**32
+"""The most bytes of a file that is fetched from elsewhere."""
+_MOST_MATERIALS = 64
+_materials: dict[tuple[Any, ...], Brdf] = {}
+"""The BRDFs that this process has parsed, so that measured files are read once."""
+
+
+@dataclass(frozen=True)
+class Gathering:
+    """The coefficients that are gathered of all probes.
+
+    Attributes
+    ----------
+    order : int
+        The largest degree.
+    what : {"radiance", "irradiance"}
+    window : str
+        As irradiance takes it.
+    """
+
+    order: int
+    what: What
+    window: str
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What holds for all jobs of a run.
+
+    Attributes
+    ----------
+    force : bool
+        Whether outputs are made anew that are there already.
+    only_looks : bool
+        Whether to tell what would be made, and to make nothing.
+    cache : bool or Path
+        As `Settings` has it.
+    gathering : Gathering, optional
+        What is gathered of the probes whose chunks collect.
+    """
+
+    force: bool = False
+    only_looks: bool = False
+    cache: bool | Path = True
+    gathering: Gathering | None = None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a worker hands back of one probe.
+
+    Attributes
+    ----------
+    probe : str
+    records : list of dict
+        One for each job, in order.
+    coefficients : ndarray, shape ((order+1)^2, 3), optional
+        Where they are gathered.
+    digest : str
+        SHA-256 of the probe's bytes, where its coefficients are gathered.
+    error : str
+        Why there are no coefficients, where they should be gathered.
+    """
+
+    probe: str
+    records: list[Record]
+    coefficients: Array | None = None
+    digest: str = ""
+    error: str = ""
+
+
+def bake(task: Task, terms: Terms) -> list[Result]:
+    """Do the jobs of some probes.
+
+    Parameters
+    ----------
+    task : tuple of Chunk
+    terms : Terms
+
+    Returns
+    -------
+    list of Result
+        One for each chunk, in order.
+    """
+    with settings.using(threads=1, cache=terms.cache):
+        return [_of_probe(chunk, terms) for chunk in task]
+
+
+def _of_probe(chunk: Chunk, terms: Terms) -> Result:
+    """Do the jobs of one probe, which is fetched once."""
+    start = time.perf_counter()
+    try:
+        with local_file(chunk.probe) as path, protecting():
+            return _told_of(chunk.probe, str(path), _of_file(chunk, path, terms, start))
+    except Exception as error:  # whatever is wrong with one probe must not stop the others
+        return _all_failed(chunk, error, start)
+
+
+def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
+    """Do the jobs of one probe, which is opened once."""
+    try:
+        probe = shared(open_probe(path, **chunk.reading))
+    except Exception as error:
+        return _all_failed(chunk, error, start)
+    records = []
+    for job in chunk.jobs:
+        records.append(_record(job, probe, terms, start))
+        start = time.perf_counter()
+    return _gathered(chunk, probe, terms, records)
+
+
+def _all_failed(chunk: Chunk, error: Exception, start: float) -> Result:
+    """Return the result of a chunk whose probe cannot be used."""
+    line = _line(error)
+    failed = [failure(job, line, time.perf_counter() - start) for job in chunk.jobs]
+    return Result(chunk.probe, failed, error=line)
+
+
+def _gathered(chunk: Chunk, probe: Probe, terms: Terms, records: list[Record]) -> Result:
+    """Return the result of a chunk, with the coefficients of its probe where they are wanted."""
+    wanted = terms.gathering
+    if wanted is None or not chunk.collects:
+        return Result(chunk.probe, records)
+    try:
+        found = lighting_of(probe, wanted.order, wanted.what, wanted.window)
+    except ShrmError as error:
+        return Result(chunk.probe, records, error=str(error))
+    return Result(chunk.probe, records, found, probe.digest())
+
+
+def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
+    """Do a job, and return its record, or that of its failure."""
+    try:
+        found = _do(job, probe, terms)
+    except Exception as error:  # a job that goes wrong must not take the others with it
+        return failure(job, _line(error), time.perf_counter() - start)
+    return {**_named(job, time.perf_counter() - start), **found}
+
+
+def _do(job: Job, probe: Probe, terms: Terms) -> Record:
+    """Make a map, unless it is there already."""
+    given = dict(job.recipe.arguments)
+    if job.recipe.brdf is not None:
+        given["brdf"] = _material(job, probe)
+    why = "asked for by `force`" if terms.force else _why(job, probe, given)
+    if why is None:
+        return {"status": "skipped"}
+    if terms.only_looks:
+        return {"status": "waiting", "why": why}
+    made = prefilter_with_facts(probe, job.recipe.to, given)
+    with _written(job.output) as target:
+        stored = store(target, made.map, job.recipe.precision)
+        size = os.path.getsize(target)
+    summary = made.quick_summary()
+    return {
+        "status": "made",
+        "bytes": size,
+        **{name: summary[name] for name in _SAID if name in summary},
+        "storage_error": stored.error,
+        "precision": stored.pixel_type,
+        "warnings": [*probe.report.warnings(), *made.warnings],
+    }
+
+
+def _why(job: Job, probe: Probe, given: Mapping[str, Any]) -> str | None:
+    """Say why a job is to be done; None where its output is there, and the same inputs made it."""
+    if remote.is_remote(job.output):
+        if not remote.exists(job.output):
+            return "not there"
+        with local_file(job.output) as path:
+            return difference(path, job.recipe.to, probe, given, job.recipe.precision, __version__)
+    if not os.path.lexists(job.output):
+        return "not there"
+    return difference(job.output, job.recipe.to, probe, given, job.recipe.precision, __version__)
+
+
+@contextmanager
+def local_file(name: str) -> Iterator[Path]:
+    """Context manager that yields the path of a file: that of a copy, where it lies elsewhere."""
+    here = nullcontext(Path(name))
+    folder = tempfile.gettempdir()
+    with remote.fetched(name, folder, MOST_DOWNLOAD) if remote.is_remote(name) else here as path:
+        yield path
+
+
+@contextmanager
+def _written(output: str) -> Iterator[str]:
+    """Yield the name of the file to write, whose folder is made; it is sent where it belongs."""
+    if not remote.is_remote(output):
+        Path(output).parent.mkdir(parents=True, exist_ok=True)
+        check_target(output)
+        yield output
+        return
+    with tempfile.TemporaryDirectory(prefix="shrm-") as folder:
+        local = os.path.join(folder, output.rsplit("/", 1)[-1])
+        yield local
+        remote.publish(local, output)
+
+
+def _material(job: Job, probe: Probe) -> Brdf:
+    """Return the BRDF of a job, with the probe's primaries."""
+    recipe = job.recipe
+    key = (recipe.brdf, recipe.runs_code, probe.chromaticities)
+    if key not in _materials:
+        if len(_materials) >= _MOST_MATERIALS:
+            _materials.clear()
+        _materials[key] = parse_spec(
+            str(recipe.brdf), run_code=recipe.runs_code, primaries=probe.chromaticities
+        )
+    return _materials[key]
+
+
+def failure(job: Job, line: str, seconds: float = 0.0) -> Record:
+    """Return the record of a job that failed, with one line about why."""
+    return {**_named(job, seconds), "status": "failed", "error": line}
+
+
+def _named(job: Job, seconds: float) -> Record:
+    """Return what every record begins with."""
+    return {
+        "output": remote.shown(job.output),
+        "probe": remote.shown(job.probe),
+        "brdf": job.recipe.brdf,
+        "to": job.recipe.to,
+        "seconds": round(seconds, 4),
+    }
+
+
+def _line(error: BaseException) -> str:
+    """Return an error as one line."""
+    if isinstance(error, ShrmError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory; run fewer `jobs`, or lower `size` or the orders"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'a file'}: {error.strerror}"
+    return f"internal error, please report it ({type(error).__name__}: {error})"
+
+
+def _told_of(name: str, path: str, result: Result) -> Result:
+    """Return a result in which the path of a copy is the name of what was copied."""
+    if path == name:
+        return result
+    shown = remote.shown(name)
+    records = [
+        {
+            key: value.replace(path, shown) if key in ("error", "why") else value
+            for key, value in record.items()
+        }
+        for record in result.records
+    ]
+    return replace(result, records=records, error=result.error.replace(path, shown))

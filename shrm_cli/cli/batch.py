@@ -1,0 +1,359 @@
+"""`shrm batch` makes maps of many probes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import ExitStack, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli import settings
+from shrm_cli.cli.completion import Spec
+from shrm_cli.cli.farm import farm_options, named_parts, write_farm_files
+from shrm_cli.cli.gather import gather_options, gathering_of, write_gathered
+from shrm_cli.cli.headings import command_with_headings
+from shrm_cli.cli.options import (
+    READING_NAMES,
+    cache_option,
+    output_options,
+    precision_option,
+    progress_bar,
+    read_options,
+    reading_keywords,
+    representation_options,
+    shared_options,
+)
+from shrm_cli.cli.prefilter import MAKING_HEADINGS
+from shrm_cli.cli.terminal import echo, echo_json, echo_message
+from shrm_cli.cli.threads import limit_libraries
+from shrm_cli.cli.ticker import ticking
+from shrm_cli.cli.usage import flags, given_options
+from shrm_cli.vocabulary import REPRESENTATIONS, SAMPLINGS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from shrm_cli.batch.collect import What
+    from shrm_cli.batch.entry import Entry
+    from shrm_cli.batch.job import Chunk
+    from shrm_cli.batch.log import Log, Totals
+    from shrm_cli.batch.run import Workers
+    from shrm_cli.batch.work import Result, Terms
+
+_SAMPLINGS = click.Choice(SAMPLINGS)
+_DEFAULT_LOG = "batch.jsonl"
+_INTERRUPTED = 130
+_HEADINGS = {
+    **MAKING_HEADINGS,
+    "What to make": ["brdfs", "to", "output"],
+    "How the probes are read": [*READING_NAMES, "probe_sampling"],
+    "Where it runs": ["jobs", "scheduler", "commands", "openjd", "chunk", "share"],
+    "Coefficients of all probes in one file": ["collect", "collect_order", "collect_what",
+                                              "collect_window"],
+    "What is done again, and what is told": ["force", "dry_run", "log", "as_json", "quiet"],
+}  # fmt: skip
+_RUNNING = {
+    "jobs", "scheduler", "commands", "openjd", "chunk", "share", "collect", "collect_order",
+    "collect_what", "collect_window", "force", "dry_run", "log", "as_json", "quiet",
+}  # fmt: skip
+"""The options that say nothing about what is made, and apply to manifests."""
+
+
+class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
+    """A command that keeps the words it was called with, for the command lines of farms."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta["shrm.words"] = list(args)
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest
+
+
+@click.command(cls=_Batch)
+@click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
+@click.option(
+    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
+    help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=["shrm"],
+    show_default=True, help="A representation to write. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", metavar="NAME",
+    help="Names of the outputs, with {probe}, {folder}, {brdf} and {to} in them; their folders are "
+    "made.  [default: {probe}.{brdf}.{to}.exr]",
+)  # fmt: skip
+@shared_options("eps", "error", "order_f", "order_p", "center")
+@representation_options(lambda option: not option.prints)
+@shared_options("domain", "source_height", "frame", "size", "max_size")
+@precision_option
+@click.option(
+    "--sampling", type=_SAMPLINGS,
+    help="Where edge pixels lie, in the probes and in the written cubes.",
+)  # fmt: skip
+@click.option("--probe-sampling", type=_SAMPLINGS, help="The same, of the probes alone.")
+@click.option("--map-sampling", type=_SAMPLINGS, help="The same, of the written cubes alone.")
+@read_options
+@click.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N",
+    help="Processes that work at a time.  [default: as many as there are processors]",
+)  # fmt: skip
+@click.option(
+    "--scheduler", metavar="ADDRESS",
+    help="Work on a dask.distributed cluster, such as tcp://host:8786; local starts one here.",
+)  # fmt: skip
+@farm_options
+@gather_options
+@click.option("--force", is_flag=True, help="Make outputs again that are there already.")
+@click.option(
+    "--dry-run", is_flag=True, help="List what would be made, with sizes and orders; make nothing."
+)
+@click.option(
+    "--log", type=click.Path(dir_okay=False), default=_DEFAULT_LOG, show_default=True,
+    help="File that gets a line of JSON for each job.",
+)  # fmt: skip
+@output_options
+@cache_option
+def batch(
+    probes: tuple[str, ...],
+    jobs: int | None,
+    scheduler: str | None,
+    commands: str | None,
+    openjd: str | None,
+    chunk: int,
+    share: tuple[int, int, int] | None,
+    collect: str | None,
+    collect_order: int,
+    collect_what: What,
+    collect_window: str,
+    force: bool,
+    dry_run: bool,
+    log: str,
+    as_json: bool,
+    quiet: bool,
+    **values: Any,
+) -> None:
+    """Make maps of many probes: the product of PROBES, BRDFs and forms.
+
+    Quote patterns such as 'probes/**/*.exr'; probes may be URLs, too. Each probe is read once for
+    all its outputs. What is there already, of the same probe, BRDF, options and version, is
+    skipped, so that a run that was stopped goes on. A probe that cannot be used does not stop the
+    others.
+
+    \b
+      shrm batch 'probes/*.exr' --brdf ggx:roughness=0.4 --brdf paint.bsdf --to principal
+      shrm batch bake.toml --dry-run
+      shrm batch 'probes/**/*.exr' --to irradiance --window auto -o 'sh/{folder}/{probe}.exr'
+      shrm batch 'probes/*.exr' --collect light.npz --collect-order 3
+      shrm batch bake.toml --scheduler tcp://host:8786
+    """
+    from shrm_cli.batch.entry import checked
+    from shrm_cli.batch.job import by_probe
+    from shrm_cli.batch.work import Terms
+
+    gathering = gathering_of(collect, collect_order, collect_what, collect_window)
+    entries = _entries(probes, values, makes_none=collect is not None)
+    found = checked([job for entry in entries for job in entry.jobs()])
+    chunks = by_probe(found) if found else _without_jobs(entries)
+    if commands or openjd:
+        words = click.get_current_context().meta["shrm.words"]
+        write_farm_files(words, commands, openjd, len(chunks), chunk)
+        return
+    chunks = named_parts(chunks, share)
+    terms = Terms(force, dry_run, settings.current().cache, gathering)
+    chunks = _collecting(chunks) if gathering is not None else chunks
+    _run(chunks, terms, _Place(jobs, scheduler), None if dry_run else log, collect, as_json, quiet)
+
+
+def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
+    """Return what is to be made, from a manifest or from the options."""
+    from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry
+    from shrm_cli.batch.manifest import is_manifest, read_manifest
+
+    given = given_options()
+    if any(is_manifest(name) for name in probes):
+        if len(probes) > 1:
+            raise click.UsageError("a manifest names its probes; give nothing beside it")
+        for name, flag in given.items():
+            if name not in _RUNNING:
+                raise click.UsageError(f"{flag} says what is made; write it into the manifest")
+        return read_manifest(probes[0])
+    both, own, of_probe = (values.pop(name) for name in (
+        "sampling", "map_sampling", "probe_sampling",
+    ))  # fmt: skip
+    reading = reading_keywords(of_probe or both, values)
+    brdfs, to, precision = (values.pop(name) for name in ("brdfs", "to", "precision"))
+    output = values.pop("output") or DEFAULT_OUTPUT
+    arguments = {name: value for name, value in values.items() if value is not None}
+    if own or both:
+        arguments["sampling"] = own or both
+    if makes_none and not {"brdfs", "to", "output"} & given.keys():
+        to = ()
+    return [Entry(probes, brdfs, to, output, arguments, {}, reading, precision, runs_code=True)]
+
+
+def _without_jobs(entries: list[Entry]) -> list[Chunk]:
+    """Return chunks of probes of which only coefficients are gathered."""
+    from shrm_cli.batch.entry import found_probes
+    from shrm_cli.batch.job import Chunk
+
+    return [
+        Chunk(name, entry.reading, ())
+        for entry in entries
+        for name, _ in found_probes(entry.probes)
+    ]
+
+
+def _collecting(chunks: list[Chunk]) -> list[Chunk]:
+    """Return chunks that gather coefficients, once of each probe."""
+    from dataclasses import replace
+
+    return [replace(chunk, collects=True) for chunk in chunks]
+
+
+class _Place:
+    """Where a batch runs: in processes here, or on a cluster."""
+
+    def __init__(self, jobs: int | None, scheduler: str | None) -> None:
+        self._jobs, self.scheduler = jobs, scheduler
+
+    @contextmanager
+    def workers(self) -> Iterator[Workers]:
+        if self.scheduler is not None:
+            from shrm_cli.batch.cluster import cluster_executor
+
+            with cluster_executor(self.scheduler, self._jobs) as found:
+                yield found
+            return
+        from shrm_cli.batch.pool import ProcessWorkers
+
+        # Processes and threads must not multiply; workers take over the environment.
+        limit_libraries(1)
+        pool = ProcessWorkers(self._jobs or _processors())
+        try:
+            yield pool
+        except BaseException:
+            pool.stop(at_once=True)
+            raise
+        pool.stop()
+
+
+def _processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _run(
+    chunks: list[Chunk],
+    terms: Terms,
+    place: _Place,
+    log: str | None,
+    collect: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Do all jobs, and tell what became of them; exit with 1 if one failed."""
+    from shrm_cli.batch.log import Totals, opened_log
+    from shrm_cli.batch.run import run
+
+    count = sum(len(chunk.jobs) for chunk in chunks)
+    totals = Totals(count)
+    results: list[Result] = []
+    with ExitStack() as stack:
+        written = stack.enter_context(opened_log(log, count) if log else nullcontext())
+        show = stack.enter_context(ticking("baking", count or len(chunks), quiet))
+
+        def tell(result: Result) -> None:
+            totals.add_result(result)
+            _note(result, written, quiet, terms.only_looks)
+            if result.coefficients is not None:
+                results.append(result)
+            show(totals)
+
+        try:
+            with place.workers() as workers:
+                run(chunks, workers, terms, tell, place.scheduler is not None)
+        except (KeyboardInterrupt, SystemExit):  # SIGTERM ends the process by an exit
+            _conclude(totals, log, [], as_json, quiet)
+            raise
+        finally:
+            if written is not None:
+                written.write({"status": "ended", **totals.as_json()})
+    if collect is not None and terms.gathering is not None and not terms.only_looks:
+        write_gathered(collect, terms.gathering, chunks, results)
+        if not (quiet or as_json):
+            echo(f"{collect}: {terms.gathering.what} of {len(results):,} probes")
+    predictions = _predictions(chunks, quiet) if terms.only_looks else []
+    _conclude(totals, log, predictions, as_json, quiet)
+    if totals.failed:
+        sys.exit(1)
+
+
+def _note(result: Result, log: Log | None, quiet: bool, only_looks: bool) -> None:
+    """Write records into the log, and what failed, or would be made, to the terminal."""
+    for record in result.records:
+        if log is not None:
+            log.write(record)
+        if record["status"] == "failed":
+            echo_message(f"Failed: {record['output']}: {flags(record['error'])}")
+        elif only_looks and not quiet:
+            why = record.get("why", "there already")
+            echo(f"{record['status']:<8} {record['output']}  ({flags(why)})", err=True)
+    if result.error and not result.records:
+        echo_message(f"Failed: {flags(result.error)}")
+        if log is not None:
+            log.write({"status": "failed", "probe": result.probe, "error": result.error})
+
+
+def _predictions(chunks: list[Chunk], quiet: bool) -> list[dict[str, Any]]:
+    """Return what the outputs of each recipe will be like."""
+    from shrm_cli.batch.predict import predictions
+
+    with progress_bar("predicting", quiet) as progress:
+        return predictions(chunks, progress)
+
+
+def _conclude(
+    totals: Totals, log: str | None, predictions: list[dict[str, Any]], as_json: bool, quiet: bool
+) -> None:
+    """Print the totals of a run."""
+    if as_json:
+        more = {"predictions": predictions} if predictions else {}
+        echo_json({**totals.as_json(), "log": log, **more, "failures": totals.failures})
+        return
+    if quiet:
+        return
+    for each in predictions:
+        echo(_prediction_line(each))
+    words = [
+        f"{count:,} {word}"
+        for word, count in (
+            ("made", totals.made),
+            ("to make", totals.waiting),
+            ("there already", totals.skipped),
+            ("failed", totals.failed),
+            ("not done", totals.jobs - totals.done),
+        )
+        if count
+    ]
+    told = f"; {log} tells of each" if log else ""
+    warned = f"; {totals.warned:,} with warnings" if totals.warned else ""
+    size = f", {totals.bytes:,} bytes" if totals.bytes else ""
+    echo(f"{totals.jobs:,} outputs: {', '.join(words) or 'none'}{size}{warned}{told}")
+
+
+def _prediction_line(facts: dict[str, Any]) -> str:
+    """Return what outputs will be like, in words."""
+    brdf = f", {facts['brdf']}" if facts["brdf"] else ""
+    what = f"{facts['outputs']:,} of {facts['to']}{brdf}"
+    if "error" in facts:
+        return f"{what}: {flags(facts['error'])}"
+    orders = f"F = {facts['order_f']}" + (f", P = {facts['order_p']}" if facts["brdf"] else "")
+    return (
+        f"{what}: {orders}, {facts['size']} texels, at most {facts['bytes']:,} bytes each, "
+        f"RMS error {facts['predicted_error']:.2%} (as of {facts['probe']})"
+    )

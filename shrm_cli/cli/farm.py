@@ -1,0 +1,108 @@
+"""The options of `shrm batch` that hand it to the queue of a farm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from shrm_cli.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from shrm_cli.batch.job import Chunk
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_TAKES_VALUE = ("--commands", "--openjd", "--chunk")
+
+
+class _Part(click.ParamType[tuple[int, int, int]]):
+    name = "K/N"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int, int]:
+        from shrm_cli.batch.farm import parse_part
+
+        return value if isinstance(value, tuple) else parse_part(value)
+
+
+def farm_options(command: Command) -> Command:
+    """Add the options --commands, --openjd, --chunk and --share."""
+    options = [
+        click.option(
+            "--commands", type=click.Path(dir_okay=False), metavar="FILE",
+            help="Write command lines for a farm, one for each chunk, and make nothing.",
+        ),
+        click.option(
+            "--openjd", type=click.Path(dir_okay=False), metavar="FILE",
+            help="Write an Open Job Description template instead.",
+        ),
+        click.option(
+            "--chunk", type=click.IntRange(1, 10**9), default=100, show_default=True, metavar="N",
+            help="Probes of a chunk, about.",
+        ),
+        click.option(
+            "--share", type=_Part(), metavar="K/N|A-B/N",
+            help="Make one part of N, or several, as the command lines of farms do.",
+        ),
+    ]  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def write_farm_files(
+    words: Sequence[str], commands: str | None, openjd: str | None, probes: int, chunk: int
+) -> None:
+    """Write the files that a farm takes.
+
+    Parameters
+    ----------
+    words : sequence of str
+        What follows ``shrm batch``.
+    commands, openjd : str, optional
+        The files.
+    probes : int
+        The number of probes.
+    chunk : int
+        How many of them a command takes, on average.
+    """
+    from shrm_cli.batch.farm import command_lines, openjd_template
+    from shrm_cli.files.whole import check_target, replacing
+
+    parts = -(-probes // chunk)
+    rest = _without_own(words)
+    texts = {}
+    if commands is not None:
+        texts[commands] = "\n".join(command_lines(rest, parts)) + "\n"
+    if openjd is not None:
+        texts[openjd] = openjd_template(rest, parts)
+    for path in texts:
+        check_target(path)
+    for path, text in texts.items():
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        echo(f"{path}: {parts:,} parts of {probes:,} probes")
+
+
+def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list[Chunk]:
+    """Return the chunks that belong to the parts that --share names; all of them without it."""
+    if share is None:
+        return chunks
+    from shrm_cli.batch.farm import part_of
+
+    first, last, count = share
+    return [chunk for chunk in chunks if first <= part_of(chunk.probe, count) <= last]
+
+
+def _without_own(words: Sequence[str]) -> list[str]:
+    """Return the words of a command line without the options that ask for files of a farm."""
+    found, skips = [], False
+    for word in words:
+        if skips or word.split("=")[0] in _TAKES_VALUE:
+            skips = not skips and "=" not in word
+            continue
+        found.append(word)
+    return found

@@ -1,0 +1,123 @@
+"""What batches make: products of probes, BRDFs and forms, and the names of their outputs."""
+
+import pytest
+
+from shrm_cli.batch.entry import Entry, checked, found_probes
+from shrm_cli.batch.job import by_probe, cut
+from shrm_cli.errors import ArgumentError, OutputError, ProbeError
+from tests.batch.helpers import write_probes
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with probes in two folders below it."""
+    monkeypatch.chdir(tmp_path)
+    write_probes(tmp_path / "probes/day", 2)
+    write_probes(tmp_path / "probes/night", 2)
+    return tmp_path
+
+
+def outputs(entry):
+    return [job.output for job in checked(entry.jobs())]
+
+
+def test_the_product_of_probes_brdfs_and_forms(folder):
+    entry = Entry(
+        ("probes/day/*.exr",), ("phong:exponent=8", "lambertian"), ("shrm", "irradiance"),
+        "out/{probe}.{brdf}.{to}.exr",
+    )  # fmt: skip
+    assert outputs(entry) == [
+        "out/p0.phong-exponent-8.shrm.exr", "out/p0.lambertian.shrm.exr", "out/p0.irradiance.exr",
+        "out/p1.phong-exponent-8.shrm.exr", "out/p1.lambertian.shrm.exr", "out/p1.irradiance.exr",
+    ]  # fmt: skip
+
+
+def test_folders_below_the_pattern_s_own_keep_outputs_apart(folder):
+    entry = Entry(("probes/**/*.exr",), (), ("irradiance",), "o/{folder}/{probe}.exr")
+    assert outputs(entry) == [
+        "o/day/p0.exr", "o/day/p1.exr", "o/night/p0.exr", "o/night/p1.exr",
+    ]  # fmt: skip
+    flat = Entry(("probes/day/*.exr",), (), ("irradiance",), "o/{folder}/{probe}.exr")
+    assert outputs(flat) == ["o/p0.exr", "o/p1.exr"]
+
+
+def test_a_name_that_exists_is_no_pattern(folder):
+    write_probes(folder / "odd", 1)[0]
+    (folder / "odd/p0.exr").rename(folder / "odd/a[1].exr")
+    assert found_probes(["odd/a[1].exr"]) == [("odd/a[1].exr", "")]
+    assert found_probes(["nothing.exr"]) == [("nothing.exr", "")]  # its job will fail by its name
+
+
+def test_a_pattern_that_matches_nothing_is_refused(folder):
+    with pytest.raises(ProbeError, match=r"none/\*\.exr: matches no file"):
+        Entry(("none/*.exr",), (), ("irradiance",)).jobs()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"output": "o/{probe}.{to}.exr", "probes": ("probes/**/*.exr",)}, "put {folder}"),
+        ({"output": "o/{probe}.{to}.exr", "brdfs": ("lambertian", "phong")}, "put {brdf}"),
+        ({"output": "o/{probe}.{brdf}.exr", "to": ("shrm", "cabral")}, "put {to}"),
+        ({"output": "probes/day/{probe}.exr"}, "would overwrite the input"),
+        ({"output": "o/{probe}.{to}.png"}, "what is written is .exr"),
+        ({"output": "o/{name}.exr"}, "{name} stands for nothing"),
+        ({"output": "o/{probe.__class__}.exr"}, "stands for nothing"),
+    ],
+)
+def test_names_of_outputs_that_cannot_be(folder, changes, said):
+    entry = Entry(**{"probes": ("probes/day/*.exr",), "brdfs": ("lambertian",), **changes})
+    with pytest.raises(OutputError) as caught:
+        outputs(entry)
+    assert said in str(caught.value)
+
+
+def test_no_output_is_a_measured_file_that_is_read(folder):
+    (folder / "paint.exr").write_bytes((folder / "probes/day/p0.exr").read_bytes())
+    with pytest.raises(OutputError, match=r"paint\.exr: would overwrite the input"):
+        outputs(Entry(("probes/day/p0.exr",), ("./paint.exr",), ("shrm",), "paint.exr"))
+
+
+def test_each_form_gets_the_options_that_it_obeys(folder):
+    entry = Entry(
+        ("probes/day/p0.exr",), ("lambertian",), ("shrm", "irradiance", "splitsum"),
+        arguments={"eps": 0.1, "size": 8}, own={"irradiance": {"window": "auto", "size": 16}},
+    )  # fmt: skip
+    assert [recipe.arguments for recipe in entry.recipes()] == [
+        {"eps": 0.1, "size": 8}, {"size": 16, "window": "auto"}, {"size": 8},
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "argument"),
+    [
+        ({"arguments": {"levels": 3}}, "levels"),  # of split sums, which are not made
+        ({"arguments": {"eps": 2}}, "eps"),
+        ({"arguments": {"nonsense": 1}}, "nonsense"),
+        ({"arguments": {"shader": "glsl"}}, "shader"),  # prints, and makes nothing
+        ({"own": {"she": {"p_order": 2}}}, "to"),
+        ({"own": {"irradiance": {"slices": 2}}}, "slices"),
+        ({"to": ("mystery",)}, "to"),
+        ({"brdfs": ()}, "brdf"),
+        ({"to": ("irradiance",)}, "brdf"),
+    ],
+)
+def test_options_that_say_nothing_are_refused(folder, changes, argument):
+    entry = Entry(
+        **{"probes": ("probes/day/*.exr",), "brdfs": ("phong",), "to": ("shrm", "irradiance")}
+        | changes
+    )
+    with pytest.raises(ArgumentError) as caught:
+        entry.jobs()
+    assert caught.value.argument == argument
+
+
+def test_chunks_are_cut_for_workers(folder):
+    entry = Entry(("probes/day/*.exr",), (), ("irradiance", "splitsum", "she"))
+    chunks = by_probe(entry.jobs())
+    assert [len(chunk.jobs) for chunk in chunks] == [3, 3]
+    assert cut(chunks, 2) == chunks
+    parts = cut(chunks, 4)
+    assert [len(part.jobs) for part in parts] == [2, 1, 2, 1]
+    assert [job for part in parts for job in part.jobs] == [j for c in chunks for j in c.jobs]
+    assert [len(part.jobs) for part in cut(chunks, 100)] == [1] * 6

@@ -1,0 +1,116 @@
+"""Manifests: what they say, and what is refused."""
+
+import pytest
+
+from shrm_cli.batch.entry import DEFAULT_OUTPUT
+from shrm_cli.batch.manifest import is_manifest, read_manifest
+from shrm_cli.errors import ProbeError
+
+WHOLE = """
+probes = ["probes/*.exr"]
+brdfs = ["microfacet:sigma=0.2", "phong"]
+to = ["shrm", "irradiance"]
+output = "bake/{probe}.{brdf}.{to}.exr"
+eps = 0.1
+precision = "float"
+
+[reading]
+yaw = 30
+fix_nonfinite = true
+
+[irradiance]
+window = "auto"
+
+[[entry]]
+
+[[entry]]
+probes = ["night/*.exr"]
+brdfs = ["lambertian"]
+eps = 0.02
+irradiance = { size = 8 }
+reading = { clamp = 100.0 }
+"""
+
+
+def written(tmp_path, text):
+    path = tmp_path / "bake.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_entries_begin_with_what_stands_before_them(tmp_path):
+    first, second = read_manifest(written(tmp_path, WHOLE))
+    assert first.probes == ("probes/*.exr",)
+    assert first.brdfs == ("microfacet:sigma=0.2", "phong")
+    assert first.arguments == {"eps": 0.1}
+    assert first.own == {"irradiance": {"window": "auto"}}
+    assert first.reading == {"yaw": 30, "fix_nonfinite": True}
+    assert (first.precision, second.precision) == ("float", "float")
+    assert second.probes == ("night/*.exr",)
+    assert second.arguments == {"eps": 0.02}
+    assert second.own == {"irradiance": {"window": "auto", "size": 8}}
+    assert second.reading == {"yaw": 30, "fix_nonfinite": True, "clamp": 100.0}
+    assert second.output == "bake/{probe}.{brdf}.{to}.exr"
+
+
+def test_a_manifest_without_entries_is_one(tmp_path):
+    (only,) = read_manifest(written(tmp_path, 'probes = "a.exr"\nto = "irradiance"\n'))
+    assert (only.probes, only.to, only.output) == (("a.exr",), ("irradiance",), DEFAULT_OUTPUT)
+    assert not only.runs_code  # a manifest may come from anywhere
+
+
+def test_light_files_are_toml_too(tmp_path):
+    assert is_manifest(written(tmp_path, WHOLE))
+    assert not is_manifest(written(tmp_path, '[[probe]]\nfile = "a.exr"\n'))
+    assert not is_manifest(written(tmp_path, "[[disc]]\nradius = 1\n"))
+    assert not is_manifest(str(tmp_path / "missing.toml"))
+    assert is_manifest(written(tmp_path, "no toml"))  # which is told when it is read
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("probes = [", "no TOML"),
+        ("x = " + "[" * 10_000, "TOML|nested"),
+        ("probes = 3", "`probes` is no list of texts"),
+        ("brdfs = ['phong']", "names no probes"),
+        ("probes = ['a']\nentry = 3", r"write \[\[entry\]\]"),
+        ("probes = ['a']\nto = ['irradiance']\nirradiance = 3", r"write \[irradiance\]"),
+        ("probes = ['a']\nto = ['irradiance']\nreading = 3", r"write \[reading\]"),
+        ("probes = ['a']\nto = ['irradiance']\n[reading]\nspeed = 3", "`speed` says nothing"),
+        ("probes = ['a']\nto = ['irradiance']\n[reading]\nclamp = -1", "`clamp` must be"),
+        ("probes = ['a']\nto = ['irradiance']\n[reading]\npixels = 1", "`pixels` says nothing"),
+        ("probes = ['a']\nto = ['irradiance']\nprecision = 'low'", "`precision` is none of"),
+        ("probes = ['a']\nto = ['irradiance']\noutput = 3", "`output` is no text"),
+        ("probes = ['a']\nto = ['irradiance']\nbrdf = 'phong'", r"write brdfs = \[...\]"),
+        ("probes = ['a']\nbrdfs = ['phong']\neps = 7", "`eps` 7 is not a number between 0 and 1"),
+        ("probes = ['a']\nbrdfs = ['phong']\nbeps = 7", "`beps` is no argument"),
+        ("probes = ['a']", "`brdf` is missing"),
+    ],
+)
+def test_unsound_manifests_are_refused_in_one_line(tmp_path, text, said):
+    path = written(tmp_path, text)
+    with pytest.raises(ProbeError, match=said) as caught:
+        read_manifest(path)
+    assert str(caught.value).startswith(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_manifest_runs_no_code(tmp_path):
+    """A BRDF that is a class in a Python file is run only where the user names it."""
+    from tests.batch.helpers import records_of, write_probes
+
+    ran = tmp_path / "ran"
+    (tmp_path / "mine.py").write_text(f"open({str(ran)!r}, 'w')\n")
+    (probe,) = write_probes(tmp_path / "p", 1)
+    (entry,) = read_manifest(
+        written(
+            tmp_path,
+            f"probes = ['{probe}']\nbrdfs = ['{tmp_path}/mine.py:Mine']\n"
+            f"output = '{tmp_path}/o.exr'\n",
+        )
+    )
+    (record,) = records_of(entry)
+    assert record["status"] == "failed"
+    assert "names code" in record["error"]
+    assert not ran.exists()

@@ -1,0 +1,183 @@
+"""What workers do: the same bytes as `prefilter` makes, and a record of each job."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.batch import work
+from shrm_cli.batch.entry import Entry
+from shrm_cli.maps.file import open_map, save
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe import image_file
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.shared import HeldImage, shared
+from tests.batch.helpers import Here, records_of, statuses, write_probes
+from tests.cli.helpers import noise, write_exr
+
+FORMS = {
+    "shrm": {"eps": 0.1}, "principal": {"maps": 4}, "cabral": {"eps": 0.2}, "irradiance": {},
+    "splitsum": {"levels": 3}, "she": {},
+}  # fmt: skip
+
+
+@pytest.fixture
+def probe(tmp_path, monkeypatch):
+    """The name of a probe in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    write_probes(tmp_path, 1, 32)
+    return "p0.exr"
+
+
+def entry_of(*probes, **changes):
+    fields = {"brdfs": ("phong:exponent=16",), "to": ("shrm", "irradiance"), **changes}
+    return Entry(probes, **fields)
+
+
+def test_every_form_has_the_bytes_that_prefilter_writes(probe, tmp_path):
+    entry = entry_of(probe, to=tuple(FORMS), own=FORMS, reading={"yaw": 20.0})
+    records = records_of(entry)
+    assert {record["status"] for record in records} == {"made"}
+    for record in records:
+        to = record["to"]
+        made = prefilter(open_probe(probe, yaw=20.0), record["brdf"], to=to, **FORMS[to])
+        save("alone.exr", made)
+        with open("alone.exr", "rb") as one, open(record["output"], "rb") as other:
+            assert one.read() == other.read(), to
+
+
+def test_records_tell_what_was_made(probe):
+    record, _ = records_of(entry_of(probe), workers=_one())
+    made = open_map(record["output"])
+    assert (record["probe"], record["brdf"], record["to"]) == (probe, "phong:exponent=16", "shrm")
+    assert (record["order_f"], record["order_p"]) == (made.info.order_f, made.info.order_p)
+    assert record["predicted_error"] == pytest.approx(made.info.predicted_error, rel=1e-6)
+    assert record["size"] == made.size
+    assert record["bytes"] > 0
+    assert record["seconds"] > 0
+
+
+def test_a_probe_is_read_once_for_all_its_outputs(probe, monkeypatch):
+    read = []
+    original = image_file.ImageFile.read
+    monkeypatch.setattr(image_file.ImageFile, "read", lambda *a: read.append(a[1:]) or original(*a))
+    records = records_of(entry_of(probe, to=tuple(FORMS), own=FORMS), workers=_one())
+    assert len(records) == len(FORMS)
+    assert len(read) == 1
+
+
+def _one():
+    workers = Here()
+    workers.workers = 1
+    return workers
+
+
+def test_a_shared_probe_is_projected_once_to_each_order(probe):
+    both = shared(open_probe(probe))
+    first = project(both, 8)
+    assert project(both, 8) is first
+    alone = project(open_probe(probe), 8)
+    np.testing.assert_array_equal(first.coefficients, alone.coefficients)
+    np.testing.assert_array_equal(first.energy, alone.energy)
+    assert both.digest() == open_probe(probe).digest()
+    assert both.reading() == open_probe(probe).reading()
+
+
+def test_pixels_that_are_too_many_are_not_held(probe, monkeypatch):
+    assert isinstance(shared(open_probe(probe)).images[0], HeldImage)
+    monkeypatch.setattr("shrm_cli.probe.shared.MOST_BYTES", 100)
+    plain = open_probe(probe)
+    assert shared(plain) is plain
+
+
+@pytest.fixture
+def made(probe):
+    """An entry whose outputs are there."""
+    entry = entry_of(probe, output="{probe}.{to}.exr")
+    assert set(statuses(records_of(entry)).values()) == {"made"}
+    return entry
+
+
+def again(entry, **changes):
+    """What becomes of an entry's outputs when it is run again with changes."""
+    fields = {name: getattr(entry, name) for name in entry.__dataclass_fields__}
+    terms = {name: changes.pop(name) for name in ("force", "only_looks") if name in changes}
+    return {
+        record["to"]: record["status"] for record in records_of(Entry(**fields | changes), **terms)
+    }
+
+
+def test_what_is_there_already_is_skipped(made):
+    assert again(made) == {"shrm": "skipped", "irradiance": "skipped"}
+    assert again(made, force=True) == {"shrm": "made", "irradiance": "made"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"brdfs": ("phong:exponent=17",)}, {"shrm": "made", "irradiance": "skipped"}),
+        ({"arguments": {"eps": 0.2}}, {"shrm": "made", "irradiance": "skipped"}),
+        ({"own": {"irradiance": {"window": "hann"}}}, {"shrm": "skipped", "irradiance": "made"}),
+        ({"reading": {"yaw": 5.0}}, {"shrm": "made", "irradiance": "made"}),
+        ({"precision": "float"}, {"shrm": "made", "irradiance": "made"}),
+    ],
+)
+def test_what_other_options_made_is_made_again(made, changes, expected):
+    assert again(made, **changes, only_looks=True) == {
+        to: "waiting" if status == "made" else status for to, status in expected.items()
+    }
+    assert again(made, **changes) == expected
+    assert again(made, **changes) == {"shrm": "skipped", "irradiance": "skipped"}
+
+
+def test_what_another_probe_or_version_made_is_made_again(made, probe, monkeypatch):
+    write_exr(probe, noise(32, 64) * 2)
+    assert again(made) == {"shrm": "made", "irradiance": "made"}
+    monkeypatch.setattr(work, "__version__", "99.0")
+    (first, *_) = records_of(made, only_looks=True)
+    assert first["status"] == "waiting"
+    assert "this is 99.0" in first["why"]
+
+
+def test_a_measured_file_that_changed_is_another_brdf(probe, tmp_path):
+    table = tmp_path / "t.npz"
+
+    def save_table(scale):
+        from tests.cli.helpers import run
+
+        assert run("brdf", f"lambertian:albedo={scale}", "--save", str(table)).code == 0
+
+    save_table(0.5)
+    entry = entry_of(probe, brdfs=("./t.npz",), to=("shrm",))
+    assert list(statuses(records_of(entry)).values()) == ["made"]
+    work._materials.clear()
+    table.unlink()
+    save_table(0.6)
+    assert list(statuses(records_of(entry)).values()) == ["made"]
+
+
+def test_what_cannot_be_made_does_not_stop_the_others(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_probes(tmp_path, 3)
+    (tmp_path / "p1.exr").write_bytes(b"damaged")
+    names = ("p0.exr", "p1.exr", "gone.exr", "p2.exr")
+    records = records_of(entry_of(*names, to=("irradiance",), brdfs=()))
+    found = {record["probe"]: record for record in records}
+    assert {name: each["status"] for name, each in found.items()} == {
+        "p0.exr": "made", "p1.exr": "failed", "gone.exr": "failed", "p2.exr": "made",
+    }  # fmt: skip
+    assert "p1.exr: not an image" in found["p1.exr"]["error"]
+    assert "gone.exr: no such file" in found["gone.exr"]["error"]
+
+
+def test_one_form_that_fails_does_not_stop_the_others_of_its_probe(probe):
+    entry = entry_of(probe, brdfs=("ward:ax=0.2,ay=0.5", "lambertian"))
+    failed, *others = records_of(entry, workers=_one())
+    assert failed["status"] == "failed"
+    assert "anisotropic" in failed["error"]
+    assert [record["status"] for record in others] == ["made", "made"]
+
+
+def test_an_output_that_cannot_be_written_fails_alone(probe, tmp_path):
+    (tmp_path / "p0.irradiance.exr").mkdir()
+    found = statuses(records_of(entry_of(probe, output="{probe}.{to}.exr")))
+    assert found == {"p0.shrm.exr": "made", "p0.irradiance.exr": "failed"}

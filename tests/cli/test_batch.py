@@ -1,0 +1,208 @@
+"""`shrm batch`: what it makes, prints and logs, and what it refuses."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from shrm_cli.batch.collect import read_collection
+from shrm_cli.maps.file import open_map
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import open_probe
+from tests.batch.helpers import log_lines, statuses, write_probes
+from tests.cli.helpers import assert_refused, noise, run, write_exr
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with five probes."""
+    monkeypatch.chdir(tmp_path)
+    write_probes(tmp_path / "probes", 5)
+    return tmp_path
+
+
+IRRADIANCE = ("batch", "probes/*.exr", "--to", "irradiance", "-o", "out/{probe}.exr")
+
+
+def test_a_folder_of_probes(folder):
+    result = run(*IRRADIANCE, "--to", "shrm", "--brdf", "phong:exponent=8", "--eps", "0.1", "-o",
+                 "out/{probe}.{brdf}.{to}.exr", "--jobs", "2")  # fmt: skip
+    assert (result.code, result.err) == (0, "")
+    assert re.fullmatch(
+        r"10 outputs: 10 made, [\d,]+ bytes; batch\.jsonl tells of each\n", result.out
+    )
+    made = sorted(path.name for path in (folder / "out").iterdir())
+    assert made == sorted(
+        f"p{k}.{form}.exr" for k in range(5) for form in ("irradiance", "phong-exponent-8.shrm")
+    )
+    for k in range(5):
+        assert open_map(folder / f"out/p{k}.irradiance.exr").info.probe == f"p{k}.exr"
+    lines = log_lines(folder / "batch.jsonl")
+    assert {line["status"] for line in lines} == {"made"}
+    assert all(line["seconds"] > 0 and line["time"] for line in lines)
+
+
+@pytest.fixture
+def made(folder):
+    """The same folder with the irradiance of all probes but one, which is damaged."""
+    (folder / "probes/p3.exr").write_bytes(b"damaged")
+    result = run(*IRRADIANCE, "--jobs", "1", "--quiet")
+    assert result.code == 1
+    assert "p3.exr" in result.err
+    return folder
+
+
+def test_what_failed_is_told_and_logged_and_done_again(made):
+    assert not (made / "out/p3.exr").exists()
+    (failed,) = [line for line in log_lines(made / "batch.jsonl") if line["status"] == "failed"]
+    assert failed["probe"] == "probes/p3.exr"
+    write_exr(made / "probes/p3.exr", noise())
+    result = run(*IRRADIANCE, "--jobs", "1", "--json")
+    assert (result.code, result.err) == (0, "")
+    totals = json.loads(result.out)
+    assert (totals["made"], totals["skipped"], totals["failed"]) == (1, 4, 0)
+    last = log_lines(made / "batch.jsonl")[-5:]
+    assert {line["output"]: line["status"] for line in last}["out/p3.exr"] == "made"
+
+
+def test_json_names_the_failures(made):
+    result = run(*IRRADIANCE, "--jobs", "1", "--json")
+    assert result.code == 1
+    totals = json.loads(result.out)
+    assert (totals["jobs"], totals["failed"], totals["not_done"]) == (5, 1, 0)
+    assert totals["failures"][0]["probe"] == "probes/p3.exr"
+
+
+def test_a_dry_run_tells_what_would_be_made_and_makes_nothing(made):
+    before = sorted(made.rglob("*"))
+    result = run(
+        *IRRADIANCE, "--to", "shrm", "--brdf", "phong:exponent=8", "-o", "out/{probe}{brdf}.exr",
+        "--jobs", "1", "--dry-run",
+    )  # fmt: skip
+    assert sorted(made.rglob("*")) == before
+    assert "waiting  out/p0phong-exponent-8.exr  (not there)" in result.err
+    assert "skipped  out/p0.exr  (there already)" in result.err
+    order = prefilter("probes/p0.exr", "phong:exponent=8").info.order_f
+    assert f"5 of shrm, phong:exponent=8: F = {order}, P = 0, " in result.out
+    assert "10 outputs: 4 to make, 4 there already, 2 failed" in result.out
+    assert result.code == 1
+
+
+def test_predicted_sizes_and_orders_are_those_of_the_files(folder):
+    options = ("--to", "shrm", "--brdf", "microfacet:sigma=0.4", "-o", "{probe}.exr", "--jobs", "1")
+    told = json.loads(run("batch", "probes/p0.exr", *options, "--dry-run", "--json").out)
+    assert run("batch", "probes/p0.exr", *options, "--quiet").code == 0
+    (record,) = log_lines(folder / "batch.jsonl")
+    (predicted,) = told["predictions"]
+    for name in ("size", "order_f", "order_p", "order_carried", "predicted_error"):
+        assert predicted[name] == record[name]
+    values = open_map("p0.exr").planes()
+    assert predicted["bytes"] == 2 * sum(plane.size for plane in values)
+    assert record["bytes"] < 1.2 * predicted["bytes"]
+
+
+def test_a_manifest(folder):
+    (folder / "bake.toml").write_text(
+        """
+        probes = ["probes/*.exr"]
+        to = ["irradiance"]
+        output = "out/{probe}.{to}.exr"
+
+        [[entry]]
+        [[entry]]
+        probes = ["probes/p0.exr"]
+        to = "shrm"
+        brdfs = ["phong:exponent=8"]
+        eps = 0.2
+        """
+    )
+    result = run("batch", "bake.toml", "--jobs", "1")
+    assert (result.code, result.err) == (0, "")
+    assert len(list((folder / "out").iterdir())) == 6
+    assert open_map("out/p0.shrm.exr").info.tolerance == pytest.approx(0.2)
+    assert_refused(run("batch", "bake.toml", "--eps", "0.1"), 2, "--eps", "manifest")
+    assert_refused(run("batch", "bake.toml", "probes/p0.exr"), 2, "nothing beside it")
+
+
+def test_a_light_file_is_a_probe(folder):
+    (folder / "lamp.toml").write_text(
+        "[[disc]]\nazimuth = 10\nelevation = 40\nradius = 20\nradiance = [1, 1, 1]\n"
+    )
+    result = run("batch", "lamp.toml", "--to", "irradiance", "--jobs", "1")
+    assert (result.code, result.err) == (0, "")
+    assert open_map("lamp.irradiance.exr").info.probe == "lamp.toml"
+
+
+def test_gathered_coefficients(made):
+    result = run("batch", "probes/*.exr", "--collect", "light.npz", "--collect-order", "3")
+    assert result.code == 1
+    assert "probes/p3.exr" in result.err
+    assert result.out.startswith("light.npz: radiance of 4 probes\n")
+    found = read_collection("light.npz")
+    assert list(found.names) == [f"probes/p{k}.exr" for k in (0, 1, 2, 4)]
+    for name, digest, coefficients in zip(
+        found.names, found.digests, found.coefficients, strict=True
+    ):
+        probe = open_probe(name)
+        assert digest == probe.digest()
+        np.testing.assert_array_equal(coefficients, project(probe, 3).coefficients)
+    assert not list(made.glob("*.shrm.exr"))  # no maps were asked for
+
+
+def test_shares_are_all_of_a_batch(folder):
+    found = []
+    for share in ("1/3", "2-3/3"):
+        assert run(*IRRADIANCE, "--jobs", "1", "--share", share, "--log", "l.jsonl").code == 0
+    found = statuses(log_lines(folder / "l.jsonl"))
+    assert found == {f"out/p{k}.exr": "made" for k in range(5)}
+    assert len(log_lines(folder / "l.jsonl")) == 5  # each in one share only
+
+
+def test_command_lines_for_farms(folder):
+    result = run(*IRRADIANCE, "--chunk", "2", "--commands", "lines.txt", "--openjd=job.json")
+    assert (result.code, result.err) == (0, "")
+    lines = (folder / "lines.txt").read_text().splitlines()
+    assert lines == [
+        f"shrm batch 'probes/*.exr' --to irradiance -o 'out/{{probe}}.exr' --share {k}/3"
+        for k in (1, 2, 3)
+    ]
+    job = json.loads((folder / "job.json").read_text())
+    assert job["specificationVersion"] == "jobtemplate-2023-09"
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["none/*.exr", "--to", "irradiance"], 1, ["none/*.exr", "matches no file"]),
+        (["probes/*.exr"], 2, ["--brdf", "is missing"]),
+        (["probes/*.exr", "--to", "irradiance", "--levels", "3"], 2, ["--levels", "splitsum"]),
+        (["probes/*.exr", "--to", "irradiance", "-o", "x.exr"], 1, ["{probe}"]),
+        (["probes/*.exr", "--to", "irradiance", "--share", "3/2"], 2, ["--share", "3/10"]),
+        (["probes/*.exr", "--to", "irradiance", "--collect-order", "3"], 2, ["--collect"]),
+        (["probes/*.exr", "--to", "irradiance", "--collect", "a.txt"], 1, [".parquet"]),
+        (["probes/*.exr", "--to", "irradiance", "--log", "no/log"], 1, ["no/log", "--log"]),
+        (["probes/*.exr", "--to", "irradiance", "--scheduler", "nonsense"], 1, ["nonsense"]),
+    ],
+)
+def test_what_cannot_be_asked_for(folder, arguments, code, said):
+    if "nonsense" in arguments:
+        pytest.importorskip("distributed")
+    assert_refused(run("batch", *arguments), code, *said)
+
+
+def test_lines_tell_the_progress_where_there_is_no_terminal(folder, monkeypatch):
+    monkeypatch.setattr("shrm_cli.cli.ticker._EVERY", 0.0)
+    result = run(*IRRADIANCE, "--jobs", "1")
+    assert re.search(r"baking: 3 of 5, [\d.]+ a second, \d+ s left", result.err)
+    assert run(*IRRADIANCE, "--jobs", "1", "--quiet").err == ""
+
+
+def test_predictions_are_of_the_first_sound_probe(folder):
+    (folder / "probes/p0.exr").write_bytes(b"damaged")
+    result = run(*IRRADIANCE, "--jobs", "1", "--dry-run", "--json")
+    (told,) = json.loads(result.out)["predictions"]
+    assert told["probe"] == "probes/p1.exr"
+    assert (told["outputs"], told["order_f"], told["size"]) == (5, 2, 16)
