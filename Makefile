@@ -31,7 +31,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test fuzz bench tables survey probes batch clean distclean
+.PHONY: help install demo test fuzz bench tables survey scale probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -40,6 +40,7 @@ help:
 	@echo 'make bench     measure against other tools, as ratios'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
+	@echo 'make scale     what batches take and what limits them, into build/paper/'
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
 	@echo 'make batch     PROBES="..." BRDFS="..." FORMS="...": bake every pair into build/'
 	@echo 'make install   set up .venv with shrm in it'
@@ -94,6 +95,10 @@ tables: $(VENV)/.dev
 # Without probes/real, which `make probes` fills, both take shipped probes.
 survey: $(VENV)/.dev
 	$(BIN)/python -m tests.paper build/paper --survey $(TABLES_FLAGS) $(MEASURED)
+
+# A quarter of an hour of an idle machine; docs/scale.md takes its tables from it.
+scale: $(VENV)/.dev
+	$(BIN)/python -m tests.paper build/paper --scale $(TABLES_FLAGS)
 
 probes:
 	@bash probes/fetch.sh

@@ -29,6 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from tests.paper.inputs import probe_files, say
 
     extent = SHORT if given.short else FULL
+    if given.scale:
+        from tests.paper.scale.reach import FULL as WHOLE
+        from tests.paper.scale.reach import SHORT as LITTLE
+        from tests.paper.scale.write import write_scale
+
+        write_scale(given.folder, given.probes, LITTLE if given.short else WHOLE)
+        return
     if given.survey:
         write_survey(given.folder, given.probes, given.measured, extent)
         say(f"The page is {(given.folder / _SURVEY).resolve()}")
@@ -47,6 +54,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.paper", description=__doc__)
     parser.add_argument("folder", type=Path, help="where the pages go")
     parser.add_argument("--survey", action="store_true", help="survey all BRDFs instead")
+    parser.add_argument("--scale", action="store_true", help="measure what batches take instead")
     parser.add_argument("--short", action="store_true", help="few cases and small pictures")
     parser.add_argument(
         "--probes", type=Path, default=ROOT / "probes" / "real", help="where the real probes are"

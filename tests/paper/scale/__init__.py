@@ -1,0 +1,1 @@
+"""What prefiltering costs, one probe or a million: measured, fitted, foretold."""
