@@ -11,9 +11,12 @@ where even m make the a_k and odd m the b_k. So the sum over (L+1)^2 coefficient
 O(L) operations a texel instead of O(L^2), all of them matrix products. The rows of +-X run
 along z, those of +-Y and +-Z along x, so the series is used as it is and with x as its polar
 axis. Values are exact at each texel: no intermediate image is interpolated, and there is no pole.
+
+Small cubes are left to `shrm_cli.sphere.octants`, which has less to do beside the arithmetic.
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +25,7 @@ from numpy.typing import NDArray
 from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo
 from shrm_cli.parallel import at_once, in_order
+from shrm_cli.sphere import octants
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
@@ -90,13 +94,17 @@ class CubeSeries:
     """
 
     def __init__(self, coefficients: Array) -> None:
-        turned = rotated_again(coefficients, _X_POLAR)
-        self._both = np.stack([coefficients, turned], axis=1)
+        self._series = coefficients
 
     @property
     def order(self) -> int:
         """The largest degree of the series."""
-        return order_of(len(self._both))
+        return order_of(len(self._series))
+
+    @cached_property
+    def _both(self) -> Array:
+        """The series as they are, and turned, shape ((order+1)^2, 2, maps)."""
+        return np.stack([self._series, rotated_again(self._series, _X_POLAR)], axis=1)
 
     def planes(
         self,
@@ -119,10 +127,15 @@ class CubeSeries:
         -------
         ndarray, shape (maps, 6 size, size)
         """
-        both = self._both
+        order = self.order if factors is None else len(factors) - 1
+        degree = degrees(order)
+        if octants.is_small(order, size):
+            series = self._series[: len(degree)]
+            series = series if factors is None else series * factors[degree, None]
+            return octants.synthesize(series, size, sampling, dtype)
+        both = self._both[: len(degree)]
         if factors is not None:
-            degree = degrees(len(factors) - 1)
-            both = both[: len(degree)] * factors[degree, None, None]
+            both = both * factors[degree, None, None]
         count, maps = order_of(len(both)) + 1, both.shape[2]
         result: Array = np.empty((maps, 6, size, size), dtype=dtype)
         step = max(1, _BLOCK_BYTES // (np.dtype(dtype).itemsize * 16 * size * count))

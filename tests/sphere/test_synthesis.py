@@ -2,7 +2,7 @@ import ducc0
 import numpy as np
 import pytest
 
-from shrm_cli.sphere import synthesis
+from shrm_cli.sphere import octants, synthesis
 from shrm_cli.sphere.synthesis import CubeSeries, integrate_cube, synthesize_cube
 from tests import oracles
 from tests.oracles import tolerance
@@ -17,6 +17,13 @@ def truth(coefficients, size, sampling):
     return np.moveaxis(oracles.real_harmonics(order, directions) @ coefficients, -1, 0)
 
 
+@pytest.fixture(params=["octants", "meridians"])
+def method(request, monkeypatch):
+    """Both ways in which series are synthesized, whichever is taken for such a size."""
+    monkeypatch.setattr(octants, "MOST_VALUES", 2**21 if request.param == "octants" else 0)
+
+
+@pytest.mark.usefixtures("method")
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("size", [1, 2, 3, 6, 7])
 @pytest.mark.parametrize("order", range(8))
@@ -28,6 +35,7 @@ def test_every_texel_against_the_harmonics(rng, order, size, sampling):
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance(order) * 2 * (order + 1))
 
 
+@pytest.mark.usefixtures("method")
 @pytest.mark.parametrize(("order", "known"), [(7, 7), (4, 7), (0, 3)])
 def test_factors_multiply_degrees_and_cut_the_rest_off(rng, order, known):
     coefficients, factors = (
@@ -43,6 +51,7 @@ def test_factors_multiply_degrees_and_cut_the_rest_off(rng, order, known):
     np.testing.assert_allclose(again, truth(coefficients, 5, "center"), atol=tolerance(known) * 80)
 
 
+@pytest.mark.usefixtures("method")
 @pytest.mark.parametrize("basis", range(9))
 def test_each_harmonic_alone(basis):
     """No two of them can be exchanged, and none can change its sign."""
@@ -52,6 +61,7 @@ def test_each_harmonic_alone(basis):
     np.testing.assert_allclose(found, truth(coefficients, 3, "center"), atol=tolerance(2))
 
 
+@pytest.mark.usefixtures("method")
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize(("order", "size"), [(3, 1), (20, 16), (33, 5), (100, 11), (130, 2)])
 def test_every_texel_against_ducc(rng, order, size, sampling):
@@ -70,6 +80,7 @@ def test_every_texel_against_ducc(rng, order, size, sampling):
     )
 
 
+@pytest.mark.usefixtures("method")
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize(("order", "size"), [(5, 7), (63, 16)])
 def test_single_precision(rng, order, size, sampling):
@@ -81,6 +92,7 @@ def test_single_precision(rng, order, size, sampling):
     np.testing.assert_allclose(single, double, rtol=0, atol=1e-5 * np.abs(double).max())
 
 
+@pytest.mark.usefixtures("method")
 def test_many_maps_are_the_maps_one_by_one(rng):
     """So many that the rows of a face no longer fit one block."""
     coefficients = rng.standard_normal((16, 200))
@@ -90,6 +102,7 @@ def test_many_maps_are_the_maps_one_by_one(rng):
         np.testing.assert_allclose(together[[at]], alone, rtol=0, atol=1e-13)
 
 
+@pytest.mark.usefixtures("method")
 @pytest.mark.parametrize("size", [6, 7])
 def test_blocks_of_any_size_give_the_same_texels(rng, monkeypatch, size):
     """One row, or two maps, at a time."""
@@ -97,6 +110,7 @@ def test_blocks_of_any_size_give_the_same_texels(rng, monkeypatch, size):
     expected = synthesize_cube(coefficients, size)
     integrals = integrate_cube(expected, 4)
     monkeypatch.setattr(synthesis, "_CACHED_BYTES", 1)
+    monkeypatch.setattr(octants, "_CACHED_BYTES", 1)
     monkeypatch.setattr(synthesis, "_BLOCK_BYTES", 2 * 8 * 8 * size * 5)
     np.testing.assert_allclose(synthesize_cube(coefficients, size), expected, rtol=0, atol=1e-13)
     np.testing.assert_allclose(integrate_cube(expected, 4), integrals, rtol=0, atol=1e-11)
