@@ -73,30 +73,40 @@ def coupled(separate: Array, parts: Array) -> Array:
     table = _known_tables.get((kept, p), lambda: _make_table(kept, p))
     factors = np.zeros((*parts.shape[2:], p + 1, kept + 1))
     factors[..., : order + 1] = np.einsum("lqj,lqbc->bcjl", zonal_coupling(order, p), parts)
-    weights = np.stack(
-        [factors[:, :, j, degrees[:count]] for j, degrees in enumerate(table.degrees)], axis=2
-    )
+    weights = [
+        factors[:, :, j, degrees[:count]][:, :, None] for j, degrees in enumerate(table.degrees)
+    ]
 
     def mode(s: int) -> Array:
         # Where there is no such m, the coupling is 0, and the index that of anything.
-        chosen = separate.take(table.light[:, :count] + s, axis=-1, mode="clip")
-        coupling = table.couplings[p + s, :, :count]
-        return np.einsum("bcjn,cxjn->xnbc", weights, chosen * coupling)
+        light = separate.take(table.light[:, :count] + s, axis=-1, mode="clip")
+        light *= table.couplings[p + s, :, :count]
+        total = weights[0] * light[:, :, 0]
+        for j in range(1, p + 1):
+            total += weights[j] * light[:, :, j]
+        return total
 
-    modes = list(in_order(mode, range(-p, p + 1), weights.size * p > _LARGE))
-    real = np.empty((count, 2 * p + 1, *parts.shape[2:]))
+    modes = list(in_order(mode, range(-p, p + 1), factors.size * count * p > _LARGE * (kept + 1)))
+    # Real and imaginary parts are [spin, bundle, channel, n], which are sorted once at the end.
+    real = np.empty((2 * p + 1, *parts.shape[2:], count))
     imaginary = np.empty_like(real)
-    real[:, p], imaginary[:, p] = np.sqrt(2) * modes[p]
+    real[p], imaginary[p] = _halves(np.sqrt(2) * modes[p])
     for s in range(1, p + 1):
         raised, lowered = modes[p + s], (-1.0) ** s * modes[p - s]
-        real[:, p + s], imaginary[:, p + s] = raised + lowered
+        real[p + s], imaginary[p + s] = _halves(raised + lowered)
         # That of -s is the difference, times the imaginary unit.
-        imaginary[:, p - s], real[:, p - s] = raised - lowered
-        real[:, p - s] *= -1
-    result = np.empty(((order + p + 1) ** 2, *real.shape[1:]))
-    result[table.sine[:count]] = -imaginary
-    result[table.cosine[:count]] = real  # last, because both are the same where M = 0
+        imaginary[p - s], real[p - s] = _halves(raised - lowered)
+        real[p - s] *= -1
+    result = np.empty(((order + p + 1) ** 2, *real.shape[:-1]))
+    result[table.sine[:count]] = -np.moveaxis(imaginary, -1, 0)
+    # They come last, because both are the same where M = 0.
+    result[table.cosine[:count]] = np.moveaxis(real, -1, 0)
     return result
+
+
+def _halves(mode: Array) -> Array:
+    """Return the real and the imaginary parts of a mode, shape (2, bundles, channels, n)."""
+    return np.moveaxis(mode, 2, 0)
 
 
 @dataclass(frozen=True)
