@@ -64,8 +64,8 @@ def synthesize(coefficients: Array, size: int, sampling: Sampling, dtype: type) 
     key = kept, size, sampling, np.dtype(dtype)
     tables = _known_tables.get(key, lambda: _tables(kept, size, sampling, dtype))
     half = (size + 1) // 2
-    series = [coefficients[rows].astype(dtype) for rows in _classes(order)]
-    result = np.empty((maps, len(FACES), size, size), dtype=dtype)
+    series: list[Array] = [coefficients[rows].astype(dtype) for rows in _classes(order)]
+    result: Array = np.empty((maps, len(FACES), size, size), dtype=dtype)
     step = max(1, _CACHED_BYTES // (8 * 3 * half**2 * result.itemsize))
     for start in range(0, maps, step):
         part = slice(start, start + step)
