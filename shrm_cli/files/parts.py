@@ -10,7 +10,7 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -191,10 +191,32 @@ def write_parts(
         If the suffix is unknown, a value is not finite, half would overflow, or the file cannot
         be written.
     """
-    planes = (plane for part in parts for plane in part.channels.values())
-    pixel_type = choose_pixel_type(path, planes, precision)
-    write_chosen(path, parts, pixel_type)
-    return pixel_type
+    storage, parts = prepared(path, parts, precision)
+    write_chosen(path, parts, storage.pixel_type)
+    return storage.pixel_type
+
+
+def prepared(
+    path: str | os.PathLike[str], parts: Sequence[Part], precision: Precision, allowed: float = 0.0
+) -> tuple[Storage, list[Part]]:
+    """Choose how to store parts, as `choose_storage` does, and round them where half is chosen.
+
+    To round values takes about as long as all else here, so that it is done once.
+
+    Returns
+    -------
+    storage : Storage
+    parts : list of Part
+        The parts to give to `write_chosen`.
+    """
+    planes = [plane for part in parts for plane in part.channels.values()]
+    storage, halves = _examined(path, planes, precision, allowed)
+    if storage.pixel_type == "float":
+        return storage, list(parts)
+    rounded = iter(halves)
+    return storage, [
+        replace(part, channels=dict(zip(part.channels, rounded, strict=False))) for part in parts
+    ]
 
 
 def write_chosen(
@@ -242,21 +264,29 @@ def choose_storage(
     OutputError
         If a value is not finite in 32-bit float, or half is asked for and would overflow.
     """
-    largest = whole = lost = 0.0
+    return _examined(path, list(planes), precision, allowed)[0]
 
-    def measured(plane: Array) -> tuple[float, float, float]:
+
+def _examined(
+    path: str | os.PathLike[str], planes: Sequence[Array], precision: Precision, allowed: float
+) -> tuple[Storage, list[Array]]:
+    """Return what `choose_storage` does, and the planes in half precision if that is chosen."""
+    largest = whole = lost = 0.0
+    halves = []
+
+    def measured(plane: Array) -> tuple[float, Array, float, float]:
         high = float(max(plane.max(), -plane.min())) if plane.size else 0.0
         fits = high < _HALF_OVERFLOW and precision != "float"
-        return high, *(_squares(plane) if fits else (0.0, 0.0))
+        return high, *(_rounded(plane) if fits else (plane, 0.0, 0.0))
 
-    planes = list(planes)
     is_large = sum(plane.size for plane in planes) > LARGE
-    for high, *squares in in_order(measured, planes, is_large):
+    for high, half, *squares in in_order(measured, planes, is_large):
         # A NaN fails this comparison, so it becomes the largest value, which is then refused.
         largest = largest if high <= largest else high
         if not largest <= _FLOAT_MAX:
             raise OutputError(f"{path}: a value is not finite in 32-bit float; dim the light")
         whole, lost = whole + squares[0], lost + squares[1]
+        halves.append(half)
     overflows = largest >= _HALF_OVERFLOW
     if precision == "half" and overflows:
         raise OutputError(
@@ -266,18 +296,22 @@ def choose_storage(
     error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
     too_dim = precision == "auto" and error > max(allowed, HALF_ROUNDING)
     takes_float = precision == "float" or overflows or too_dim
-    return Storage("float" if takes_float else "half", np.inf if overflows else error)
+    storage = Storage("float" if takes_float else "half", np.inf if overflows else error)
+    return storage, [] if takes_float else halves
 
 
-def _squares(plane: Array) -> tuple[float, float]:
-    """Sums of the squares of values, and of what half leaves out of them."""
+def _rounded(plane: Array) -> tuple[Array, float, float]:
+    """Return values in half precision, and the sums of squares of them and of what that loses."""
     flat = plane.reshape(-1)
+    half = np.empty(flat.shape, np.float16)
     whole = lost = 0.0
     for start in range(0, flat.size, _VALUES_AT_ONCE):
-        values = flat[start : start + _VALUES_AT_ONCE].astype(float)
-        rest = values - values.astype(np.float16)
+        part = slice(start, start + _VALUES_AT_ONCE)
+        half[part] = flat[part]
+        values = flat[part].astype(float)
+        rest = values - half[part]
         whole, lost = whole + float(values @ values), lost + float(rest @ rest)
-    return whole, lost
+    return half.reshape(plane.shape), whole, lost
 
 
 def open_file(path: str | os.PathLike[str]) -> StoredFile:

@@ -9,9 +9,9 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.parts import (
     Storage,
     StoredFile,
-    choose_storage,
     open_file,
     peek,
+    prepared,
     write_chosen,
 )
 from shrm_cli.maps import registry
@@ -88,8 +88,7 @@ def store(
     parts = [arrangement.arranged(part) for part in reflection_map.encode()]
     info = reflection_map.info
     allowed = _ALLOWED * float(np.hypot(info.predicted_error, info.added_error))
-    planes = (plane for part in parts for plane in part.channels.values())
-    storage = choose_storage(path, planes, precision, allowed)
+    storage, parts = prepared(path, parts, precision, allowed)
     if storage.error:
         for part in parts:
             part.header["shrm:storage_error"] = float(np.hypot(storage.error, info.storage_error))

@@ -278,7 +278,9 @@ class Shrm(Map):
         make = partial(_glances, reflections, views, *form)
         texels, weights = _known_glances.get((*form, *digests), make)
         planes = np.moveaxis(self.coefficients, (2, 3), (0, 1)).reshape(len(weights), 3, -1)
-        return np.asarray(np.einsum("kn,kcn->nc", weights, planes[:, :, texels]))
+        shown = planes.take(texels, axis=-1)
+        shown *= weights.astype(shown.dtype)[:, None]
+        return np.asarray(shown.sum(axis=0).T)
 
     def reflection_map(self, view: ArrayLike) -> Array:
         """Return the reflection map for one distant viewer (eq. 5.35), shape (6N, N, 3).
