@@ -4,7 +4,8 @@ Every real harmonic is even or odd in each of x, y and z. The harmonics fall int
 accordingly, and what a class adds to a texel is known up to its sign in all eight octants from the
 texel's mirror image in the first one. So a series is summed class by class, at the texels of one
 octant only, by a product with a table of harmonics that many series share; sums and differences of
-the classes are its values in all octants.
+the classes are its values in all octants. To exchange x and y is to reorder the coefficients, so
+that the faces of y need no table of their own.
 
 That takes ``3/4 N^2 (F+1)^2`` steps a map. The meridians of `shrm_cli.sphere.synthesis` take fewer
 from some size on, but in arrays so small for small cubes that most of the time is not arithmetic.
@@ -24,10 +25,10 @@ from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
-MOST_VALUES = 2**21
-"""The most numbers of a table of harmonics, 8 MB in single precision."""
+MOST_VALUES = 3 * 2**19
+"""The most numbers of a table of harmonics, 6 MB in single precision."""
 _known_tables = Memo(2**25)
-"""Tables of some sizes and orders; size 32 and order 48 take 7.4 MB in single precision."""
+"""Tables of some sizes and orders; size 32 and order 48 take 4.9 MB in single precision."""
 _CACHED_BYTES = 2**21
 """Memory of the values of some maps, so that they stay in the processor's cache."""
 
@@ -38,7 +39,7 @@ def is_small(order: int, size: int) -> bool:
     This decides by order and size alone, so that the same series have the same values always.
     """
     half = (size + 1) // 2
-    return 3 * half**2 * (kept_order(order) + 1) ** 2 <= MOST_VALUES
+    return 2 * half**2 * (kept_order(order) + 1) ** 2 <= MOST_VALUES
 
 
 def synthesize(coefficients: Array, size: int, sampling: Sampling, dtype: type) -> Array:
@@ -64,17 +65,53 @@ def synthesize(coefficients: Array, size: int, sampling: Sampling, dtype: type) 
     key = kept, size, sampling, np.dtype(dtype)
     tables = _known_tables.get(key, lambda: _tables(kept, size, sampling, dtype))
     half = (size + 1) // 2
-    series: list[Array] = [coefficients[rows].astype(dtype) for rows in _classes(order)]
     result: Array = np.empty((maps, len(FACES), size, size), dtype=dtype)
     step = max(1, _CACHED_BYTES // (8 * 3 * half**2 * result.itemsize))
     for start in range(0, maps, step):
         part = slice(start, start + step)
-        values: Array = np.empty((8, len(result[part]), 3 * half**2), dtype=dtype)
-        for each, table, target in zip(series, tables, values, strict=True):
-            # The large factor is the first, which BLAS libraries take less time for.
-            target[...] = (table[:, : len(each)] @ each[:, part]).T
-        _fill(values.reshape(2, 2, 2, -1, 3, half, half), result[part])
+        _fill(_class_values(coefficients[:, part], tables, half, dtype), result[part])
     return result.reshape(maps, 6 * size, size)
+
+
+def _class_values(coefficients: Array, tables: list[Array], half: int, dtype: type) -> Array:
+    """Return what the harmonics of each class add to the texels of the first octant.
+
+    Returns
+    -------
+    ndarray, shape (2, 2, 2, maps, 3, half, half)
+        By the parities in x, y and z, and by the axis of the texel's face.
+    """
+    order, maps = order_of(len(coefficients)), coefficients.shape[1]
+    source, sign = _exchanged(order)
+    both = np.concatenate([coefficients, coefficients[source] * sign[:, None]], axis=1)
+    both = both.astype(dtype)
+    values: Array = np.empty((2, 2, 2, maps, 3, half, half), dtype=dtype)
+    for (x, y, z), rows, table in zip(np.ndindex(2, 2, 2), _classes(order), tables, strict=True):
+        # The large factor is the first, which BLAS libraries take less time for.
+        of_x, of_z = table[: half**2, : len(rows)], table[half**2 :, : len(rows)]
+        series = both[rows]
+        sides = (of_x @ series).reshape(half, half, 2, maps)
+        values[x, y, z, :, 0] = sides[:, :, 0].transpose(2, 0, 1)
+        # On +Y, x rises to the right; on +X, y rises downwards.
+        values[y, x, z, :, 1] = sides[:, :, 1].transpose(2, 1, 0)
+        values[x, y, z, :, 2] = (of_z @ series[:, :maps]).T.reshape(maps, half, half)
+    return values
+
+
+@lru_cache(maxsize=64)
+def _exchanged(order: int) -> tuple[NDArray[np.intp], Array]:
+    """Return where the coefficients of f(y, x, z) are found among those of f, and their signs.
+
+    To exchange x and y is to turn the longitude phi into ``pi/2 - phi``.
+    """
+    degree = degrees(order)
+    middle = degree * (degree + 1)
+    m = np.arange(len(degree)) - middle
+    # cos(m (pi/2 - phi)) is cos(m pi/2) cos(m phi) or sin(m pi/2) sin(m phi), for even and odd m.
+    # sin(m (pi/2 - phi)) is -cos(m pi/2) sin(m phi) or sin(m pi/2) cos(m phi).
+    source = np.where(m % 2 == 0, middle + m, middle - m)
+    sign = np.where((abs(m) // 2) % 2 == 0, 1.0, -1.0) * np.where((m < 0) & (m % 2 == 0), -1, 1)
+    return source, sign
 
 
 @lru_cache(maxsize=64)
@@ -94,18 +131,18 @@ def _classes(order: int) -> list[NDArray[np.intp]]:
 
 
 def _tables(order: int, size: int, sampling: Sampling, dtype: type) -> list[Array]:
-    """Return the harmonics of each class, ``[texel, harmonic]``, at the texels of the octant."""
+    """Return the harmonics of each class, ``[texel, harmonic]``, at the texels of `_octant`."""
     values: Array = harmonic_planes(order, _octant(size, sampling)).astype(dtype)
     return [np.ascontiguousarray(values[rows].T) for rows in _classes(order)]
 
 
 def _octant(size: int, sampling: Sampling) -> Array:
-    """Unit directions of the texels with no negative coordinate, shape (3 half^2, 3).
+    """Unit directions of the texels of +X, then of +Z, with no negative coordinate.
 
-    Those of the face +X come first, then +Y and +Z; coordinates rise down and to the right.
+    Coordinates rise down and to the right. The shape is (2 half^2, 3).
     """
     axis = nodes(size, sampling)[size // 2 :]
-    right, down, forward = np.abs(np.moveaxis(face_axes()[::2], 1, 0))[..., None, None, :]
+    right, down, forward = np.abs(np.moveaxis(face_axes()[::4], 1, 0))[..., None, None, :]
     points = forward + right * axis[None, :, None] + down * axis[:, None, None]
     points = points.reshape(-1, 3)
     return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
@@ -117,7 +154,7 @@ def _fill(values: Array, result: Array) -> None:
     Parameters
     ----------
     values : ndarray, shape (2, 2, 2, maps, 3, half, half)
-        What each class adds, by its parities in x, y and z. They are overwritten.
+        What `_class_values` returns. They are overwritten.
     result : ndarray, shape (maps, 6, N, N)
     """
     for even, odd in ((values[0], values[1]), (values[:, 0], values[:, 1])):
