@@ -5,7 +5,7 @@ accordingly, and what a class adds to a texel is known up to its sign in all eig
 texel's mirror image in the first one. So a series is summed class by class, at the texels of one
 octant only, by a product with a table of harmonics that many series share; sums and differences of
 the classes are its values in all octants. To exchange x and y is to reorder the coefficients, so
-that the faces of y need no table of their own.
+that the faces of y, and half of those of z, need no table of their own.
 
 That takes ``3/4 N^2 (F+1)^2`` steps a map. The meridians of `shrm_cli.sphere.synthesis` take fewer
 from some size on, but in arrays so small for small cubes that most of the time is not arithmetic.
@@ -28,7 +28,7 @@ Array = NDArray[np.floating]
 MOST_VALUES = 3 * 2**19
 """The most numbers of a table of harmonics, 6 MB in single precision."""
 _known_tables = Memo(2**25)
-"""Tables of some sizes and orders; size 32 and order 48 take 4.9 MB in single precision."""
+"""Tables of some sizes and orders; size 32 and order 48 take 3.8 MB in single precision."""
 _CACHED_BYTES = 2**21
 """Memory of the values of some maps, so that they stay in the processor's cache."""
 
@@ -83,18 +83,20 @@ def _class_values(coefficients: Array, tables: list[Array], half: int, dtype: ty
     """
     order, maps = order_of(len(coefficients)), coefficients.shape[1]
     source, sign = _exchanged(order)
+    # The series, and with x and y exchanged, which belong to the class of [y, x, z].
     both = np.concatenate([coefficients, coefficients[source] * sign[:, None]], axis=1)
     both = both.astype(dtype)
     values: Array = np.empty((2, 2, 2, maps, 3, half, half), dtype=dtype)
+    low, high = np.tril_indices(half)
     for (x, y, z), rows, table in zip(np.ndindex(2, 2, 2), _classes(order), tables, strict=True):
         # The large factor is the first, which BLAS libraries take less time for.
-        of_x, of_z = table[: half**2, : len(rows)], table[half**2 :, : len(rows)]
-        series = both[rows]
-        sides = (of_x @ series).reshape(half, half, 2, maps)
+        found = table[:, : len(rows)] @ both[rows]
+        sides = found[: half**2].reshape(half, half, 2, maps)
         values[x, y, z, :, 0] = sides[:, :, 0].transpose(2, 0, 1)
         # On +Y, x rises to the right; on +X, y rises downwards.
         values[y, x, z, :, 1] = sides[:, :, 1].transpose(2, 1, 0)
-        values[x, y, z, :, 2] = (of_z @ series[:, :maps]).T.reshape(maps, half, half)
+        values[x, y, z, :, 2, low, high] = found[half**2 :, :maps]
+        values[y, x, z, :, 2, high, low] = found[half**2 :, maps:]
     return values
 
 
@@ -137,14 +139,15 @@ def _tables(order: int, size: int, sampling: Sampling, dtype: type) -> list[Arra
 
 
 def _octant(size: int, sampling: Sampling) -> Array:
-    """Unit directions of the texels of +X, then of +Z, with no negative coordinate.
+    """Unit directions of texels with no negative coordinate, shape (n, 3).
 
-    Coordinates rise down and to the right. The shape is (2 half^2, 3).
+    Those of +X come first, whose coordinates rise down and to the right, and then those of +Z
+    whose row is no less than their column.
     """
     axis = nodes(size, sampling)[size // 2 :]
     right, down, forward = np.abs(np.moveaxis(face_axes()[::4], 1, 0))[..., None, None, :]
     points = forward + right * axis[None, :, None] + down * axis[:, None, None]
-    points = points.reshape(-1, 3)
+    points = np.concatenate([points[0].reshape(-1, 3), points[1][np.tril_indices(len(axis))]])
     return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
 
 
