@@ -60,6 +60,7 @@ def test_the_page_names_what_there_is():
         assert getattr(shrm, name) is not None
 
 
+@pytest.mark.slow
 def test_the_example_runs(tmp_path):
     example = str(ROOT / "examples" / "library.py")
     code = f"import runpy, sys; sys.argv = ['library.py', '.']; runpy.run_path({example!r})"

@@ -284,6 +284,7 @@ def test_forms_are_baked_of_every_probe(project):
 HOSTILE = ["my probe", "it's", "p%q", "a$b$(HOME)", 'say "hi"', "x#y", "a:b", "50% ~grey", "ü*"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE[:4])
 def test_probes_of_any_name_are_baked(project, name):
     project.write(f"probes/{name}.exr", "light")

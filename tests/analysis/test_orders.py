@@ -101,6 +101,7 @@ def test_grid_is_as_large_as_asked_or_needed():
     assert energy_grid(parse_spec("phong"), (0.1,), order_p=4).order_p == 0
 
 
+@pytest.mark.slow
 def test_unmet_tolerance_is_an_error():
     with pytest.raises(OrderError, match="cannot be met"):
         energy_grid(parse_spec("phong:exponent=1e5"), (0.5, 0.01))
@@ -278,6 +279,7 @@ def test_pictures_approach_the_truth_with_p(microfacet_pictures):
     np.testing.assert_allclose(np.log2(errors.mean(axis=1) / made.predicted_errors), 0, atol=1)
 
 
+@pytest.mark.slow
 def test_pictures_are_those_of_maps_of_each_p(microfacet_pictures):
     coefficients, lighting, _, made = microfacet_pictures
     for p in (0, 2, 5):

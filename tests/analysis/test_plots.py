@@ -127,6 +127,7 @@ def test_accuracies_that_stay_low_are_not_cut_off(drawn):
     assert drawn[0].axes[0].get_ylim() == (0, 1.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("captured", [np.ones((33, 1)), np.ones((1, 1)), np.zeros((1, 33))])
 def test_degenerate_energies_are_drawn(tmp_path, captured):
     plots.plot_energy(tmp_path / "x.png", captured, [(0, 0, 0.5)], "")

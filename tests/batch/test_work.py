@@ -138,6 +138,7 @@ def test_what_another_probe_or_version_made_is_made_again(made, probe, monkeypat
     assert "this is 99.0" in first["why"]
 
 
+@pytest.mark.slow
 def test_a_measured_file_that_changed_is_another_brdf(probe, tmp_path):
     table = tmp_path / "t.npz"
 

@@ -259,6 +259,7 @@ def test_truncated_entries_are_made_anew(kept):
         assert kept.read_bytes() == content
 
 
+@pytest.mark.slow
 def test_every_changed_bit_is_noticed(kept, rng):
     content = kept.read_bytes()
     for position in [*range(0, 60, 7), *rng.integers(0, len(content), 15)]:
@@ -466,6 +467,7 @@ def test_the_default_is_the_users_cache_folder(monkeypatch, tmp_path):
     assert "shrm" in str(cache.folder())
 
 
+@pytest.mark.slow
 def test_concurrent_runs_share_it(folder):
     code = (
         "from shrm_cli.brdf import cache\n"

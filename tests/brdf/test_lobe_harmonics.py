@@ -45,6 +45,7 @@ def index(order, m):
     return degree * (degree + 1) + m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("roughness", "order"), [(0.45, 10), (0.8, 8)])
 def test_they_are_integrals_over_the_light(roughness, order):
     brdf = Ggx(roughness=roughness, f0=(1.0, 0.0, 0.0))

@@ -163,6 +163,7 @@ class Sampled(Brdf):
         return self.whole.evaluate(light, view)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spec",
     [

@@ -62,6 +62,7 @@ def read(path):
     return oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8)
 
 
+@pytest.mark.slow
 def test_energies_without_a_probe(folder):
     result = analyzed("--brdf", "microfacet:sigma=0.2")
     assert list(result) == KEYS
@@ -80,6 +81,7 @@ def test_energies_without_a_probe(folder):
     assert names(folder) == ["microfacet-sigma-0.2.energy.png", "probe.exr"]
 
 
+@pytest.mark.slow
 def test_everything_with_a_probe(folder):
     options = ("--view", "20,10", "--size", 16, "--order-f", 12, "--exposure", 0.5)
     result = analyzed("--brdf", "microfacet:sigma=.4", "--probe", "probe.exr", *options)
@@ -113,6 +115,7 @@ def test_everything_with_a_probe(folder):
     assert np.abs(read(f"{stem}.pictures.png") - expected).max() <= 1
 
 
+@pytest.mark.slow
 def test_report_for_people(folder):
     options = ("--probe", "probe.exr", *SMALL, "-o", "out")
     out = done("analyze", "--brdf", "phong:exponent=32", *options)
@@ -137,6 +140,7 @@ def test_report_for_people(folder):
     assert snapshot(folder) == before  # the same bytes again
 
 
+@pytest.mark.slow
 def test_lambert(folder):
     result = analyzed("--brdf", "lambertian", "--probe", "probe.exr", "--eps", 0.05, *SMALL)
     assert [(row["order_f"], row["order_p"]) for row in result["orders"]] == [(2, 0)]
@@ -161,6 +165,7 @@ def test_order_p_of_a_zonal_brdf_is_zero(folder):
     )
 
 
+@pytest.mark.slow
 def test_black_probe(folder):
     write_exr(folder / "black.exr", np.zeros((16, 32, 3), dtype=np.float32))
     result = run("analyze", "--brdf", "microfacet", "--probe", "black.exr", *SMALL, "--json")
@@ -185,6 +190,7 @@ def test_fine_probes_are_averaged_for_the_exact_pictures(folder):
     assert analyzed(*options, "--order-f", 40)["pictures"]["source_height"] is None
 
 
+@pytest.mark.slow
 def test_prefix_and_folder(folder):
     (folder / "charts").mkdir()
     assert analyzed("--brdf", "phong", "-o", "charts")["files"] == ["charts/phong.energy.png"]
@@ -235,6 +241,7 @@ def test_what_is_refused(folder, arguments, code, parts):
     assert snapshot(folder) == before
 
 
+@pytest.mark.slow
 def test_unknwhy_no_brdfs_and_tolerances_that_cannot_be_met_are_refused(folder):
     assert_refused(run("analyze", "--brdf", "fong"), 1, "did you mean phong")
     assert_refused(run("analyze"), 2, "--brdf")

@@ -90,6 +90,7 @@ def test_a_dry_run_tells_what_would_be_made_and_makes_nothing(made):
     assert result.code == 1
 
 
+@pytest.mark.slow
 def test_predicted_sizes_and_orders_are_those_of_the_files(folder):
     options = ("--to", "shrm", "--brdf", "microfacet:sigma=0.4", "-o", "{probe}.exr", "--jobs", "1")
     told = json.loads(run("batch", "probes/p0.exr", *options, "--dry-run", "--json").out)
@@ -103,6 +104,7 @@ def test_predicted_sizes_and_orders_are_those_of_the_files(folder):
     assert record["bytes"] < 1.2 * predicted["bytes"]
 
 
+@pytest.mark.slow
 def test_a_manifest(folder):
     (folder / "bake.toml").write_text(
         """
@@ -151,6 +153,7 @@ def test_gathered_coefficients(made):
     assert not list(made.glob("*.shrm.exr"))  # no maps were asked for
 
 
+@pytest.mark.slow
 def test_shares_are_all_of_a_batch(folder):
     found = []
     for share in ("1/3", "2-3/3"):
@@ -193,6 +196,7 @@ def test_what_cannot_be_asked_for(folder, arguments, code, said):
     assert_refused(run("batch", *arguments), code, *said)
 
 
+@pytest.mark.slow
 def test_lines_tell_the_progress_where_there_is_no_terminal(folder, monkeypatch):
     monkeypatch.setattr("shrm_cli.cli.ticker._EVERY", 0.0)
     result = run(*IRRADIANCE, "--jobs", "1")

@@ -201,6 +201,7 @@ def of_luminance(name, other, views, size):
     return [median, p95, np.mean(errors > 0.05), np.mean(shown < 0)]
 
 
+@pytest.mark.slow
 def test_what_is_seen_of_each_view_and_of_all(folder):
     views = [[30, 10], [-100, -50]]
     options = ["--view", "30,10", "--view", "-100,-50", "--size", 40, "--no-picture"]
@@ -563,6 +564,7 @@ def engines(folder):
     return folder
 
 
+@pytest.mark.slow
 def test_the_truth_of_a_split_sum_is_ggx_of_that_surface(engines):
     """White light is prefiltered exactly: scale and bias give all that GGX reflects."""
     truth = ["--probe", "white.exr", *SMALL]
@@ -579,6 +581,7 @@ def test_the_truth_of_a_split_sum_is_ggx_of_that_surface(engines):
     assert defaults["f0"] == [1, 1, 1]
 
 
+@pytest.mark.slow
 def test_split_sums_beside_an_shrm_of_the_same_surface(engines):
     pair = ["white.splitsum.exr", "ggx.exr"]
     value = strict(done("compare", *pair, "--probe", "white.exr", *SMALL, *ROUGH, "--json"))

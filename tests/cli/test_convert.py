@@ -42,6 +42,7 @@ def relative(found, expected):
     return np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", EXPLICIT)
 def test_a_map_prefiltered_or_converted_is_the_same(folder, target):
     done("convert", "m.shrm.exr", "--to", target, "--precision", "float")
@@ -56,6 +57,7 @@ def test_a_map_prefiltered_or_converted_is_the_same(folder, target):
     assert converted.info.added_error == pytest.approx(direct.info.added_error, rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("target", "bound"), [("cabral", 1e-3), ("lightfield", 1e-4)])
 def test_there_and_back(folder, target, bound):
     done("convert", "m.shrm.exr", "--to", target, "-o", "there.exr")

@@ -588,6 +588,7 @@ def test_attributes_of_a_type_that_nobody_knows(sound, kind, name):
     assert_refused(run("info", path), 1, f"{path}: ", f"shrm:{name}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_flipped_byte_is_survived(sound, kind):
     """Damage anywhere in the headers gives a map or one line, and nothing else."""

@@ -176,6 +176,7 @@ def test_a_table_of_a_brdf(folder):
     assert packed["see"] == "shrm brdf matte.npz"
 
 
+@pytest.mark.slow
 def test_a_measured_brdf(folder):
     write_goniometer("paint.brdf", parse_spec("microfacet:sigma=0.5"), 4, 4)
     values = json.loads(done("info", "paint.brdf", "--json"))
@@ -332,6 +333,7 @@ def test_chromaticities_that_are_none(folder, kind, data):
     assert json.loads(done("info", "m.exr", "--json"))["chromaticities"] is None
 
 
+@pytest.mark.slow
 def test_a_light_file(folder):
     """What is in it, what it comes to, and the hash of its files."""
     text = (

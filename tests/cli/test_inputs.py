@@ -50,6 +50,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["itself", "a symbolic link", "a hard link"])
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_read_is_not_overwritten(made, monkeypatch, case, way):

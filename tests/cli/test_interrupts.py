@@ -94,6 +94,7 @@ def test_a_terminal_that_is_closed_leaves_nothing(folder):
     assert snapshot(folder) == before
 
 
+@pytest.mark.slow
 def test_hangups_are_ignored_under_nohup(folder):
     code = f"import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n{HALF_WRITTEN}"
     with start(*WRITE, code=code.replace("time.sleep(20)", "time.sleep(0.5)")) as child:

@@ -214,6 +214,7 @@ atexit.register(lambda: print(*(os.environ.get(name) for name in names)))
     assert result.out == f"1 1 1 {images}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="no /proc to count threads with")
 def test_threads_reach_the_libraries(tmp_path):
     """Read, multiply and write, then let the system count the threads that are left."""

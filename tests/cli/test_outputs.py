@@ -18,6 +18,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "suffixes"),
     [
@@ -110,6 +111,7 @@ def test_what_is_named_is_replaced(folder):
     done("render", "probe.phong.shrm.exr", "--size", "20")  # pictures are to look at
 
 
+@pytest.mark.slow
 def test_another_probe_and_another_file_of_that_name_are_kept_apart(folder):
     done(*PREFILTER)
     write_exr(folder / "probe.exr", np.full((8, 16, 3), 2, np.float32))

@@ -49,6 +49,7 @@ def test_another_texture_of_that_name_is_kept(tmp_path, monkeypatch):
     done("product", BRUSHED, "--size", "8", "--force")
 
 
+@pytest.mark.slow
 def test_pictures_need_the_light_of_a_probe(tmp_path, texture, probe):
     picture = tmp_path / "x.exr"
     assert_refused(run("render", texture, "-o", picture), 1, "holds no light", "--probe")
@@ -101,6 +102,7 @@ def test_what_takes_no_brushed_metal_names_what_does(tmp_path, probe):
         assert_refused(result, 2, "made from the probe")
 
 
+@pytest.mark.slow
 def test_options_of_the_form(tmp_path, probe):
     target = tmp_path / "x.exr"
     for given, words in (
@@ -116,6 +118,7 @@ def test_options_of_the_form(tmp_path, probe):
     assert open_map(target).lighting.shape == (25, 3)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_varies(tmp_path, probe, monkeypatch):
     monkeypatch.chdir(tmp_path)
     varied = ("product", "ward:ax=0.5", "--vary", "ay=0.2..0.5", "--steps", "3", *SMALL)

@@ -61,6 +61,7 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_default_is_a_png_of_512_beside_us(folder):
     (folder / "elsewhere").mkdir()
     (folder / "a.microfacet.shrm.exr").rename(folder / "elsewhere" / "b.microfacet.shrm.exr")

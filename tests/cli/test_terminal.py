@@ -44,6 +44,7 @@ def test_what_terminals_obey_becomes_an_escape(text, expected):
     assert escaped(text) == (text if expected is None else expected)
 
 
+@pytest.mark.slow
 @given(st.text(st.characters(exclude_categories=()), max_size=200))
 def test_no_text_commands_a_terminal(text):
     found = escaped(text)

@@ -35,6 +35,7 @@ def test_depth_is_that_of_brackets_outside_of_texts():
         parse_json("[[]]", 1)
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_any_text_is_read_or_refused(text):
     try:

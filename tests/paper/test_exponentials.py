@@ -50,6 +50,7 @@ def test_exponentials_of_all_probes_at_once_are_those_of_each(scene):
     np.testing.assert_allclose(found[:, 6:], expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_every_split_sum_reflects_a_uniform_light_exactly():
     furnace = open_probe(ROOT / "probes" / "furnace.exr")
     uniform = exponentials.Scene.of([furnace], ROUGHNESSES, [sphere(FRONT, 12)])

@@ -167,6 +167,7 @@ def test_names_are_relative_to_the_light_file(folder, monkeypatch):
     assert open_probe("UPPER.TOML").image_of_sum.terms[0].probe.name == "below/c.exr"
 
 
+@pytest.mark.slow
 def test_what_the_probes_needed_is_told(folder):
     pixels = noise(16, 32)
     pixels[3, 4] = -1

@@ -73,6 +73,7 @@ def test_exr_holds_the_linear_picture(tmp_path, precision):
     assert spec.get_string_attribute("shrm:recipe") == "{}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "exr"])
 def test_two_writes_give_the_same_bytes(tmp_path, suffix):
     first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"

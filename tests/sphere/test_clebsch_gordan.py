@@ -19,6 +19,7 @@ def integral(degree, m, small, s, total):
     return 2 * np.pi * weights @ values.real
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("small", [0, 1, 2, 3, 6])
 @pytest.mark.parametrize("degree", [0, 1, 2, 5, 17])
 def test_products_of_harmonics(degree, small):

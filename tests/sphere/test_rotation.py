@@ -101,6 +101,7 @@ def test_coefficients_of_the_rotated_function(rng, matrix):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [20, 110])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_values_of_the_rotated_function_at_high_order(rng, order, mirrored):

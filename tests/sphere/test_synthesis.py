@@ -166,6 +166,7 @@ def test_integration_is_the_transpose_of_synthesis(rng, order, size, sampling):
     np.testing.assert_allclose(forward, backward, rtol=0, atol=1e-13 * scale)
 
 
+@pytest.mark.slow
 def test_integrals_of_a_band_limited_image(rng):
     """Texels times solid angles give the coefficients, up to what the midpoint rule misses."""
     coefficients = rng.standard_normal((16, 1))

@@ -50,6 +50,7 @@ def test_a_wall_beside_a_vertex(degrees):
     np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_matrices_beside_a_wall():
     """Every entry is an integral over the free directions, and those below the horizon."""
     angle = np.radians(50)
@@ -97,6 +98,7 @@ def test_white_boxes_are_furnaces():
     np.testing.assert_allclose(total, emitted / (1 - albedo), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_an_integrating_sphere():
     """Within a sphere all points see each other alike, so E = pi f / (1 - a (1 - f)).
 
@@ -117,6 +119,7 @@ def test_an_integrating_sphere():
     np.testing.assert_allclose(dark.vectors, 0, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_shadows_take_light_away_and_bounces_bring_some():
     """Under light that is nowhere negative, for each vertex and channel."""
     mesh = meshes.bumps()
@@ -138,6 +141,7 @@ def nowhere_negative(rng):
     return harmonics(4, directions).T @ (areas * values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["bumps", "bunny"])
 def test_the_estimator_of_pifu(shape, request):
     """The mean over random directions, as `prt_util.py` of PIFu takes it, order 2."""

@@ -131,6 +131,7 @@ def relative_error(mitsuba, mesh, chosen, light, bounces):
     return np.sqrt(np.mean(difference**2) / np.mean(expected**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounces", [0, 1])
 def test_a_made_mesh(mitsuba, light, bounces):
     mesh = meshes.bumps(24)

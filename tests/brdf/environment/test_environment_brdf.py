@@ -124,6 +124,7 @@ def test_tables_tell_how_far_they_are():
     assert told[3:] == [(1, 2), (2, 2)]
 
 
+@pytest.mark.slow
 def test_the_table_of_moments_holds_that_of_the_split_sum():
     moments, table = moments_table(5), environment_table(5)
     assert moments.shape == (5, 5, 6)

@@ -76,6 +76,7 @@ def test_a_ggx_comes_back(rng, rough):
         assert relative_rms(brdf.evaluate(light, view), expected, light, view) < bound
 
 
+@pytest.mark.slow
 def test_samples_are_as_written(rough):
     path, _ = rough
     angles, colors = read_plainly(path)

@@ -66,6 +66,7 @@ def test_weights_are_those_of_a_mean():
         np.testing.assert_allclose(weights.sum(axis=-1), 1, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_the_triangle_is_the_one_of_the_view():
     indices, _ = Cabral.blend(CENTER, VIEWS, 12)
     assert [tuple(sorted(face)) for face in indices] == [hit(view) for view in VIEWS]

@@ -104,6 +104,7 @@ def test_float_is_read_back_exactly(tmp_path, name, sampling):
     assert relative_rms(back.radiance(*points), made.radiance(*points)) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MAKERS)
 def test_half_is_read_back_to_its_precision(tmp_path, name):
     made = make(name)
@@ -158,6 +159,7 @@ def test_bytes_are_the_same_each_time(tmp_path, name):
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order_p", "t"), [(1, 10), (2, 20), (3, 30)])
 def test_light_fields_in_half_hold_the_shrm(tmp_path, order_p, t):
     """At the default T = 10 P: rounding averages out over the many images."""

@@ -138,6 +138,7 @@ def test_radiance_is_the_bilinear_mean_of_the_images():
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_errors_fall_with_the_square_of_the_views():
     shrm = make_shrm(order_p=2, size=16, dtype=np.float32)
     rng = np.random.default_rng(35)

@@ -307,6 +307,7 @@ def test_there_is_one_part(tmp_path):
     refused(tmp_path / "a.exr", "one part")
 
 
+@pytest.mark.slow
 def test_every_flipped_byte_is_survived(tmp_path):
     """Damage anywhere gives a map or a MapError, and nothing else."""
     write_parts(tmp_path / "a.exr", encode(make(1, size=4)), "half")

@@ -212,6 +212,7 @@ def small_lights_of_pixels(pixels):
     return small_lights(fine)
 
 
+@pytest.mark.slow
 def test_predicted_error_is_that_of_the_lambertian_brdf(tmp_path):
     """The same Parseval sum by the BRDF's own coefficients, of light that has no more degrees."""
     rng = np.random.default_rng(4)
@@ -240,6 +241,7 @@ def test_light_finer_than_the_expansion_is_not_forgotten(tmp_path, order):
     assert 0.7 * measured < prefiltered.map.info.predicted_error < 1.1 * measured
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_order_to_the_last(tmp_path):
     """A lamp of one pixel: what order 64 leaves out is not 0, and falls as l^-1.5."""
     pixels = np.zeros((128, 256, 3))
@@ -253,6 +255,7 @@ def test_the_error_falls_with_the_order_to_the_last(tmp_path):
         assert error == pytest.approx(math.sqrt(1 - kept / (2 * np.pi / 3)), rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(4, 8), (16, 32), (128, 256)])
 def test_constant_light_lacks_nothing(tmp_path, size):
     probe = write_probe(tmp_path, np.full((*size, 3), 0.7))
@@ -269,6 +272,7 @@ def test_energies_sum_to_the_integral_of_the_square():
     np.testing.assert_allclose(irradiance_energies(power).sum(axis=0), square, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_captured_energy_is_that_of_the_clamped_cosine(tmp_path):
     whole = 2 * np.pi * quad(lambda z: z**2, 0, 1)[0]
     order_2 = sum((2 * k + 1) / (4 * np.pi) * PRINTED_A[k] ** 2 for k in range(3))

@@ -122,6 +122,7 @@ def test_half_the_error_of_an_shrm_with_as_many_maps(room, name):
     assert pair[0] < pair[1] / 2
 
 
+@pytest.mark.slow
 def test_the_view_is_read_without_a_pole(room):
     """Small steps of the normal make small steps of light, where N = V, at +-Z and at grazing."""
     made = prefilter(room, SPECS["metal"], to="principal", maps=12)

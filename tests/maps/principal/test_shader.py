@@ -83,6 +83,7 @@ def whole(lobes, name="room.exr"):
     return PrincipalMap(tuple(lobes), MapInfo(1, 1, 0.03, 1.0, 0.0, probe=name))
 
 
+@pytest.mark.slow
 def test_code_computes_what_the_map_does(tmp_path):
     compiler = next((p for n in ("c++", "g++", "clang++") if (p := shutil.which(n))), None)
     if compiler is None:

@@ -89,6 +89,7 @@ def relative_rms(found, truth):
     return np.sqrt(np.sum((found - truth) ** 2) / np.sum(truth**2))
 
 
+@pytest.mark.slow
 def test_shading_is_the_integral_under_band_limited_light(made, light, frames, hemisphere):
     spec, texture = made
     directions, weights = hemisphere
@@ -219,6 +220,7 @@ def test_texels_off_the_circle_and_half_turns_cost_nothing(brdf, share):
     assert inside + 512 < len(views)
 
 
+@pytest.mark.slow
 def test_sums_are_sums_of_their_terms():
     views = np.concatenate(scout_views())
     terms = ["ward:ax=0.5,ay=0.2", "lambertian:albedo=0.8/0.4/0.2", "phong:exponent=8"]
@@ -308,6 +310,7 @@ def test_the_predicted_error_is_that_of_all_orientations():
     assert texture.info.predicted_error == pytest.approx(np.sqrt(lost / whole), rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_window_leaves_nothing_negative():
     image = np.full((32, 64, 3), 0.05, dtype=np.float32)
     image[8, 20] = 900, 700, 500

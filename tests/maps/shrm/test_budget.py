@@ -91,6 +91,7 @@ def test_a_lobe_that_no_order_holds_is_made_and_named(probe):
     assert any("sharper than F = 512 can show" in line for line in made.warnings)
 
 
+@pytest.mark.slow
 def test_a_sum_of_diffuse_and_sharp_shares_the_bytes(probe):
     """The diffuse term has what it needs, the sharp one the rest; as one map both would lose."""
     spec = "0.5*lambertian+0.5*ggx:roughness=0.3"

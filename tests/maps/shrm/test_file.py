@@ -291,6 +291,7 @@ def test_every_flipped_byte_is_survived(tmp_path):
     survives_flipped_bits(tmp_path / "a.exr", 400)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no /proc to measure with")
 @pytest.mark.parametrize("size", [1024, 4096, 5000, 200_000])
 def test_hostile_sizes_allocate_nothing(tmp_path, size):

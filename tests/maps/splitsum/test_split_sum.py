@@ -284,6 +284,7 @@ def dark_error(probe, level, roughness, rng):
     return np.median(np.abs(found[texels] / expected - 1)[dark]) if dark.sum() > 20 else None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("domain", ["frequency", "angular"])
 def test_dark_places_beside_a_lamp_keep_their_light(tmp_path, rng, monkeypatch, domain):
     """The lamp has 2000 times the radiance of the room, whose dark half has a tenth of the rest."""
