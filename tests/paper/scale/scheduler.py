@@ -7,6 +7,7 @@ tasks do nothing. So the seconds and the memory of the scheduler's process are t
 
 import asyncio
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -142,7 +143,9 @@ def _fleet(workers: int) -> Iterator[tuple[str, psutil.Process]]:
         dask = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", "0"]
         dask += ["--no-dashboard", "--scheduler-file", str(file)]
         fleet = [sys.executable, "-m", "tests.paper.scale.scheduler", str(file), str(workers)]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        # The scheduler looks into tasks too, and is to find this module.
+        found = {**os.environ, "PYTHONPATH": str(ROOT)}
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": found}
         with subprocess.Popen(dask, cwd=name, **quiet) as scheduler:
             try:
                 address = _address(file)
