@@ -1,6 +1,11 @@
 """Manifests: what they say, and what is refused."""
 
+import tempfile
+from pathlib import Path
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from shrm_cli.batch.entry import DEFAULT_OUTPUT
 from shrm_cli.batch.manifest import is_manifest, read_manifest
@@ -94,6 +99,31 @@ def test_unsound_manifests_are_refused_in_one_line(tmp_path, text, said):
         read_manifest(path)
     assert str(caught.value).startswith(path)
     assert "\n" not in str(caught.value)
+
+
+@given(st.data())
+def test_damaged_manifests_are_read_or_refused(data):
+    """Bytes are changed, cut out and doubled; whatever comes of it, nothing else is raised."""
+    text = bytearray(WHOLE.encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(text) - 1))
+        stop = min(start + data.draw(st.integers(1, 30)), len(text))
+        chosen = data.draw(st.sampled_from(["cut", "double", "change"]))
+        if chosen == "cut" and stop - start < len(text):
+            del text[start:stop]
+        elif chosen == "double":
+            text[start:start] = text[start:stop]
+        else:
+            text[start] = data.draw(st.integers(0, 255))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bake.toml"
+        path.write_bytes(bytes(text))
+        try:
+            entries = read_manifest(str(path))
+        except ProbeError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+        else:
+            assert all(entry.recipes() for entry in entries)
 
 
 def test_a_manifest_runs_no_code(tmp_path):
