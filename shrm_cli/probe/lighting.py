@@ -123,9 +123,9 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     if isinstance(probe, LightSum):
         return _project_sum(probe, order, progress)
     if isinstance(probe, SharedProbe):
-        if order not in probe.lights:
-            probe.lights[order] = _project_image(probe, order, progress)
-        return probe.lights[order]
+        if order not in probe.kept:
+            probe.kept[order] = _project_image(probe, order, progress)
+        return probe.kept[order]
     return _project_image(probe, order, progress)
 
 

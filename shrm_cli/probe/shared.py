@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from shrm_cli.probe.image import ProbeImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
-
-if TYPE_CHECKING:
-    from shrm_cli.probe.lighting import Lighting
 
 Array = NDArray[np.floating]
 
@@ -87,11 +84,12 @@ class SharedProbe(Probe):
 
     Attributes
     ----------
-    lights : dict of int to Lighting
-        By order; `shrm_cli.probe.lighting.project` fills it.
+    kept : dict
+        What was computed of the light, by what it is: `shrm_cli.probe.lighting.project` keeps
+        coefficients by their order.
     """
 
-    lights: "dict[int, Lighting]" = field(default_factory=dict)
+    kept: dict[int, Any] = field(default_factory=dict)
 
     def digest(self) -> str:
         """SHA-256 of the bytes of the files, which are read for it once."""
