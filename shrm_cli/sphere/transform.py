@@ -10,7 +10,7 @@ from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.harmonics import index, legendre_degrees
 from shrm_cli.sphere.latlong import LATLONG_AXES
 from shrm_cli.sphere.quadrature import colatitude_weights, longitude_weights
-from shrm_cli.sphere.rotation import rotated_again
+from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -94,7 +94,7 @@ class LatLongAnalysis:
 
     def coefficients(self) -> Array:
         """Real coefficients in world axes, shape ((order+1)^2, channels)."""
-        return rotated_again(self.polar_coefficients(), LATLONG_AXES.T)
+        return transform_coefficients(self.polar_coefficients(), LATLONG_AXES.T)
 
     def polar_coefficients(self) -> Array:
         """Coefficients in the image's own axes, whose polar axis is the world's +Y.
