@@ -166,11 +166,20 @@ def checked_arguments(to: str, given: Mapping[str, Any], probe: Probe) -> dict[s
     """
     given = {name: value for name, value in given.items() if value is not None}
     check_arguments(to, given)
+    brdf = {name: _material(given.pop(name), probe) for name in ("brdf",) if name in given}
+    return brdf | checked_options(to, given)
+
+
+def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments but for the BRDF as the makers of maps take them.
+
+    Raises
+    ------
+    ArgumentError
+        If one has a value that it cannot have.
+    """
     options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
-    return {
-        name: _material(value, probe) if name == "brdf" else options[name].checked(value)
-        for name, value in given.items()
-    }
+    return {name: options[name].checked(value) for name, value in given.items()}
 
 
 def options_of(probe: Probe, given: Mapping[str, Any]) -> dict[str, Any]:

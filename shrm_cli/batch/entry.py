@@ -13,9 +13,9 @@ from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from shrm_cli.files.remote import is_remote, matching
 from shrm_cli.maps import registry
-from shrm_cli.maps.options import SHARED, listing, owners
+from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.prefilter import check_arguments
+from shrm_cli.prefilter import check_arguments, checked_options
 from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
@@ -78,11 +78,10 @@ class Entry:
             needs_brdf = registry.description(to).needs_brdf
             given = self._arguments(to)
             specs = self.brdfs if needs_brdf else (None,)
-            if not specs:
-                check_arguments(to, given)
-            for spec in dict.fromkeys(specs):
-                check_arguments(to, [*given, *(["brdf"] if needs_brdf else [])])
-                found.append(Recipe(to, spec, given, self.precision, self.runs_code))
+            found += [
+                Recipe(to, spec, given, self.precision, self.runs_code)
+                for spec in dict.fromkeys(specs)
+            ]
         return found
 
     def jobs(self) -> list[Job]:
@@ -109,11 +108,11 @@ class Entry:
     def _arguments(self, to: str) -> dict[str, Any]:
         """Return the arguments that a form is made with, checked."""
         chosen = registry.description(to)
-        options = {**SHARED, **{each.name: each for each in chosen.options}}
         given = {name: each for name, each in self.arguments.items() if name in chosen.arguments}
         given |= self.own.get(to, {})
-        check_arguments(to, [*given, *(["brdf"] if chosen.needs_brdf else [])])
-        return {name: options[name].checked(value) for name, value in given.items()}
+        has_brdf = chosen.needs_brdf and self.brdfs
+        check_arguments(to, [*given, *(["brdf"] if has_brdf else [])])
+        return checked_options(to, given)
 
     def _refuse_idle(self) -> None:
         """Refuse arguments and BRDFs that nothing is made with."""
@@ -204,15 +203,16 @@ def checked(jobs: list[Job]) -> list[Job]:
     OutputError
         If two jobs have one output, an output is an input, or has a suffix that no map has.
     """
-    inputs = {_identity(job.probe): job.probe for job in jobs}
+    inputs = {_identity(job.probe) for job in jobs}
     specs = {job.recipe.brdf for job in jobs}
-    files = [str(path) for spec in specs if spec is not None for path in named_files(spec)]
-    inputs |= {_identity(path): path for path in files}
+    inputs |= {
+        _identity(str(path)) for spec in specs if spec is not None for path in named_files(spec)
+    }
     made: dict[str, Job] = {}
     for job in jobs:
         place = _identity(job.output)
         if not job.output.lower().endswith(tuple(CONTAINERS)):
-            raise OutputError(f"{job.output}: what is written is {'.exr'}; name it so")
+            raise OutputError(f"{job.output}: what is written is .exr; name it so")
         if place in inputs:
             raise OutputError(f"{job.output}: would overwrite the input; name another output")
         if place in made:

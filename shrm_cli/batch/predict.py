@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from shrm_cli.batch.job import Chunk, Job
-from shrm_cli.batch.work import local_file
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.batch.work import arguments_of, local_file
 from shrm_cli.errors import ShrmError
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import open_probe
@@ -64,14 +63,9 @@ def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
 
 def _predicted(job: Job) -> dict[str, Any]:
     """Make the map of a job in memory, and tell its orders and its size."""
-    recipe, given = job.recipe, dict(job.recipe.arguments)
     with local_file(job.probe) as path:
         probe = shared(open_probe(path, **job.reading))
-        if recipe.brdf is not None:
-            given["brdf"] = parse_spec(
-                recipe.brdf, run_code=recipe.runs_code, primaries=probe.chromaticities
-            )
-        made = prefilter_with_facts(probe, recipe.to, given)
+        made = prefilter_with_facts(probe, job.recipe.to, arguments_of(job.recipe, probe))
     values = sum(plane.size for part in made.map.encode() for plane in part.channels.values())
     summary = made.quick_summary()
     return {name: summary[name] for name in _SAID if name in summary} | {"bytes": _HALF * values}

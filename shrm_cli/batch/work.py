@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from shrm_cli import __version__, settings
 from shrm_cli.batch.collect import What, lighting_of
-from shrm_cli.batch.job import Chunk, Job, Task
+from shrm_cli.batch.job import Chunk, Job, Recipe, Task
 from shrm_cli.batch.made import difference
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
@@ -40,8 +40,6 @@ _SAID = (
     "size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error",
 )  # fmt: skip
 """What a record takes over from the summary of a map."""
-MOST_DOWNLOAD = 2**32
-"""The most bytes of a file that is fetched from elsewhere."""
 _MOST_MATERIALS = 64
 _materials: dict[tuple[Any, ...], Brdf] = {}
 """The BRDFs that this process has parsed, so that measured files are read once."""
@@ -181,9 +179,7 @@ def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
 
 def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     """Make a map, unless it is there already."""
-    given = dict(job.recipe.arguments)
-    if job.recipe.brdf is not None:
-        given["brdf"] = _material(job, probe)
+    given = arguments_of(job.recipe, probe)
     why = "asked for by `force`" if terms.force else _why(job, probe, given)
     if why is None:
         return {"status": "skipped"}
@@ -220,8 +216,7 @@ def _why(job: Job, probe: Probe, given: Mapping[str, Any]) -> str | None:
 def local_file(name: str) -> Iterator[Path]:
     """Context manager that yields the path of a file: that of a copy, where it lies elsewhere."""
     here = nullcontext(Path(name))
-    folder = tempfile.gettempdir()
-    with remote.fetched(name, folder, MOST_DOWNLOAD) if remote.is_remote(name) else here as path:
+    with remote.fetched(name) if remote.is_remote(name) else here as path:
         yield path
 
 
@@ -239,17 +234,24 @@ def _written(output: str) -> Iterator[str]:
         remote.publish(local, output)
 
 
-def _material(job: Job, probe: Probe) -> Brdf:
-    """Return the BRDF of a job, with the probe's primaries."""
-    recipe = job.recipe
+def arguments_of(recipe: Recipe, probe: Probe) -> dict[str, Any]:
+    """Return all arguments of `shrm_cli.prefilter.prefilter`, the BRDF with the probe's primaries.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF cannot be used.
+    """
+    if recipe.brdf is None:
+        return dict(recipe.arguments)
     key = (recipe.brdf, recipe.runs_code, probe.chromaticities)
     if key not in _materials:
         if len(_materials) >= _MOST_MATERIALS:
             _materials.clear()
         _materials[key] = parse_spec(
-            str(recipe.brdf), run_code=recipe.runs_code, primaries=probe.chromaticities
+            recipe.brdf, run_code=recipe.runs_code, primaries=probe.chromaticities
         )
-    return _materials[key]
+    return {**recipe.arguments, "brdf": _materials[key]}
 
 
 def failure(job: Job, line: str, seconds: float = 0.0) -> Record:

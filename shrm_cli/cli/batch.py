@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 _SAMPLINGS = click.Choice(SAMPLINGS)
 _DEFAULT_LOG = "batch.jsonl"
-_INTERRUPTED = 130
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to", "output"],
