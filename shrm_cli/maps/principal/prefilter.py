@@ -23,7 +23,7 @@ from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
-from shrm_cli.maps.size import choose_size, supported_order, total_error
+from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
 from shrm_cli.orders import Orders, octaves_to_come
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -44,6 +44,8 @@ _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _NEARLY = 1.05
 """How much worse than the best map a smaller one may be, where no map meets the tolerance."""
+_FAIRLY = 1.25
+"""How many times the known degrees a map may support that is compared with a smaller one."""
 _TRIES = 3
 """How often a form is sought that keeps an error."""
 _CHEAP = 0.25
@@ -107,10 +109,11 @@ def prefilter(
     brdf, notes = centered(brdf, eps, center)
     parts = split(brdf) if isinstance(brdf, Sum) else [brdf]
     light = Projection(probe, progress)
-    planners = [_planner(light, part, eps, error, divide, sampling, size) for part in parts]
+    asked = _Wanted(eps, error, maps, max_size, size)
+    planners = [_planner(light, part, asked, divide, sampling) for part in parts]
     # Terms with a single cube take next to nothing of the budget.
     broad = max(sum(len(planner.choices) > 1 for planner in planners), 1)
-    wanted = [_Wanted(eps, error, maps, max_size // broad, size) for _ in parts]
+    wanted = [replace(asked, max_size=max_size // broad) for _ in parts]
     coherence = _coherence(parts, planners, sampling)
     if error is not None:
         wanted = _shared_error(planners, wanted, error * coherence)
@@ -199,16 +202,11 @@ def _shared_maps(
 
 
 def _planner(
-    light: Projection,
-    brdf: Brdf,
-    tolerance: float,
-    error: float | None,
-    divide: bool,
-    sampling: Sampling,
-    size: int | None,
+    light: Projection, brdf: Brdf, want: _Wanted, divide: bool, sampling: Sampling
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
     order, max_q = _first_order(brdf), min(_FIRST_Q, MAX_Q)
+    tolerance, error = want.tolerance, want.error
     limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
 
     def factorized() -> Planner:
@@ -228,9 +226,14 @@ def _planner(
             return factorized()
         if above <= limit:
             planner = factorized()
-            if error is not None or not _hides_visible(planner, tolerance, size):
+            if error is not None or not _hides_visible(planner, want):
                 return planner
             order = 2 * order
+            continue
+        if error is None and want.maps is None and _fills_budget(factorized(), want):
+            if max_q == MAX_Q:
+                return factorized()
+            max_q = MAX_Q
             continue
         # Sharp lobes need far more, and every try costs the time to sample the BRDF.
         octaves = 2 if above > _SHARP else 1
@@ -248,12 +251,33 @@ def _first_order(brdf: Brdf) -> int:
     return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
 
 
-def _hides_visible(planner: Planner, tolerance: float, size: int | None) -> bool:
+def _hides_visible(planner: Planner, want: _Wanted) -> bool:
     """Tell whether the map that a tolerance asks for could carry light beyond the known degrees."""
-    counts, order_f, _ = planner.for_tolerance(tolerance)
-    known = planner.spectrum.transfer.order_f
-    form = planner.form(counts, choose_size(order_f) if size is None else size)
-    return form.carried == known < supported_order(form.size)
+    if want.maps is None and _fills_budget(planner, want):
+        return False
+    form = _tolerated(planner, want)
+    return form.carried == planner.spectrum.transfer.order_f < supported_order(form.size)
+
+
+def _tolerated(planner: Planner, want: _Wanted) -> Form:
+    """Return the form that the tolerance asks for, whatever its bytes."""
+    counts, order_f, _ = planner.for_tolerance(want.tolerance)
+    return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
+
+
+def _fills_budget(planner: Planner, want: _Wanted) -> bool:
+    """Tell whether the bytes, and not the known degrees, bound the map that a tolerance asks for.
+
+    More degrees ask for more bytes, never for fewer. They could only help if cubes of the next
+    size, which the best map within the budget did without, were judged by far fewer degrees than
+    they support.
+    """
+    if _tolerated(planner, want).bytes <= want.max_size:
+        return False
+    best, _ = planner.within_error(0.0, want.max_size, want.size)
+    larger = [texels for texels in TRIED_SIZES if texels > best.size]
+    rival = larger[0] if larger and want.size is None else best.size
+    return supported_order(rival) <= _FAIRLY * planner.spectrum.transfer.order_f
 
 
 def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:

@@ -8,6 +8,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.principal import prefilter as principal_prefilter
+from shrm_cli.maps.principal.prefilter import _transfer as transfer_functions
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
@@ -205,6 +207,30 @@ def test_a_smaller_error_takes_more_bytes(room):
         sizes.append(made.size**2 * made.cube_count)
     assert sizes == sorted(sizes)
     assert len(set(sizes)) == 4
+
+
+@pytest.mark.filterwarnings("ignore:400 kB hold no map:shrm_cli.errors.ShrmWarning")
+def test_no_degrees_are_computed_for_cubes_that_the_bytes_rule_out(room, monkeypatch):
+    found = {}
+    for is_bounded in (True, False):
+        if not is_bounded:
+            monkeypatch.setattr(principal_prefilter, "_fills_budget", lambda *_: False)
+        orders = []
+
+        def noted(brdf, order, *more, orders=orders):
+            orders.append(order)
+            return transfer_functions(brdf, order, *more)
+
+        monkeypatch.setattr(principal_prefilter, "_transfer", noted)
+        made = prefilter(room, "ggx:roughness=0.3", to="principal", max_size=400_000)
+        found[is_bounded] = max(orders), made
+    (few, map_of_few), (many, map_of_many) = found[True], found[False]
+    assert few < many
+    assert map_of_few.size == map_of_many.size < 64
+    assert map_of_few.lobes[0].degrees == map_of_many.lobes[0].degrees
+    pair = bright_pairs(np.random.default_rng(5), map_of_many, 500)[:2]
+    radiance = [made.radiance(normals_of(*pair), pair[1]) for made in (map_of_few, map_of_many)]
+    assert np.linalg.norm(radiance[0] - radiance[1]) < 0.01 * np.linalg.norm(radiance[1])
 
 
 def test_zonal_lobes_need_one_map(room):
