@@ -16,10 +16,12 @@ _SHAPE = 0.25
 """Pixels brighter than this part of the typical brightness tell a lamp's shape."""
 _CLIPPED = 4
 """As many pixels of exactly the same largest value are suspected to be clipped."""
-_LIMITS = (65504.0, 65535.0, 65536.0)
+HALF_LIMITS = (65504.0, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
-_LONG = 1.5
-"""A lamp longer than its width times this is called elongated."""
+JUST_BELOW = 1 / 64
+"""A plateau has more pixels than are within this part of its value below it."""
+_LONG, _PIXELS_LONGER = 1.5, 2.0
+"""A lamp is called elongated if its length is its width times this, and as many pixels more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +118,8 @@ class Lamp:
     error : float
         The RMS over normals of the difference that the discs make to the irradiance, over the
         RMS of the probe's irradiance.
+    pitch : float
+        The distance of the pixels in radians. Lamps that are smaller look as large as pixels.
     """
 
     discs: tuple[Disc, ...]
@@ -124,6 +128,7 @@ class Lamp:
     peak: Array
     clipped: str
     error: float
+    pitch: float
 
     @property
     def direction(self) -> Array:
@@ -161,7 +166,13 @@ class Lamp:
     @property
     def is_elongated(self) -> bool:
         """Whether it is a tube or a window rather than a disc."""
-        return self.elongation > _LONG
+        long, short = self.spans
+        return long > _LONG * short and long - short > _PIXELS_LONGER * self.pitch
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether its radius is its own, and not that of the pixels which show it."""
+        return self.radius > self.pitch
 
     def summary(self) -> dict[str, Any]:
         """The numbers by name, for JSON: angles in degrees, solid angles in sr."""
@@ -171,6 +182,7 @@ class Lamp:
             "azimuth": azimuth,
             "elevation": elevation,
             "radius": float(np.degrees(self.radius)),
+            "pixel": float(np.degrees(self.pitch)),
             "solid_angle": float(sum(disc.solid_angle for disc in self.discs)),
             "irradiance": self.irradiance.tolist(),
             "radiance": self.radiance.tolist(),
@@ -201,15 +213,15 @@ def disc_facts(disc: Disc) -> dict[str, Any]:
 def clipping(radiance: Array) -> str:
     """Why the maximum of some pixels, shape (n, 3), is suspected to be clipped; else "".
 
-    A lamp with a plateau may also be one that really has the same radiance everywhere, such as
-    one that a program made.
+    Where light was cut off, more pixels have exactly the largest value than are just below it. A
+    lamp with such a plateau may also be one that a program made with the same radiance everywhere.
     """
     highest = radiance.max(axis=0)
-    for channel, value in zip("RGB", highest, strict=True):
-        if value in _LIMITS:
-            return f"{channel} reaches {value:g}, the end of half precision"
-    counts = (radiance == highest).sum(axis=0)
-    if counts.max() >= _CLIPPED:
-        channel = int(np.argmax(counts))
-        return f"{counts[channel]} pixels share the maximum {highest[channel]:.6g}"
+    for name, values, high in zip("RGB", radiance.T, highest, strict=True):
+        if high in HALF_LIMITS:
+            return f"{name} reaches {high:g}, the end of half precision"
+        count = int((values == high).sum())
+        below = int((values >= high * (1 - JUST_BELOW)).sum()) - count
+        if high > 0 and count >= _CLIPPED and count > below:
+            return f"{count} pixels share the maximum {high:.6g} of {name}"
     return ""

@@ -62,8 +62,19 @@ class SpherePixels:
         radius : float
             Radians.
         """
-        rows = np.unique(self.grid.pixels(_cap(axis, radius + self.pitch, self.pitch / 2))[0])
-        width = self.grid.shape[1]
+        met = np.unique(self.grid.pixels(_cap(axis, radius + self.pitch, self.pitch / 2))[0])
+        height, width = self.grid.shape
+        # At the rim of an angular map rows are thinner than the cap's steps, and the last of them
+        # are never looked up: those between the rows that are met on a face, and two more, count.
+        edge = height // self.grid.faces
+        runs = [met[met // edge == face] for face in np.unique(met // edge)]
+        rows = np.concatenate(
+            [
+                np.arange(max(run[0] - 2, run[0] // edge * edge), run[-1] + 3)
+                for run in runs
+            ]
+        )
+        rows = np.unique(rows[rows < height])
         found = [np.zeros(0, np.intp)]
         for some in np.array_split(rows, max(len(rows) * width // 2**20, 1)):
             numbers = (some[:, None] * width + np.arange(width)).ravel()
@@ -73,10 +84,7 @@ class SpherePixels:
 
 
 def _cap(axis: Array, radius: float, step: float) -> Array:
-    """Directions no farther apart than a step on a circle's area and its rim, shape (n, 3).
-
-    Pixels may be thinner than the step only along a row, so that every row is met.
-    """
+    """Directions no farther apart than a step on a circle's area and its rim, shape (n, 3)."""
     radius = min(radius, np.pi)
     helper = np.eye(3)[np.argmin(np.abs(axis))]
     first = normalize(np.cross(axis, helper))

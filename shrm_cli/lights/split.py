@@ -23,7 +23,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
-from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
 
 Array = NDArray[np.floating]
@@ -43,8 +43,11 @@ class LampSplit:
     probe : Probe
     lamps : tuple of Lamp
         The one with the most irradiance first.
-    residual : ndarray of float32, shape (rows, columns, 3)
-        The probe with each lamp replaced by its surroundings, on the probe's grid in world axes.
+    fills : tuple of Filled
+        The place of each lamp without it, on `grid`.
+    grid : Grid
+        Where lamps were looked for: the probe's own, or a coarser one that each of its pixels is
+        k x k pixels of.
     left : int
         Lamps that stay in the residual: more than were asked for, or nothing like discs.
     error : float
@@ -53,7 +56,8 @@ class LampSplit:
 
     probe: Probe
     lamps: tuple[Lamp, ...]
-    residual: NDArray[np.float32]
+    fills: tuple[Filled, ...]
+    grid: Grid
     left: int
     error: float
 
@@ -61,6 +65,30 @@ class LampSplit:
     def discs(self) -> tuple[Disc, ...]:
         """The discs of all lamps."""
         return tuple(disc for lamp in self.lamps for disc in lamp.discs)
+
+    @cached_property
+    def residual(self) -> NDArray[np.float32]:
+        """The probe with each lamp replaced by its surroundings, shape (rows, columns, 3).
+
+        It is on the probe's grid, in world axes. Where lamps were looked for in means of k x k
+        pixels, these pixels take the value of theirs: what is taken out of them together is the
+        same.
+
+        Raises
+        ------
+        ProbeError
+            If the probe cannot be read.
+        """
+        result = self.probe.image()
+        factor = self.probe.height // self.grid.shape[0]
+        for filled in self.fills:
+            rows, columns = np.divmod(filled.numbers, self.grid.shape[1])
+            for down in range(factor):
+                for across in range(factor):
+                    result[rows * factor + down, columns * factor + across] = filled.values
+        if np.array_equal(self.probe.matrix, np.eye(3)):
+            return result
+        return to_grid(_in_memory(self.probe, result, self.probe.matrix), self.probe.grid)
 
     @property
     def residual_probe(self) -> Probe:
@@ -142,10 +170,10 @@ def split_lamps(
     # The brightness is the mean of three channels, the scale the root of the sum of their squares.
     regions = find_regions(image, pixels, error * scale / np.sqrt(3))
     kept = regions[:count]
-    fills = fill_regions(image, pixels, [region.numbers for region in kept])
+    filled_regions = fill_regions(image, pixels, [region.numbers for region in kept])
     flat = image.reshape(-1, 3)
     candidates = []
-    for region, filled in zip(kept, fills, strict=True):
+    for region, filled in zip(kept, filled_regions, strict=True):
         light = Light(
             pixels.directions(filled.numbers) @ probe.matrix.T, filled.excess,
             pixels.areas(filled.numbers),
@@ -157,12 +185,12 @@ def split_lamps(
     lamps = tuple(
         Lamp(
             tuple(each.discs), each.light, each.level, each.source.max(axis=0),
-            clipping(each.source), irradiance_rms(each.wrong) / scale,
+            clipping(each.source), irradiance_rms(each.wrong) / scale, pixels.pitch,
         )
         for each in chosen
     )  # fmt: skip
-    residual = _residual(probe, coarse, image, [each.filled for each in chosen])
-    return LampSplit(probe, lamps, residual, len(regions) - len(lamps), error)
+    fills = tuple(each.filled for each in chosen)
+    return LampSplit(probe, lamps, fills, coarse.grid, len(regions) - len(lamps), error)
 
 
 def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> list[_Candidate]:
@@ -192,27 +220,6 @@ def _halves(light: Light) -> list[Light]:
     parts = [light.where(beyond), light.where(~beyond)]
     can_be_cut = all(each.flux.min(initial=0) >= 0 < each.flux.sum() for each in parts)
     return parts if can_be_cut else [light]
-
-
-def _residual(
-    probe: Probe, coarse: Probe, image: Array, fills: list[Filled]
-) -> NDArray[np.float32]:
-    """The probe's pixels with those of lamps filled, in world axes.
-
-    Where lamps were looked for in means of k x k pixels, these pixels take the value of theirs:
-    what is taken out of them together is the same.
-    """
-    factor = probe.height // coarse.height
-    result = image if factor == 1 else probe.image()
-    width = coarse.width
-    for filled in fills:
-        rows, columns = np.divmod(filled.numbers, width)
-        for down in range(factor):
-            for across in range(factor):
-                result[rows * factor + down, columns * factor + across] = filled.values
-    if np.array_equal(probe.matrix, np.eye(3)):
-        return result
-    return to_grid(_in_memory(probe, result, probe.matrix), probe.grid)
 
 
 def _in_memory(probe: Probe, pixels: NDArray[np.float32], matrix: Array) -> Probe:
