@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.lights.search import brightness_of, typical_brightness
-from shrm_cli.probe.disc import Disc, facing_factor, radius_of
+from shrm_cli.probe.disc import Disc, radius_of
 from shrm_cli.sphere.directions import normalize, to_azimuth_elevation
 
 Array = NDArray[np.floating]

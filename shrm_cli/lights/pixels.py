@@ -69,10 +69,7 @@ class SpherePixels:
         edge = height // self.grid.faces
         runs = [met[met // edge == face] for face in np.unique(met // edge)]
         rows = np.concatenate(
-            [
-                np.arange(max(run[0] - 2, run[0] // edge * edge), run[-1] + 3)
-                for run in runs
-            ]
+            [np.arange(max(run[0] - 2, run[0] // edge * edge), run[-1] + 3) for run in runs]
         )
         rows = np.unique(rows[rows < height])
         found = [np.zeros(0, np.intp)]

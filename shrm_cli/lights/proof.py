@@ -17,8 +17,8 @@ Array = NDArray[np.floating]
 ORDER = 32
 """Degrees of the light that are counted. Of a point's irradiance those beyond hold 1e-6 of the
 square."""
-_NORMALS = 4096
-"""Normals among which the largest difference is looked for: each is within 2 degrees of one."""
+_NORMALS = 2048
+"""Normals among which the largest difference is looked for: any is within 3 degrees of one."""
 _VALUES_AT_ONCE = 2**23
 
 

@@ -27,7 +27,7 @@ _COMPACT = 9.0
 _SMALL = 12.0
 """Pieces of fewer pixels are always compact: a filter spreads a point over as many."""
 _LARGEST = 0.061
-"""The largest lamp in sr: a disc with a radius of 8 degrees. Larger lights are surfaces and skies."""
+"""The largest lamp in sr: a disc with a radius of 8 degrees. What is larger is sky or a wall."""
 _REACH = 1.3
 """Pixels nearer than this many mean distances are beside each other; in the middle of a cube's
 face they are 1.27 times as far apart as on average."""
@@ -135,6 +135,4 @@ def _is_lamp(excess: Array, areas: Array, level: float, pitch: float) -> bool:
         return False
     typical = typical_brightness(excess, areas)
     core = (excess @ areas) / typical
-    return bool(
-        typical >= _STANDS_OUT * level and area <= max(_COMPACT * core, _SMALL * pitch**2)
-    )
+    return bool(typical >= _STANDS_OUT * level and area <= max(_COMPACT * core, _SMALL * pitch**2))

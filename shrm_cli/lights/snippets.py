@@ -50,18 +50,18 @@ def _filament(discs: Sequence[Disc]) -> str:
         "// World axes, as cubes of `shrm export --for filament` have them.",
         "// scale: the intensity of the IndirectLight that is made of the residual.",
     ]
-    for disc in discs:
+    for number, disc in enumerate(discs):
+        # An engine has one sun; other directional lights have no radius.
+        is_sun = number == 0
         intensity, color = intensity_and_color(disc)
         lines += [
-            "LightManager::Builder(LightManager::Type::SUN)",
+            f"LightManager::Builder(LightManager::Type::{'SUN' if is_sun else 'DIRECTIONAL'})",
             f"    .color({{{_numbers(color)}}})  // linear",
             f"    .intensity({intensity:.6g}f * scale)  // lux",
             f"    .direction({{{_numbers(-disc.direction)}}})  // that of the light's travel",
-            f"    .sunAngularRadius({np.degrees(disc.radius):.6g}f)",
+            *([f"    .sunAngularRadius({np.degrees(disc.radius):.6g}f)"] if is_sun else []),
             "    .build(engine, EntityManager::get().create());",
         ]
-    if len(discs) > 1:
-        lines.append("// One light may be of type SUN; make the others DIRECTIONAL, without radius.")
     return "\n".join(lines)
 
 

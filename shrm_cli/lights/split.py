@@ -197,7 +197,7 @@ def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> 
     """Make discs of lamps until they err by no more than this irradiance together."""
     for index, each in enumerate(candidates):
         each.divide(1, radius if index == 0 else None)
-    while candidates and irradiance_rms(sum(each.wrong for each in candidates)) > most:
+    while candidates and irradiance_rms(np.sum([each.wrong for each in candidates], axis=0)) > most:
         worst = max(candidates, key=lambda each: irradiance_rms(each.wrong))
         before = len(worst.discs)
         is_forced = radius is not None and worst is candidates[0]

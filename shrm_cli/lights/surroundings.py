@@ -39,9 +39,7 @@ class Filled:
     excess: Array
 
 
-def fill_regions(
-    image: Array, pixels: SpherePixels, regions: Sequence[Indices]
-) -> list[Filled]:
+def fill_regions(image: Array, pixels: SpherePixels, regions: Sequence[Indices]) -> list[Filled]:
     """Take lamps out of an image.
 
     Parameters
