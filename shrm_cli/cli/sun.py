@@ -13,6 +13,7 @@ from shrm_cli.cli.options import (
     probe_sampling_option,
     read_options,
     report_options,
+    warn,
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
@@ -108,7 +109,7 @@ def sun(
         from shrm_cli.lights.snippets import snippet
 
         echo(snippet(engine, split.discs))
-        conclude(result, [], warnings, False, True)
+        warn(warnings, quiet)
         return
     conclude(result, _lines(probe, split, written), warnings, as_json, quiet)
 
@@ -197,18 +198,18 @@ def _lamp_lines(number: int, lamp: Lamp) -> list[str]:
     irradiance, radiance = (
         " ".join(f"{each:.4g}" for each in facts[name]) for name in ("irradiance", "radiance")
     )
-    shape = f"radius {facts['radius']:.3g}"
+    shape = f"radius {facts['radius']:.3g} degrees"
     if lamp.is_elongated:
-        shape = f"{facts['length']:.3g} x {facts['width']:.3g}, elongated, as a disc of {shape}"
-        if len(lamp.discs) > 1:
-            shape = f"{facts['length']:.3g} x {facts['width']:.3g}, as {len(lamp.discs)} discs"
-    elif len(lamp.discs) > 1:
+        shape = f"{facts['length']:.3g} x {facts['width']:.3g} degrees, elongated"
+    if len(lamp.discs) > 1:
         shape += f", as {len(lamp.discs)} discs"
+    elif lamp.is_elongated:
+        shape += f", as a disc of radius {facts['radius']:.3g}"
     if not lamp.is_resolved:
         shape += f" (of a pixel: {facts['pixel']:.3g})"
     direction = ", ".join(f"{each:.5f}" for each in facts["direction"])
     return [
         f"  lamp {number}  azimuth {facts['azimuth']:.2f}, elevation {facts['elevation']:.2f} "
-        f"({direction}), {shape} degrees",
+        f"({direction}), {shape}",
         f"          irradiance {irradiance}  radiance {radiance}  fits to {lamp.error:.2%}",
     ]

@@ -13,7 +13,7 @@ Array = NDArray[np.floating]
 
 _GROWN = 2.3
 """Mean distances of pixels that a lamp is grown by: filters blur it, and leave dark rims."""
-_RING = 3.0
+_RING = 1.6
 """Mean distances beyond, from which the place of the lamp is filled."""
 _POWER = 3
 """Pixels of the ring count by the distance to minus this; of 2 and less far ones would win."""
@@ -95,8 +95,9 @@ def _filled(flat: Array, pixels: SpherePixels, place: Indices, ring: Indices) ->
         values = _interpolated(pixels, place, ring, flat[ring].astype(float))
     else:  # all around are other lamps
         values = np.zeros_like(before)
-    lost = ((before - values) * areas[:, None]).sum(axis=0) < 0
-    values[:, lost] = np.minimum(values[:, lost], before[:, lost])
+    # A red sun may be darker in blue than what is around it: it takes nothing, and adds nothing.
+    there, filled = areas @ before, areas @ values
+    values *= np.minimum(there / np.where(filled > 0, filled, 1), 1)
     stored = values.astype(np.float32)
     return Filled(place, stored, before - stored)
 
