@@ -28,8 +28,6 @@ from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
 
 Array = NDArray[np.floating]
 
-_SEARCH_ORDER = 12
-"""Degrees that choose how many discs a lamp becomes; the proof has more of them."""
 _MOST_DISCS = 16
 """Discs of a lamp, at most."""
 
@@ -129,9 +127,7 @@ class _Candidate:
 
     def _set(self, parts: list[Light], radius: float | None) -> None:
         self.parts, self.discs = parts, [disc_of(part, radius) for part in parts]
-        self.wrong = light_coefficients(self.light, _SEARCH_ORDER) - disc_coefficients(
-            self.discs, _SEARCH_ORDER
-        )
+        self.wrong = light_coefficients(self.light, ORDER) - disc_coefficients(self.discs, ORDER)
 
 
 def split_lamps(
@@ -166,7 +162,7 @@ def split_lamps(
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)
-    scale = irradiance_rms(project(coarse, _SEARCH_ORDER).coefficients)
+    scale = irradiance_rms(project(coarse, ORDER).coefficients)
     # The brightness is the mean of three channels, the scale the root of the sum of their squares.
     regions = find_regions(image, pixels, error * scale / np.sqrt(3))
     kept = regions[:count]
@@ -210,7 +206,7 @@ def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> 
 
 
 def _wrong(light: Light, disc: Disc) -> Array:
-    return light_coefficients(light, _SEARCH_ORDER) - disc_coefficients([disc], _SEARCH_ORDER)
+    return light_coefficients(light, ORDER) - disc_coefficients([disc], ORDER)
 
 
 def _halves(light: Light) -> list[Light]:
