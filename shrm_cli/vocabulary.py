@@ -104,6 +104,12 @@ It keeps pixels that are all but black, whose error nobody sees, from having the
 
 # ---- defaults ------------------------------------------------------------------------------------
 
+LAMP_ERROR = 0.001
+"""The relative RMS error of the irradiance that discs in place of lamps may make."""
+LAMP_COUNT = 8
+"""The most lamps that are taken out of a probe."""
+LIGHT_ENGINES = ("three", "filament", "blender", "gltf")
+"""The programs that `shrm sun` prints lines for."""
 DEFAULT_EPS = 0.03
 """The fraction of a BRDF's energy that a map may miss, where no other is asked for."""
 DEFAULT_MAX_SIZE = 32 * 10**6

@@ -30,7 +30,7 @@ STOPS = [
     {"orders", "reflected"},
     {"reference"},
     {"maps"},
-    {"transfer"},
+    {"transfer", "lights"},
     {"prefilter", "naming"},
     {"batch"},
     {"render"},

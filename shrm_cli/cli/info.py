@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,6 +16,9 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.usage import refuse_inapplicable
 from shrm_cli.vocabulary import SAMPLINGS
 
+if TYPE_CHECKING:
+    from shrm_cli.lights.lamp import Lamp
+
 _MOST_ROWS, _MOST_NUMBERS = 9, 16
 """The most rows of a table and numbers of a list that are printed as text; JSON has them all."""
 
@@ -23,10 +26,21 @@ _MOST_ROWS, _MOST_NUMBERS = 9, 16
 @click.command()
 @click.argument("file", type=click.Path())
 @click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where a probe's edge pixels lie.")
+@click.option(
+    "--stats/--no-stats", default=True, show_default=True,
+    help="Read the pixels of a probe: range, irradiance, white balance, lamps.",
+)  # fmt: skip
 @read_options
 @report_options
-def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading: Any) -> None:
-    """Print what FILE is: a map or table of shrm, a light probe, light file or measured BRDF."""
+def info(
+    file: str, sampling: str | None, stats: bool, as_json: bool, quiet: bool, **reading: Any
+) -> None:
+    """Print what FILE is: a map or table of shrm, a light probe, light file or measured BRDF.
+
+    Of a probe it reads the pixels. Stops lie between the luminances that 1 % and 99.9 % of the
+    sphere are below; irradiance is that of normals along the axes, +Y that of the ground; the
+    temperature is the correlated one of the mean light. `shrm sun` tells more of the lamps.
+    """
     from shrm_cli.brdf.environment.file import read_table_facts
     from shrm_cli.brdf.measured.reading.table_file import is_table
     from shrm_cli.brdf.spec import is_measured_file
@@ -34,6 +48,7 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
     from shrm_cli.transfer.file import is_transfer, read_transfer
 
     warnings: list[str] = []
+    lamps: list[str] = []
     if is_map(file):
         refuse_inapplicable(reading_rules(False, "to probes; FILE is a map"))
         values = _describe_map(file)
@@ -50,11 +65,12 @@ def info(file: str, sampling: str | None, as_json: bool, quiet: bool, **reading:
         refuse_inapplicable(reading_rules(False, "to probes; FILE is a measured BRDF"))
         values = _describe_measured(file)
     else:
-        values, found = _describe_probe(file, make_read_options(sampling, reading))
+        options = make_read_options(sampling, reading)
+        values, lamps, found = _describe_probe(file, options, stats)
         warnings = [f"{file}: {line}" for line in found]
     width = max(len(key) for key in values)
     lines = [file]
-    for key, value in values.items():
+    for key, value in (values | ({"lamps": "\n".join(lamps)} if "lamps" in values else {})).items():
         text = _text(value).replace("\n", "\n" + " " * (width + 4))
         lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
     conclude({"file": file, **values}, lines, warnings, as_json, quiet)
@@ -93,26 +109,13 @@ def _describe_map(file: str) -> dict[str, Any]:
     }
 
 
-def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]:
-    import numpy as np
-
-    from shrm_cli.probe.lamps import PolarRows
+def _describe_probe(
+    file: str, options: Any, stats: bool
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Return the facts of a probe, lines about its lamps, and warnings."""
     from shrm_cli.probe.probe import open_probe
 
     probe = open_probe(file, options)
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    total, area = np.zeros(3), 0.0
-    polar_rows = PolarRows(probe.grid)
-    for start, pixels, weights in probe.blocks():
-        polar_rows.add(start, pixels)
-        low = np.minimum(low, pixels.min(axis=(0, 1)))
-        high = np.maximum(high, pixels.max(axis=(0, 1)))
-        full = np.broadcast_to(weights, pixels.shape[:2])
-        total += np.einsum("ijc,ij->c", pixels, full, dtype=float)
-        area += float(full.sum())
-    for lamps in polar_rows.lamps():
-        weights = probe.grid.weights(lamps.start, lamps.start + len(lamps.excess))
-        total += np.einsum("ijc,ij->c", lamps.light, np.broadcast_to(weights, lamps.shape))
     first = probe.images[0]
     values = {
         "kind": "light file" if first.file_format == "light file" else "probe",
@@ -123,14 +126,27 @@ def _describe_probe(file: str, options: Any) -> tuple[dict[str, Any], list[str]]
         "orientation": probe.orientation,
         "format": first.file_format,
         **first.facts(),
-        "minimum": low.tolist(),
-        "maximum": high.tolist(),
-        "mean": (total / area).tolist(),
-        "chromaticities": probe.chromaticities,
-        "sha256": probe.digest(),
     }
-    return {key: value for key, value in values.items() if value is not None}, (
-        probe.report.warnings()
+    lamps = []
+    if stats:
+        from shrm_cli.analysis.probe_statistics import probe_statistics
+
+        found = probe_statistics(probe)
+        values |= found.summary()
+        lamps = [_lamp_line(lamp) for lamp in found.lamps]
+    values |= {"chromaticities": probe.chromaticities, "sha256": probe.digest()}
+    kept = {key: value for key, value in values.items() if value is not None}
+    return kept, lamps, probe.report.warnings() if stats else list(probe.report.notes)
+
+
+def _lamp_line(lamp: Lamp) -> str:
+    facts = lamp.summary()
+    size = f"radius {facts['radius']:.3g}"
+    if lamp.is_elongated:
+        size = f"{facts['length']:.3g} x {facts['width']:.3g}"
+    return (
+        f"azimuth {facts['azimuth']:.1f}, elevation {facts['elevation']:.1f}, {size} degrees, "
+        f"irradiance {_text(facts['irradiance'])}"
     )
 
 
@@ -149,6 +165,8 @@ def _text(value: Any) -> str:
         return "see --json"
     if isinstance(value, list | tuple):
         return ", ".join(_text(item) for item in value)
+    if isinstance(value, dict) and all(isinstance(item, list) for item in value.values()):
+        return "\n".join(f"{key}  {_text(item)}" for key, item in value.items())
     if isinstance(value, dict):
         return ", ".join(f"{key.replace('_', ' ')} {_text(item)}" for key, item in value.items())
     return str(value)

@@ -46,6 +46,15 @@ def from_azimuth_elevation(azimuth: float, elevation: float) -> Array:
     return np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
 
 
+def to_azimuth_elevation(direction: ArrayLike) -> tuple[float, float]:
+    """Azimuth in -180 .. 180 and elevation of a direction, shape (3,), of any length; degrees.
+
+    The other way round than `from_azimuth_elevation`.
+    """
+    x, y, z = (float(part) for part in np.asarray(direction))
+    return float(np.degrees(np.arctan2(x, z))), float(np.degrees(np.arctan2(y, np.hypot(x, z))))
+
+
 def turn_matrix(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Array:
     """Matrix of a rotation given in degrees, as users give it, shape (3, 3).
 

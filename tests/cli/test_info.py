@@ -20,7 +20,8 @@ MAP_KEYS = [
 ]  # fmt: skip
 PROBE_KEYS = [
     "file", "kind", "layout", "width", "height", "sampling", "format", "channels", "encoding",
-    "minimum", "maximum", "mean", "sha256", "warnings",
+    "minimum", "maximum", "mean", "mean_luminance", "stops", "irradiance", "white_balance",
+    "light_from", "clipped", "primaries", "lamps", "sha256", "warnings",
 ]  # fmt: skip
 
 
@@ -93,6 +94,23 @@ def test_probe_as_json(folder):
     weights = (edges[:-1] - edges[1:]) / 2
     expected = weights @ pixels.astype(float).mean(axis=1)
     assert values["mean"] == pytest.approx(expected.tolist(), rel=0.01)
+
+
+def test_a_probe_without_reading_its_pixels(folder):
+    values = json.loads(done("info", "probe.exr", "--no-stats", "--json"))
+    gathered = PROBE_KEYS[PROBE_KEYS.index("minimum") : PROBE_KEYS.index("sha256")]
+    assert list(values) == [key for key in PROBE_KEYS if key not in gathered]
+    whole = json.loads(done("info", "probe.exr", "--json"))
+    assert values == {key: whole[key] for key in values}
+
+
+def test_the_brightest_lamps_are_lines(folder):
+    image = np.ones((64, 128, 3), np.float32)
+    image[16, 32] = image[40, 90] = 9e4
+    write_exr("lamps.exr", image)
+    text = done("info", "lamps.exr")
+    places = [line.split("azimuth")[1].split(",")[0] for line in text.splitlines() if "deg" in line]
+    assert sorted(float(place) for place in places) == pytest.approx([-74.5, 88.6], abs=0.1)
 
 
 def test_probe_for_people(folder):

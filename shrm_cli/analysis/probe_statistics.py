@@ -1,0 +1,259 @@
+"""What is in a probe, in numbers: `probe_statistics`."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.analysis.white import (
+    blackbody_distance,
+    chromaticity,
+    color_temperature,
+    primaries_name,
+    xyz_matrix,
+)
+from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
+from shrm_cli.lights.split import split_lamps
+from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.probe.lamps import PolarRows
+from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.directions import to_azimuth_elevation
+from shrm_cli.sphere.grid.base import Grid
+from shrm_cli.sphere.harmonics import degrees, real_harmonics
+from shrm_cli.sphere.rotation import transform_coefficients
+
+Array = NDArray[np.floating]
+
+AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+_ORDER = 32
+"""Degrees of the light that make the irradiance."""
+_LOW, _HIGH = 0.01, 0.999
+"""Shares of the sphere between whose luminances the range is."""
+_LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
+_PLATEAU, _PLATEAU_OVER_MEAN = 4.0, 4.0
+"""As many pixels of exactly the same largest value, which is the mean times this, are suspected to
+be clipped; pixels count by their areas, because the whole row at a pole is one of them."""
+_MOST_PLATEAU = 0.2
+"""A larger share of the sphere at the maximum is no clipped light, but a constant probe."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeStatistics:
+    """Numbers about the light of a probe. Radiance has the probe's unit, irradiance that times sr.
+
+    Attributes
+    ----------
+    minimum, maximum, mean : ndarray, shape (3,)
+        Radiance of the pixels; the mean is over the sphere.
+    mean_luminance : float
+        Of the mean, with the weights of the probe's primaries.
+    stops : float
+        Between the luminances that 1 % and 99.9 % of the sphere are below, black pixels left out.
+    stops_whole : float
+        Between the least luminance above 0 and the largest one.
+    irradiance : ndarray, shape (6, 3)
+        Of surfaces whose normals are `AXES`; that of +Y is what the ground gets.
+    chromaticity : tuple of 2 float, optional
+        CIE x and y of the mean.
+    temperature, duv : float, optional
+        Correlated colour temperature of the mean in kelvin, and its distance from the black body.
+        None where it has none.
+    white_balance : ndarray, shape (3,)
+        The mean over its green.
+    direction : ndarray, shape (3,)
+        Unit, world axes: where the light comes from, by the linear harmonics of the luminance.
+        0 of light without a direction.
+    directionality : float
+        The length of that vector over the mean: 0 of constant light, 1 of light from one point.
+    clipped : str
+        Why the maximum is suspected to be clipped; empty if it is not.
+    primaries : str
+        Their name.
+    lamps : tuple of Lamp
+        The brightest, see `shrm_cli.lights`.
+    """
+
+    minimum: Array
+    maximum: Array
+    mean: Array
+    mean_luminance: float
+    stops: float
+    stops_whole: float
+    irradiance: Array
+    chromaticity: tuple[float, float] | None
+    temperature: float | None
+    duv: float | None
+    white_balance: Array
+    direction: Array
+    directionality: float
+    clipped: str
+    primaries: str
+    lamps: tuple[Lamp, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers by name, for JSON. Directions are azimuth and elevation in degrees."""
+        white = {
+            "over_green": self.white_balance.tolist(),
+            "xy": None if self.chromaticity is None else list(self.chromaticity),
+            "kelvin": self.temperature,
+            "duv": self.duv,
+        }
+        return {
+            "minimum": self.minimum.tolist(),
+            "maximum": self.maximum.tolist(),
+            "mean": self.mean.tolist(),
+            "mean_luminance": self.mean_luminance,
+            "stops": {"1%_to_99.9%": self.stops, "least_to_most": self.stops_whole},
+            "irradiance": dict(zip(AXES, self.irradiance.tolist(), strict=True)),
+            "white_balance": white,
+            "light_from": {
+                "azimuth_elevation": list(to_azimuth_elevation(self.direction)),
+                "directionality": self.directionality,
+            },
+            "clipped": self.clipped,
+            "primaries": self.primaries,
+            "lamps": [lamp.summary() for lamp in self.lamps],
+        }
+
+
+def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
+    """Read the pixels of a probe, block by block, and say what is in them.
+
+    Parameters
+    ----------
+    probe : Probe
+    lamps : int
+        The most lamps to look for; 0 saves the time that it takes.
+
+    Raises
+    ------
+    ProbeError
+        If the probe cannot be read.
+    """
+    to_xyz = xyz_matrix(probe.chromaticities)
+    gathered = _Gathered(probe.grid, to_xyz[1])
+    order = min(_ORDER, probe.grid.resolved_order)
+    analysis = probe.grid.analysis(order)
+    polar_rows = PolarRows(probe.grid)
+    for start, pixels, weights in probe.blocks():
+        gathered.add(pixels, weights)
+        analysis.add(start, pixels, weights)
+        polar_rows.add(start, pixels)
+    for polar in polar_rows.lamps():
+        weights = probe.grid.weights(polar.start, polar.start + len(polar.excess))
+        analysis.add(polar.start, polar.light, weights)
+    light = transform_coefficients(analysis.coefficients(), probe.matrix)
+    mean = light[0] / np.sqrt(4 * np.pi)
+    point = chromaticity(mean, probe.chromaticities)
+    temperature = None if point is None else color_temperature(*point)
+    direction, directionality = _direction(light @ to_xyz[1])
+    axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    factors = lambert_factors(order)[degrees(order), None]
+    return ProbeStatistics(
+        minimum=gathered.low,
+        maximum=gathered.high,
+        mean=mean,
+        mean_luminance=float(to_xyz[1] @ mean),
+        stops=gathered.stops(),
+        stops_whole=gathered.stops_whole(),
+        irradiance=np.maximum(real_harmonics(order, axes) @ (factors * light), 0),
+        chromaticity=point,
+        temperature=temperature,
+        duv=None if point is None or temperature is None else blackbody_distance(*point),
+        white_balance=mean / mean[1] if mean[1] > 0 else np.zeros(3),
+        direction=direction,
+        directionality=directionality,
+        clipped=gathered.clipped(mean),
+        primaries=primaries_name(probe.chromaticities),
+        lamps=split_lamps(probe, count=lamps).lamps if lamps and mean.any() else (),
+    )
+
+
+def _direction(luminance: Array) -> tuple[Array, float]:
+    """Where light comes from, and how directed it is, by its first four coefficients."""
+    if len(luminance) < 4 or luminance[0] <= 0:
+        return np.zeros(3), 0.0
+    vector = luminance[[3, 1, 2]] / (np.sqrt(3) * luminance[0])
+    length = float(np.linalg.norm(vector))
+    return (vector / length if length > 1e-6 else np.zeros(3)), length
+
+
+@dataclass
+class _Gathered:
+    """What is gathered of the pixels while they are read: extremes, and a histogram."""
+
+    grid: Grid
+    weights_of_channels: Array
+    low: Array = field(default_factory=lambda: np.full(3, np.inf))
+    high: Array = field(default_factory=lambda: np.full(3, -np.inf))
+    least: float = np.inf
+    most: float = 0.0
+    histogram: Array = field(default_factory=lambda: np.zeros(_STOPS * _BINS_A_STOP))
+    at_high: Array = field(default_factory=lambda: np.zeros(3))
+    near_high: Array = field(default_factory=lambda: np.zeros(3))
+    """Solid angles of the pixels that have the largest value of a channel, or nearly so."""
+
+    def add(self, pixels: Array, weights: Array) -> None:
+        """Take in a block of rows."""
+        areas = np.broadcast_to(weights, pixels.shape[:2])
+        for channel in range(3):
+            plane = pixels[..., channel]
+            # Numpy takes several times as long for extremes along two axes of three.
+            self.low[channel] = min(self.low[channel], float(plane.min()))
+            self._find_high(channel, plane, areas)
+        luminance = pixels @ self.weights_of_channels.astype(pixels.dtype)
+        lit = luminance > 0
+        if not lit.any():
+            return
+        values = luminance[lit]
+        self.least = min(self.least, float(values.min()))
+        self.most = max(self.most, float(values.max()))
+        bins = ((np.log2(values) - _LEAST_STOP) * _BINS_A_STOP).astype(np.intp)
+        size = len(self.histogram)
+        np.clip(bins, 0, size - 1, out=bins)
+        self.histogram += np.bincount(bins, areas[lit], size)
+
+    def _find_high(self, channel: int, plane: Array, areas: Array) -> None:
+        """Keep the largest value, the area that has it, and the area of what is near to it.
+
+        Brighter blocks make the latter start again, although pixels of earlier ones may be near.
+        """
+        high = float(plane.max())
+        if high > self.high[channel]:
+            self.high[channel] = high
+            self.at_high[channel] = self.near_high[channel] = 0.0
+        most = self.high[channel]
+        if high >= most * (1 - JUST_BELOW):
+            near = plane >= most * (1 - JUST_BELOW)
+            self.near_high[channel] += float(areas[near].sum())
+            self.at_high[channel] += float(areas[near & (plane == most)].sum())
+
+    def stops(self) -> float:
+        """Stops between two quantiles of the luminance over the sphere, to 1/64."""
+        total = np.cumsum(self.histogram)
+        if total[-1] <= 0:
+            return 0.0
+        low, high = np.searchsorted(total, np.array([_LOW, _HIGH]) * total[-1])
+        return float(high - low) / _BINS_A_STOP
+
+    def stops_whole(self) -> float:
+        """Stops between the least luminance above 0 and the largest."""
+        return float(np.log2(self.most / self.least)) if self.most > 0 else 0.0
+
+    def clipped(self, mean: Array) -> str:
+        """Why the maximum is suspected to be clipped; else ""."""
+        rows, columns = self.grid.shape
+        pixel = 4 * np.pi / (rows * columns)
+        for channel, (high, area, average) in enumerate(
+            zip(self.high, self.at_high, mean, strict=True)
+        ):
+            name = "RGB"[channel]
+            if high in HALF_LIMITS:
+                return f"{name} reaches {high:g}, the end of half precision"
+            count = area / pixel
+            is_bright = high >= _PLATEAU_OVER_MEAN * average
+            is_bright &= area > self.near_high[channel] - area
+            if is_bright and count >= _PLATEAU and area < _MOST_PLATEAU * 4 * np.pi:
+                return f"{count:.0f} pixels share the maximum {high:.6g} of {name}"
+        return ""

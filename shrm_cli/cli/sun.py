@@ -1,0 +1,215 @@
+"""`shrm sun` takes the lamps out of a probe."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import (
+    conclude,
+    make_read_options,
+    precision_option,
+    probe_sampling_option,
+    read_options,
+    report_options,
+    warn,
+)
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.types import Fraction, Within
+from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
+
+if TYPE_CHECKING:
+    from shrm_cli.lights.lamp import Lamp
+    from shrm_cli.lights.split import LampSplit
+
+
+@click.command()
+@click.argument("probe", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="EXR",
+    help="Write the residual: the probe with its lamps replaced by what is around them.",
+)  # fmt: skip
+@click.option(
+    "--light-file", type=click.Path(), metavar="TOML",
+    help="Write residual and discs as a probe of all commands; needs -o.",
+)  # fmt: skip
+@click.option(
+    "--usd", type=click.Path(), metavar="USDA",
+    help="Write a DomeLight and DistantLights; needs -o.",
+)  # fmt: skip
+@click.option(
+    "--for", "engine", type=click.Choice(LIGHT_ENGINES),
+    help="Print lines that make the lamps there, instead of the report.",
+)  # fmt: skip
+@click.option(
+    "--error", type=Fraction(), default=LAMP_ERROR, show_default=True, metavar="X",
+    help="RMS error of the irradiance that discs may make; what gives less is no lamp.",
+)  # fmt: skip
+@click.option(
+    "--count", type=click.IntRange(0, 100), default=LAMP_COUNT, show_default=True,
+    help="The most lamps.",
+)  # fmt: skip
+@click.option(
+    "--sun-radius", type=Within(0.001, 90), metavar="DEG",
+    help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
+)  # fmt: skip
+@precision_option
+@probe_sampling_option
+@read_options
+@report_options
+def sun(
+    probe: str,
+    output: str | None,
+    light_file: str | None,
+    usd: str | None,
+    engine: str | None,
+    error: float,
+    count: int,
+    sun_radius: float | None,
+    precision: Precision,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    """Find the lamps of PROBE, such as the sun, and take them out of it.
+
+    Lamps are compact places that are much brighter than what is around them. Each becomes a disc,
+    or several where it is long, with the flux that is taken out of the probe. The irradiance of
+    what is left and the discs is compared with that of the probe.
+
+    \b
+      shrm sun probe.exr
+      shrm sun probe.exr -o residual.exr --light-file sun.toml --usd sun.usda
+      shrm prefilter sun.toml --brdf microfacet
+    """
+    for name, target in (("--light-file", light_file), ("--usd", usd)):
+        if target is not None and output is None:
+            raise click.UsageError(
+                f"{name} names the residual; give -o FILE.exr, too", click.get_current_context()
+            )
+    if engine is not None and as_json:
+        raise click.UsageError("--for excludes --json", click.get_current_context())
+    options = make_read_options(sampling, reading)
+    from shrm_cli.lights.split import split_lamps
+    from shrm_cli.probe.probe import open_probe
+
+    found = open_probe(probe, options)
+    targets = {output: ".exr", light_file: ".toml", usd: ".usda"}
+    for path, suffix in targets.items():
+        if path is not None:
+            check_outputs([path], suffixes=[suffix])
+    split = split_lamps(found, error, count, sun_radius)
+    written = _write(split, output, light_file, usd, precision)
+    result = _result(probe, split) | written
+    warnings = [f"{probe}: {line}" for line in found.report.warnings() + _doubts(split)]
+    if engine is not None:
+        from shrm_cli.lights.snippets import snippet
+
+        echo(snippet(engine, split.discs))
+        warn(warnings, quiet)
+        return
+    conclude(result, _lines(probe, split, written), warnings, as_json, quiet)
+
+
+def _write(
+    split: LampSplit,
+    output: str | None,
+    light_file: str | None,
+    usd: str | None,
+    precision: Precision,
+) -> dict[str, Any]:
+    """Write what was asked for, all of it or nothing, and return the names of the files."""
+    if output is None:
+        return {}
+    from shrm_cli.files.whole import together
+    from shrm_cli.lights.light_files import (
+        light_file_text,
+        relative_name,
+        usd_text,
+        write_residual,
+        write_text,
+    )
+
+    texts = {}
+    if light_file is not None:
+        texts[light_file] = light_file_text(split, relative_name(output, light_file))
+    if usd is not None:
+        texts[usd] = usd_text(split, relative_name(output, usd))
+    with together():
+        pixel_type = write_residual(output, split, precision)
+        for path, text in texts.items():
+            write_text(path, text)
+    files = {"residual": output, "light_file": light_file, "usd": usd, "precision": pixel_type}
+    return {name: value for name, value in files.items() if value is not None}
+
+
+def _result(probe: str, split: LampSplit) -> dict[str, Any]:
+    proof = split.proof
+    return {
+        "probe": probe,
+        "lamps": [lamp.summary() for lamp in split.lamps],
+        "left_in_the_residual": split.left,
+        "irradiance": {
+            "rms": proof.scale,
+            "relative_rms_error": proof.rms,
+            "relative_maximum_error": proof.maximum,
+            "worst_normal": proof.worst.tolist(),
+        },
+        "allowed_error": split.error,
+    }
+
+
+def _doubts(split: LampSplit) -> list[str]:
+    """Return what a user should know of the lamps, a line each."""
+    lines = [
+        f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
+        for number, lamp in enumerate(split.lamps, 1)
+        if lamp.clipped
+    ]
+    if split.left:
+        lines.append(
+            f"{split.left} more lamps stay in the residual; `count` takes more, `error` ones that "
+            "are less like discs"
+        )
+    return lines
+
+
+def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:
+    """Return the report."""
+    lines = [f"{probe}: {len(split.lamps)} lamp{'s' if len(split.lamps) != 1 else ''}"]
+    if not split.lamps:
+        lines.append("  nothing compact gives as much irradiance and is as bright beside the rest")
+    for number, lamp in enumerate(split.lamps, 1):
+        lines += _lamp_lines(number, lamp)
+    proof = split.proof
+    lines += [
+        f"  irradiance of residual + discs, over all normals: RMS error {proof.rms:.3%}, at most "
+        f"{proof.maximum:.3%} (of its RMS; {split.error:.3g} allowed)",
+    ]
+    names = [str(value) for name, value in written.items() if name != "precision"]
+    return lines + ([f"  written: {', '.join(names)}"] if names else [])
+
+
+def _lamp_lines(number: int, lamp: Lamp) -> list[str]:
+    facts = lamp.summary()
+    irradiance, radiance = (
+        " ".join(f"{each:.4g}" for each in facts[name]) for name in ("irradiance", "radiance")
+    )
+    shape = f"radius {facts['radius']:.3g} degrees"
+    if lamp.is_elongated:
+        shape = f"{facts['length']:.3g} x {facts['width']:.3g} degrees, elongated"
+    if len(lamp.discs) > 1:
+        shape += f", as {len(lamp.discs)} discs"
+    elif lamp.is_elongated:
+        shape += f", as a disc of radius {facts['radius']:.3g}"
+    if not lamp.is_resolved:
+        shape += f" (of a pixel: {facts['pixel']:.3g})"
+    direction = ", ".join(f"{each:.5f}" for each in facts["direction"])
+    return [
+        f"  lamp {number}  azimuth {facts['azimuth']:.2f}, elevation {facts['elevation']:.2f} "
+        f"({direction}), {shape}",
+        f"          irradiance {irradiance}  radiance {radiance}  fits to {lamp.error:.2%}",
+    ]

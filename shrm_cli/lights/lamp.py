@@ -1,0 +1,227 @@
+"""What a lamp is: the light that was taken out of some pixels, and the discs that give it back."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.lights.search import brightness_of, typical_brightness
+from shrm_cli.probe.disc import Disc, radius_of
+from shrm_cli.sphere.directions import normalize, to_azimuth_elevation
+
+Array = NDArray[np.floating]
+
+_SHAPE = 0.25
+"""Pixels brighter than this part of the typical brightness tell a lamp's shape."""
+_CLIPPED = 4
+"""As many pixels of exactly the same largest value are suspected to be clipped."""
+HALF_LIMITS = (65504.0, 65535.0, 65536.0)
+"""The largest number of half precision, and what programs round it to."""
+JUST_BELOW = 1 / 64
+"""A plateau has more pixels than are within this part of its value below it."""
+_LONG, _PIXELS_LONGER = 1.5, 2.0
+"""A lamp is called elongated if its length is its width times this, and as many pixels more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Light at points of the sphere.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (n, 3)
+        Unit, world axes.
+    radiance : ndarray, shape (n, 3)
+        Single values may be below 0.
+    areas : ndarray, shape (n,)
+        Solid angles, sr.
+    """
+
+    directions: Array
+    radiance: Array
+    areas: Array
+
+    def where(self, chosen: NDArray[np.bool_]) -> "Light":
+        """Return a part of it."""
+        return Light(self.directions[chosen], self.radiance[chosen], self.areas[chosen])
+
+    @property
+    def flux(self) -> Array:
+        """The integral of the radiance over the sphere, shape (3,)."""
+        return np.asarray(self.areas @ self.radiance)
+
+    @property
+    def axis(self) -> Array:
+        """The unit direction that its light comes from on average, shape (3,)."""
+        return normalize((brightness_of(self.radiance) * self.areas) @ self.directions)
+
+    def shape(self) -> tuple[Array, Array, Array]:
+        """The middle of its bright part, the directions of its length and width, and their halves.
+
+        Returns
+        -------
+        middle : ndarray, shape (3,)
+        axes : ndarray, shape (2, 3)
+            At right angles to each other and to the middle; the length comes first.
+        spans : ndarray, shape (2,)
+            Length and width in radians, of the rectangle with the same second moments.
+        """
+        bright = brightness_of(self.radiance)
+        typical = typical_brightness(np.maximum(bright, 0), self.areas)
+        core = bright >= _SHAPE * typical
+        points, weights = self.directions[core], self.areas[core] / self.areas[core].sum()
+        middle = normalize(weights @ points)
+        first = normalize(np.cross(middle, np.eye(3)[np.argmin(np.abs(middle))]))
+        frame = np.stack([first, np.cross(middle, first)])
+        flat = points @ frame.T
+        # A pixel is no point: it adds what its area has.
+        moments = (flat * weights[:, None]).T @ flat + np.eye(2) * (weights @ self.areas[core]) / 12
+        values, vectors = np.linalg.eigh(moments)
+        return middle, vectors.T[::-1] @ frame, np.sqrt(12 * values[::-1])
+
+
+def disc_of(light: Light, radius: float | None = None) -> Disc:
+    """The disc that gives the same flux from the same direction.
+
+    Parameters
+    ----------
+    light : Light
+    radius : float, optional
+        In radians. By default the disc is as large as the light would be if all of it had its
+        typical brightness: what a filter has spread around a lamp hardly counts.
+    """
+    bright = brightness_of(light.radiance)
+    if radius is None:
+        typical = typical_brightness(np.maximum(bright, 0), light.areas)
+        radius = radius_of(float(bright @ light.areas) / typical)
+    disc = Disc(light.axis, radius, np.ones(3))
+    return replace(disc, radiance=np.maximum(light.flux, 0) / disc.solid_angle)
+
+
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """A lamp of a probe.
+
+    Attributes
+    ----------
+    discs : tuple of Disc
+        One, or several for an elongated lamp; world axes. Their flux is what was taken out.
+    light : Light
+        What was taken out.
+    level : float
+        The brightness, mean of the channels, above which it was found.
+    peak : ndarray, shape (3,)
+        The largest radiance of each channel in the probe.
+    clipped : str
+        Why its maximum is suspected to be clipped; empty if it is not.
+    error : float
+        The RMS over normals of the difference that the discs make to the irradiance, over the
+        RMS of the probe's irradiance.
+    pitch : float
+        The distance of the pixels in radians. Lamps that are smaller look as large as pixels.
+    """
+
+    discs: tuple[Disc, ...]
+    light: Light
+    level: float
+    peak: Array
+    clipped: str
+    error: float
+    pitch: float
+
+    @property
+    def direction(self) -> Array:
+        """The unit direction that its light comes from, world axes, shape (3,)."""
+        return self.light.axis
+
+    @property
+    def radius(self) -> float:
+        """The angle in radians from centre to edge, of the disc with the area of all its discs."""
+        return radius_of(sum(disc.solid_angle for disc in self.discs))
+
+    @property
+    def radiance(self) -> Array:
+        """The mean radiance of its discs, shape (3,)."""
+        return self.light.flux / sum(disc.solid_angle for disc in self.discs)
+
+    @property
+    def irradiance(self) -> Array:
+        """What its discs give to a surface that faces its direction, shape (3,)."""
+        cosines = np.array([disc.direction @ self.direction for disc in self.discs])
+        return np.asarray(cosines @ np.array([disc.irradiance for disc in self.discs]))
+
+    @property
+    def spans(self) -> tuple[float, float]:
+        """Length and width in radians, of the rectangle with the same second moments."""
+        long, short = self.light.shape()[2]
+        return float(long), float(short)
+
+    @property
+    def elongation(self) -> float:
+        """Length over width, 1 of a disc."""
+        long, short = self.spans
+        return long / short
+
+    @property
+    def is_elongated(self) -> bool:
+        """Whether it is a tube or a window rather than a disc."""
+        long, short = self.spans
+        return long > _LONG * short and long - short > _PIXELS_LONGER * self.pitch
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether its radius is its own, and not that of the pixels which show it."""
+        return self.radius > self.pitch
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers by name, for JSON: angles in degrees, solid angles in sr."""
+        azimuth, elevation = to_azimuth_elevation(self.direction)
+        return {
+            "direction": self.direction.tolist(),
+            "azimuth": azimuth,
+            "elevation": elevation,
+            "radius": float(np.degrees(self.radius)),
+            "pixel": float(np.degrees(self.pitch)),
+            "solid_angle": float(sum(disc.solid_angle for disc in self.discs)),
+            "irradiance": self.irradiance.tolist(),
+            "radiance": self.radiance.tolist(),
+            "peak": self.peak.tolist(),
+            "length": float(np.degrees(self.spans[0])),
+            "width": float(np.degrees(self.spans[1])),
+            "elongation": self.elongation,
+            "clipped": self.clipped,
+            "level": self.level,
+            "error": self.error,
+            "discs": [disc_facts(disc) for disc in self.discs],
+        }
+
+
+def disc_facts(disc: Disc) -> dict[str, Any]:
+    """The numbers of a disc by name, as `Lamp.summary` has them."""
+    azimuth, elevation = to_azimuth_elevation(disc.direction)
+    return {
+        "direction": disc.direction.tolist(),
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "radius": float(np.degrees(disc.radius)),
+        "irradiance": disc.irradiance.tolist(),
+        "radiance": disc.radiance.tolist(),
+    }
+
+
+def clipping(radiance: Array) -> str:
+    """Why the maximum of some pixels, shape (n, 3), is suspected to be clipped; else "".
+
+    Where light was cut off, more pixels have exactly the largest value than are just below it. A
+    lamp with such a plateau may also be one that a program made with the same radiance everywhere.
+    """
+    highest = radiance.max(axis=0)
+    for name, values, high in zip("RGB", radiance.T, highest, strict=True):
+        if high in HALF_LIMITS:
+            return f"{name} reaches {high:g}, the end of half precision"
+        count = int((values == high).sum())
+        below = int((values >= high * (1 - JUST_BELOW)).sum()) - count
+        if high > 0 and count >= _CLIPPED and count > below:
+            return f"{count} pixels share the maximum {high:.6g} of {name}"
+    return ""

@@ -1,0 +1,138 @@
+"""Where the lamps of an image are: compact places that are much brighter than what is around them.
+
+There is no luminance above which a pixel is a lamp. What is bright is cut out at a low level
+first. A piece of it is a lamp if it is compact and stands out; else it is cut again at a higher
+level, so that every lamp has a level of its own. Pieces that give less irradiance than the error
+that is allowed are not followed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.lights.pixels import Indices, SpherePixels, clusters
+
+Array = NDArray[np.floating]
+
+_FLOOR = 2.0
+"""The lowest level, over the mean brightness of an image whose brightest pixels are dimmed."""
+_DIMMED = 4.0
+"""They are dimmed to the mean times this, so that a sun does not raise the level."""
+_STEP = 2**0.5
+_STANDS_OUT = 16.0
+"""The brightness of a lamp above its level is at least the level times this."""
+_COMPACT = 9.0
+"""The most area of a piece, over the area on which its typical brightness gives all its light."""
+_SMALL = 12.0
+"""Pieces of fewer pixels are always compact: a filter spreads a point over as many."""
+_LARGEST = 0.061
+"""The largest lamp in sr: a disc with a radius of 8 degrees. What is larger is sky or a wall."""
+_REACH = 1.3
+"""Pixels nearer than this many mean distances are beside each other; in the middle of a cube's
+face they are 1.27 times as far apart as on average."""
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """The pixels of a lamp.
+
+    Attributes
+    ----------
+    numbers : ndarray of int, shape (n,)
+        Of the pixels, in row-major order.
+    level : float
+        The brightness that they exceed.
+    irradiance : float
+        That of what exceeds the level, mean of the channels, of a surface that faces it.
+    """
+
+    numbers: Indices
+    level: float
+    irradiance: float
+
+
+def brightness_of(image: Array) -> Array:
+    """The mean of the channels, shape (..., 3) -> (...)."""
+    return np.asarray((image[..., 0] + image[..., 1] + image[..., 2]) / 3)
+
+
+def typical_brightness(brightness: Array, areas: Array) -> float:
+    """The brightness that half of the light comes from pixels of, or of brighter ones.
+
+    It is that of the disc itself where pixels on its rim are covered in part.
+    """
+    order = np.argsort(brightness)[::-1]
+    light = np.cumsum((brightness * areas)[order])
+    return float(brightness[order[min(np.searchsorted(light, light[-1] / 2), len(order) - 1)]])
+
+
+def find_regions(
+    image: Array, pixels: SpherePixels, least: float, most: int | None = None
+) -> list[Region]:
+    """Find the lamps of an image.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, columns, 3)
+    pixels : SpherePixels
+        Its cells.
+    least : float
+        The least irradiance of a lamp, mean of the channels.
+    most : int, optional
+        The most lamps, those with the most light.
+
+    Returns
+    -------
+    list of Region
+        The one with the most light first. No pixel is in two of them.
+    """
+    flat = brightness_of(image).ravel()
+    floor = _FLOOR * _background(flat, pixels)
+    numbers = np.flatnonzero(flat > floor)
+    if not len(numbers):
+        return []
+    bright = flat[numbers].astype(float)
+    directions, areas = pixels.directions(numbers), pixels.areas(numbers)
+    found = []
+    waiting = [(np.arange(len(numbers)), floor)]
+    while waiting:
+        inside, level = waiting.pop()
+        inside = inside[bright[inside] > level]
+        if not len(inside):
+            continue
+        labels = clusters(directions[inside], _REACH * pixels.pitch)
+        light = np.bincount(labels, (bright[inside] - level) * areas[inside])
+        order = np.argsort(labels, kind="stable")
+        ends = np.cumsum(np.bincount(labels))
+        for label in np.flatnonzero(light >= least):
+            piece = inside[order[ends[label - 1] if label else 0 : ends[label]]]
+            if _is_lamp(bright[piece] - level, areas[piece], level, pixels.pitch):
+                found.append(Region(numbers[piece], level, float(light[label])))
+            else:
+                waiting.append((piece, level * _STEP))
+    return sorted(found, key=lambda each: -each.irradiance)[:most]
+
+
+def _background(flat: Array, pixels: SpherePixels) -> float:
+    """Mean brightness over the sphere of an image whose brightest pixels are dimmed."""
+    rows = pixels.grid.shape[0]
+    weights = pixels.grid.weights()
+    planes = flat.reshape(rows, -1)
+
+    def mean(values: Array) -> float:
+        if weights.shape[1] == 1:
+            return float(weights[:, 0] @ values.sum(axis=1, dtype=float)) / (4 * np.pi)
+        return float((weights * values).sum()) / (4 * np.pi)
+
+    return mean(np.minimum(planes, _DIMMED * mean(planes)))
+
+
+def _is_lamp(excess: Array, areas: Array, level: float, pitch: float) -> bool:
+    """Whether a piece is compact, not too large, and stands out of its surroundings."""
+    area = areas.sum()
+    if area > _LARGEST:
+        return False
+    typical = typical_brightness(excess, areas)
+    core = (excess @ areas) / typical
+    return bool(typical >= _STANDS_OUT * level and area <= max(_COMPACT * core, _SMALL * pitch**2))

@@ -1,0 +1,142 @@
+"""Lines of code that make lamps in engines: `shrm sun --for ENGINE`.
+
+Radiance of a probe has no unit, and irradiance is in that of the radiance times sr. Where an
+engine calls it lux, both have to be scaled alike: the environment and the lamps.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.lights.light_files import intensity_and_color, light_axes
+from shrm_cli.probe.disc import Disc
+
+Array = NDArray[np.floating]
+
+
+def snippet(engine: str, discs: Sequence[Disc]) -> str:
+    """The lines for an engine, by its name in `shrm_cli.vocabulary.LIGHT_ENGINES`."""
+    return _WRITERS[engine](discs)
+
+
+def _numbers(values: Array) -> str:
+    return ", ".join(f"{value + 0.0:.6g}" for value in values)
+
+
+def _three(discs: Sequence[Disc]) -> str:
+    """three.js has +X in the centre of a lat-long and +Z to its right; we have +Z and -X."""
+    lines = [
+        "// In the axes that three.js gives the residual (EquirectangularReflectionMapping).",
+        "// Intensity is the irradiance in units of the probe; environmentIntensity scales both.",
+    ]
+    for disc in discs:
+        x, y, z = disc.direction
+        intensity, color = intensity_and_color(disc)
+        lines += [
+            "{",
+            f"  const lamp = new THREE.DirectionalLight(0xffffff, {intensity:.6g});",
+            f"  lamp.color.setRGB({_numbers(color)}, THREE.LinearSRGBColorSpace);",
+            f"  lamp.position.set({_numbers(np.array([z, y, -x]))}).multiplyScalar(100);",
+            "  scene.add(lamp);  // shines at lamp.target, the origin",
+            "}",
+        ]
+    return "\n".join(lines)
+
+
+def _filament(discs: Sequence[Disc]) -> str:
+    lines = [
+        "// World axes, as cubes of `shrm export --for filament` have them.",
+        "// scale: the intensity of the IndirectLight that is made of the residual.",
+    ]
+    for number, disc in enumerate(discs):
+        # An engine has one sun; other directional lights have no radius.
+        is_sun = number == 0
+        intensity, color = intensity_and_color(disc)
+        lines += [
+            f"LightManager::Builder(LightManager::Type::{'SUN' if is_sun else 'DIRECTIONAL'})",
+            f"    .color({{{_numbers(color)}}})  // linear",
+            f"    .intensity({intensity:.6g}f * scale)  // lux",
+            f"    .direction({{{_numbers(-disc.direction)}}})  // that of the light's travel",
+            *([f"    .sunAngularRadius({np.degrees(disc.radius):.6g}f)"] if is_sun else []),
+            "    .build(engine, EntityManager::get().create());",
+        ]
+    return "\n".join(lines)
+
+
+def _blender(discs: Sequence[Disc]) -> str:
+    """Blender is Z-up, and has +X in the centre of an environment texture and -Y to its right."""
+    lines = [
+        "# In the axes that Blender gives the residual as an environment texture of strength 1.",
+        "# Energy is the irradiance, W/m^2 there, in units of the probe.",
+        "import bpy",
+        "from mathutils import Vector",
+    ]
+    for number, disc in enumerate(discs, 1):
+        x, y, z = disc.direction
+        intensity, color = intensity_and_color(disc)
+        lines += [
+            f'lamp = bpy.data.lights.new("Lamp{number}", "SUN")',
+            f"lamp.energy, lamp.angle = {intensity:.6g}, {2 * disc.radius:.6g}  # whole angle, rad",
+            f"lamp.color = ({_numbers(color)})",
+            f'item = bpy.data.objects.new("Lamp{number}", lamp)',
+            'item.rotation_mode = "QUATERNION"',
+            f"item.rotation_quaternion = Vector(({_numbers(np.array([z, x, y]))}))"
+            '.to_track_quat("Z", "Y")',
+            "bpy.context.collection.objects.link(item)",
+        ]
+    return "\n".join(lines)
+
+
+def _gltf(discs: Sequence[Disc]) -> str:
+    """KHR_lights_punctual: directional lights shine along -Z of their node, in lux."""
+    lights, nodes = [], []
+    for number, disc in enumerate(discs, 1):
+        intensity, color = intensity_and_color(disc)
+        name = f"Lamp{number}"
+        lights.append(
+            {
+                "name": name, "type": "directional", "intensity": _short(intensity),
+                "color": [_short(each) for each in color],
+            }
+        )  # fmt: skip
+        rotation = [_short(each) for each in _quaternion(light_axes(disc.direction).T)]
+        extension = {"KHR_lights_punctual": {"light": number - 1}}
+        nodes.append({"name": name, "rotation": rotation, "extensions": extension})
+    return json.dumps(
+        {
+            "extensionsUsed": ["KHR_lights_punctual"],
+            "extensions": {"KHR_lights_punctual": {"lights": lights}},
+            "nodes": nodes,
+            "scenes": [{"nodes": list(range(len(nodes)))}],
+        },
+        indent=2,
+    )
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.7g}")
+
+
+def _quaternion(matrix: Array) -> Array:
+    """x, y, z, w of a rotation, shape (3, 3): the eigenvector of Bar-Itzhack's symmetric matrix."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    symmetric = np.array(
+        [
+            [a - e - i, b + d, c + g, h - f],
+            [b + d, e - a - i, f + h, c - g],
+            [c + g, f + h, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    found = np.linalg.eigh(symmetric)[1][:, -1]
+    return np.asarray(found * (-1 if found[3] < 0 else 1))
+
+
+_WRITERS: dict[str, Callable[[Sequence[Disc]], str]] = {
+    "three": _three,
+    "filament": _filament,
+    "blender": _blender,
+    "gltf": _gltf,
+}

@@ -1,0 +1,228 @@
+"""A probe as lamps and what is left of it: `split_lamps`.
+
+The lamps are the compact places that stand out and give more irradiance than the error that is
+allowed. Each becomes a disc. Where discs change the irradiance by more than the error, lamps that
+fit them worst become several discs, and in the end stay in the probe.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
+from shrm_cli.lights.pixels import SpherePixels
+from shrm_cli.lights.proof import ORDER, Proof, irradiance_rms, light_coefficients, prove
+from shrm_cli.lights.search import find_regions
+from shrm_cli.lights.surroundings import Filled, fill_regions
+from shrm_cli.probe.coarse import LEAST_ROWS, coarse_probe
+from shrm_cli.probe.disc import Disc, disc_coefficients
+from shrm_cli.probe.image import ArrayImage
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.pixels import PixelPolicy
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import to_grid
+from shrm_cli.sphere.grid.base import Grid
+from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
+
+Array = NDArray[np.floating]
+
+_MOST_DISCS = 16
+"""Discs of a lamp, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class LampSplit:
+    """A probe as lamps and a residual, whose sum it is.
+
+    Attributes
+    ----------
+    probe : Probe
+    lamps : tuple of Lamp
+        The one with the most irradiance first.
+    fills : tuple of Filled
+        The place of each lamp without it, on `grid`.
+    grid : Grid
+        Where lamps were looked for: the probe's own, or a coarser one that each of its pixels is
+        k x k pixels of.
+    left : int
+        Lamps that stay in the residual: more than were asked for, or nothing like discs.
+    error : float
+        The relative RMS error of the irradiance that was allowed.
+    """
+
+    probe: Probe
+    lamps: tuple[Lamp, ...]
+    fills: tuple[Filled, ...]
+    grid: Grid
+    left: int
+    error: float
+
+    @property
+    def discs(self) -> tuple[Disc, ...]:
+        """The discs of all lamps."""
+        return tuple(disc for lamp in self.lamps for disc in lamp.discs)
+
+    @cached_property
+    def residual(self) -> NDArray[np.float32]:
+        """The probe with each lamp replaced by its surroundings, shape (rows, columns, 3).
+
+        It is on the probe's grid, in world axes. Where lamps were looked for in means of k x k
+        pixels, these pixels take the value of theirs: what is taken out of them together is the
+        same.
+
+        Raises
+        ------
+        ProbeError
+            If the probe cannot be read.
+        """
+        result = self.probe.image()
+        factor = self.probe.height // self.grid.shape[0]
+        for filled in self.fills:
+            rows, columns = np.divmod(filled.numbers, self.grid.shape[1])
+            for down in range(factor):
+                for across in range(factor):
+                    result[rows * factor + down, columns * factor + across] = filled.values
+        if np.array_equal(self.probe.matrix, np.eye(3)):
+            return result
+        return to_grid(_in_memory(self.probe, result, self.probe.matrix), self.probe.grid)
+
+    @property
+    def residual_probe(self) -> Probe:
+        """The residual as a probe in memory."""
+        return _in_memory(self.probe, self.residual, np.eye(3))
+
+    @cached_property
+    def proof(self) -> Proof:
+        """How far the irradiance of residual and discs is from that of the probe."""
+        before = project(self.probe, ORDER).coefficients
+        after = project(self.residual_probe, ORDER).coefficients
+        return prove(before, after, self.discs)
+
+
+@dataclass(eq=False)
+class _Candidate:
+    """A lamp that may still become more discs, or stay in the probe."""
+
+    light: Light
+    level: float
+    source: Array
+    filled: Filled
+    parts: list[Light] = field(default_factory=list)
+    discs: list[Disc] = field(default_factory=list)
+    wrong: Array = field(default_factory=lambda: np.zeros(0))
+
+    def divide(self, count: int, radius: float | None) -> None:
+        """Make a number of discs of the light, cutting the part with the most error in two."""
+        if not self.parts:
+            self._set([self.light], radius)
+        while len(self.parts) < count:
+            pairs = zip(self.parts, self.discs, strict=True)
+            at = int(np.argmax([irradiance_rms(_wrong(*each)) for each in pairs]))
+            pieces = _halves(self.parts[at])
+            if len(pieces) < 2:
+                return
+            self._set(self.parts[:at] + pieces + self.parts[at + 1 :], radius)
+
+    def _set(self, parts: list[Light], radius: float | None) -> None:
+        self.parts, self.discs = parts, [disc_of(part, radius) for part in parts]
+        self.wrong = light_coefficients(self.light, ORDER) - disc_coefficients(self.discs, ORDER)
+
+
+def split_lamps(
+    probe: Probe,
+    error: float = LAMP_ERROR,
+    count: int = LAMP_COUNT,
+    sun_radius: float | None = None,
+) -> LampSplit:
+    """Find the lamps of a probe, and take them out of it.
+
+    Parameters
+    ----------
+    probe : Probe
+    error : float
+        The RMS error of the irradiance over all normals, relative to its RMS, that discs in place
+        of pixels may make. What gives less irradiance than this is no lamp.
+    count : int
+        The most lamps.
+    sun_radius : float, optional
+        The radius of the brightest lamp in degrees, instead of the one that is found.
+
+    Returns
+    -------
+    LampSplit
+        The flux of its lamps is what the residual lacks.
+
+    Raises
+    ------
+    ProbeError
+        If the probe cannot be read.
+    """
+    coarse = coarse_probe(probe, LEAST_ROWS)
+    image = coarse.image()
+    pixels = SpherePixels(coarse.grid)
+    scale = irradiance_rms(project(coarse, ORDER).coefficients)
+    # The brightness is the mean of three channels, the scale the root of the sum of their squares.
+    regions = find_regions(image, pixels, error * scale / np.sqrt(3))
+    kept = regions[:count]
+    filled_regions = fill_regions(image, pixels, [region.numbers for region in kept])
+    flat = image.reshape(-1, 3)
+    candidates = []
+    for region, filled in zip(kept, filled_regions, strict=True):
+        light = Light(
+            pixels.directions(filled.numbers) @ probe.matrix.T, filled.excess,
+            pixels.areas(filled.numbers),
+        )  # fmt: skip
+        if light.flux.sum() > 0:
+            candidates.append(_Candidate(light, region.level, flat[region.numbers], filled))
+    radius = None if sun_radius is None else float(np.radians(sun_radius))
+    chosen = _fitted(candidates, error * scale, radius)
+    lamps = tuple(
+        Lamp(
+            tuple(each.discs), each.light, each.level, each.source.max(axis=0),
+            clipping(each.source), irradiance_rms(each.wrong) / scale, pixels.pitch,
+        )
+        for each in chosen
+    )  # fmt: skip
+    fills = tuple(each.filled for each in chosen)
+    return LampSplit(probe, lamps, fills, coarse.grid, len(regions) - len(lamps), error)
+
+
+def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> list[_Candidate]:
+    """Make discs of lamps until they err by no more than this irradiance together."""
+    for index, each in enumerate(candidates):
+        each.divide(1, radius if index == 0 else None)
+    while candidates and irradiance_rms(np.sum([each.wrong for each in candidates], axis=0)) > most:
+        worst = max(candidates, key=lambda each: irradiance_rms(each.wrong))
+        before = len(worst.discs)
+        is_forced = radius is not None and worst is candidates[0]
+        if not is_forced and before < _MOST_DISCS:
+            worst.divide(before + 1, None)
+        if len(worst.discs) == before:
+            candidates = [each for each in candidates if each is not worst]
+            radius = None if is_forced else radius
+    return candidates
+
+
+def _wrong(light: Light, disc: Disc) -> Array:
+    return light_coefficients(light, ORDER) - disc_coefficients([disc], ORDER)
+
+
+def _halves(light: Light) -> list[Light]:
+    """Cut light across its length, at the middle of its flux; one part where it cannot be cut."""
+    _, axes, _ = light.shape()
+    beyond = (light.directions - light.axis) @ axes[0] > 0
+    parts = [light.where(beyond), light.where(~beyond)]
+    can_be_cut = all(each.flux.min(initial=0) >= 0 < each.flux.sum() for each in parts)
+    return parts if can_be_cut else [light]
+
+
+def _in_memory(probe: Probe, pixels: NDArray[np.float32], matrix: Array) -> Probe:
+    """A probe of other pixels on the same grid; a cube's are in OpenEXR's order and orientation."""
+    image = ArrayImage(pixels, f"residual of {probe.name}")
+    is_cube = probe.grid.faces > 1
+    return Probe(
+        image.name, probe.grid, "openexr" if is_cube else probe.layout,
+        "openexr" if is_cube else None, matrix, PixelPolicy(), probe.chromaticities, (image,),
+    )  # fmt: skip

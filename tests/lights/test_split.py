@@ -1,0 +1,209 @@
+"""Lamps of known places and sizes, found on every grid and put back as discs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.lights.proof import prove
+from shrm_cli.lights.split import split_lamps
+from shrm_cli.probe import coarse
+from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.sky import SUN_RADIUS, sky, sun_radiance
+from tests import oracles
+from tests.lights import rooms
+from tests.lights.rooms import long_lamp, probe, round_lamp, unit
+
+LIGHT = np.array([900.0, 700.0, 400.0])
+PLACES = {
+    "generic": unit(0.3, 0.5, 0.7),
+    "seam": unit(0.004, 0.3, -0.9),
+    "zenith": unit(0.01, 1, 0.004),
+    "nadir": unit(0.03, -1, -0.02),
+    "corner of a cube": unit(1, 1.01, 0.99),
+    "edge of a cube": unit(1, 0.2, 1),
+}
+
+
+@pytest.mark.parametrize(("layout", "place"), [
+    ("latlong", "generic"), ("latlong", "seam"), ("latlong", "zenith"), ("latlong", "nadir"),
+    ("openexr", "generic"), ("openexr", "corner of a cube"), ("openexr", "edge of a cube"),
+    ("angular", "generic"), ("angular", "seam"),
+])  # fmt: skip
+def test_a_disc_is_recovered(layout, place):
+    """Against the disc that was drawn: a tenth of a pixel, 1 % of the irradiance."""
+    axis, radius = PLACES[place], 2 * np.degrees(rooms.pixel(layout))
+    split = split_lamps(probe(layout, (round_lamp(axis, radius), LIGHT)))
+    (lamp,) = split.lamps
+    assert len(lamp.discs) == 1
+    assert np.linalg.norm(lamp.direction - axis) < 0.1 * rooms.pixel(layout)
+    expected = np.pi * np.sin(np.radians(radius)) ** 2 * LIGHT
+    np.testing.assert_allclose(lamp.irradiance, expected, rtol=0.01)
+    assert np.degrees(lamp.radius) == pytest.approx(radius, rel=0.1)
+    assert not lamp.is_elongated
+    assert lamp.is_resolved
+    # What is left looks like the room without the lamp.
+    np.testing.assert_allclose(split.residual, rooms.bare(layout), rtol=0, atol=0.1)
+    assert split.proof.rms < 1e-3
+
+
+@pytest.mark.parametrize("elevation", [4.0, 28.7, 88.0])
+def test_the_sun_of_a_sky(elevation):
+    """Its direction and its irradiance are known exactly; pixels are larger than it."""
+    split = split_lamps(Probe.from_array(sky(256, 37.3, elevation)))
+    (lamp,) = split.lamps
+    facts = lamp.summary()
+    assert facts["elevation"] == pytest.approx(elevation, abs=0.25 * 180 / 256)
+    expected = sun_radiance(elevation, 3.0) * np.pi * np.sin(SUN_RADIUS) ** 2
+    np.testing.assert_allclose(lamp.irradiance, expected, rtol=0, atol=0.01 * expected.max())
+    assert not lamp.is_resolved
+    forced = split_lamps(split.probe, sun_radius=0.2655).lamps[0]
+    assert forced.radius == pytest.approx(np.radians(0.2655))
+    np.testing.assert_allclose(forced.irradiance, lamp.irradiance, rtol=1e-3)
+
+
+def row_areas(height):
+    """Solid angle of a pixel of each row."""
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    return (edges[:-1] - edges[1:]) * np.pi / height
+
+
+def test_what_is_taken_out_is_what_lamps_have(rng):
+    lamps = [(round_lamp(PLACES[name], 2.0), LIGHT) for name in ("generic", "seam", "nadir")]
+    split = split_lamps(probe("latlong", *lamps))
+    assert len(split.lamps) == 3
+    areas = row_areas(96)
+    taken = (split.probe.image().astype(float) - split.residual).sum(axis=1).T @ areas
+    flux = sum(disc.radiance * disc.solid_angle for disc in split.discs)
+    np.testing.assert_allclose(flux, taken, rtol=1e-6)
+
+
+def irradiance(normals, directions, light):
+    """Brute force: sums over points with (n, 3) radiance times area."""
+    return np.maximum(normals @ directions.T, 0) @ light
+
+
+def test_the_proof_is_that_of_sums_over_pixels(rng):
+    """RMS and maximum over normals, without harmonics: the original against residual and discs."""
+    tube = long_lamp(unit(0.3, 0.5, 0.7), unit(0.7, 0, -0.3), 24, 3)
+    lamps = [(round_lamp(PLACES["seam"], 6.0), LIGHT), (tube, LIGHT)]
+    split = split_lamps(probe("latlong", *lamps), error=0.02)
+    directions = oracles.latlong_pixels(192, 96).reshape(-1, 3)
+    areas = np.repeat(row_areas(96), 192)[:, None]
+    normals = oracles.random_directions(rng, 600)
+    before = irradiance(normals, directions, split.probe.image().reshape(-1, 3) * areas)
+    after = irradiance(normals, directions, split.residual.reshape(-1, 3) * areas)
+    for disc in split.discs:
+        points, weights = oracles.disc_rule(disc.direction, disc.radius)
+        after += irradiance(normals, points, weights[:, None] * disc.radiance)
+    wrong = np.linalg.norm(after - before, axis=1)
+    scale = np.sqrt((np.linalg.norm(before, axis=1) ** 2).mean())
+    assert split.proof.scale == pytest.approx(scale, rel=0.05)
+    assert split.proof.rms == pytest.approx(np.sqrt((wrong**2).mean()) / scale, rel=0.15)
+    assert split.proof.maximum == pytest.approx(wrong.max() / scale, rel=0.15)
+    assert 1e-4 < split.proof.rms < 0.02
+
+
+def test_a_wrong_disc_is_told(rng):
+    """The proof notices a disc that is too bright by a tenth of it."""
+    split = split_lamps(probe("latlong", (round_lamp(PLACES["generic"], 3.0), LIGHT)))
+    (disc,) = split.discs
+    before = project(split.probe, 12).coefficients
+    after = project(split.residual_probe, 12).coefficients
+    brighter = Disc(disc.direction, disc.radius, disc.radiance * 1.1)
+    # A point gives E cos, whose square has the mean E^2 / 6 over normals.
+    expected = 0.1 * np.linalg.norm(disc.irradiance) / np.sqrt(6) / split.proof.scale
+    assert prove(before, after, [brighter]).rms == pytest.approx(expected, rel=0.02)
+
+
+def test_a_tube_is_long_and_becomes_discs():
+    axis, along = unit(0.3, 0.5, 0.7), unit(0.7, 0, -0.3)
+    made = probe("latlong", (long_lamp(axis, along, 40, 3), LIGHT))
+    (rough,) = split_lamps(made, error=0.2).lamps
+    assert len(rough.discs) == 1
+    assert rough.is_elongated
+    facts = rough.summary()
+    assert facts["length"] == pytest.approx(40, rel=0.1)
+    # A pixel is no narrower than 1.9 degrees, and those that the tube touches count as it.
+    assert 3 < facts["width"] < 3 + 2 * 1.9
+    split = split_lamps(made, error=0.002)
+    (fine,) = split.lamps
+    assert 2 <= len(fine.discs) <= 16
+    assert split.proof.rms < 0.002 < rough.error
+    np.testing.assert_allclose(fine.light.flux, rough.light.flux, rtol=1e-6)
+
+
+def test_the_error_decides_what_is_a_lamp():
+    bright, dim = PLACES["generic"], PLACES["seam"]
+    made = probe("latlong", (round_lamp(bright, 2.0), LIGHT), (round_lamp(dim, 2.0), LIGHT / 30))
+    assert len(split_lamps(made, error=0.002).lamps) == 2
+    assert len(split_lamps(made, error=0.1).lamps) == 1
+    split = split_lamps(made, error=0.002, count=1)
+    assert (len(split.lamps), split.left) == (1, 1)
+    assert np.linalg.norm(split.lamps[0].direction - bright) < 0.01
+
+
+def test_nothing_is_found_where_nothing_stands_out(rng):
+    for image in (
+        scenes_without_lamps(rng), np.zeros((32, 64, 3), np.float32),
+        np.ones((32, 64, 3), np.float32),
+    ):  # fmt: skip
+        split = split_lamps(Probe.from_array(image))
+        assert split.lamps == ()
+        np.testing.assert_array_equal(split.residual, image)
+        assert split.proof.rms == 0
+
+
+def scenes_without_lamps(rng):
+    return rng.uniform(0, 2, (32, 64, 3)).astype(np.float32)
+
+
+def test_a_turned_probe_has_its_lamps_in_world_axes():
+    image = probe("latlong", (round_lamp(PLACES["generic"], 3.0), LIGHT)).image()
+    turned = Probe.from_array(image, yaw=90)
+    split = split_lamps(turned)
+    x, y, z = PLACES["generic"]
+    np.testing.assert_allclose(split.lamps[0].direction, [z, y, -x], atol=0.003)
+    assert split.proof.rms < 5e-4
+
+
+def test_dark_rims_do_not_stay():
+    """A filter's dark ring around a lamp is taken away with it."""
+    made = probe("latlong", (round_lamp(PLACES["generic"], 3.0), LIGHT))
+    image = made.image()
+    near = oracles.latlong_pixels(192, 96) @ PLACES["generic"]
+    ring = (near < np.cos(np.radians(4.2))) & (near > np.cos(np.radians(5.4)))
+    assert ring.sum() > 10
+    image[ring] = 0
+    split = split_lamps(Probe.from_array(image))
+    np.testing.assert_allclose(split.residual, rooms.bare("latlong"), rtol=0, atol=0.1)
+    assert split.residual.min() > 0
+
+
+def test_a_plateau_is_suspected_to_be_clipped():
+    image = probe("latlong", (round_lamp(PLACES["generic"], 5.0), LIGHT)).image()
+    near = oracles.latlong_pixels(192, 96) @ PLACES["generic"]
+    falling = np.exp(600 * (near - 1))[..., None].astype(np.float32) * 4000
+    whole = image + falling
+    assert split_lamps(Probe.from_array(whole)).lamps[0].clipped == ""
+    cut = np.minimum(whole, 2500)
+    assert "share the maximum 2500 of R" in split_lamps(Probe.from_array(cut)).lamps[0].clipped
+    half = np.minimum(whole * 40, 65504)
+    assert "end of half precision" in split_lamps(Probe.from_array(half)).lamps[0].clipped
+
+
+def test_large_probes_are_searched_in_means(monkeypatch):
+    """Against the search in all pixels: the same lamp, and the residual has all pixels."""
+    made = probe("latlong", (round_lamp(PLACES["generic"], 4.0), LIGHT))
+    fine = split_lamps(made)
+    monkeypatch.setattr(coarse, "LEAST_ROWS", 48)
+    monkeypatch.setattr("shrm_cli.lights.split.LEAST_ROWS", 48)
+    split = split_lamps(replace(made))
+    assert split.grid.shape == (48, 96)
+    assert split.residual.shape == (96, 192, 3)
+    np.testing.assert_allclose(split.lamps[0].direction, fine.lamps[0].direction, atol=2e-3)
+    np.testing.assert_allclose(split.lamps[0].irradiance, fine.lamps[0].irradiance, rtol=0.01)
+    assert split.proof.rms < 2e-3
+    np.testing.assert_allclose(split.residual, rooms.bare("latlong"), atol=0.1)
