@@ -204,6 +204,10 @@ class Irradiance(LightMap):
             raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
         return replace(self, size=size or self.size, sampling=sampling or self.sampling)
 
+    def mixed(self, matrix: Array, info: MapInfo) -> "Irradiance":
+        """Return the map with other channels; see `maps.primaries`."""
+        return replace(self, coefficients=self.coefficients @ matrix.T, info=info)
+
     def turned(self, matrix: ArrayLike) -> "Irradiance":
         """Return the map of the same light turned, exactly; see `Map.turned`."""
         turned = transform_coefficients(self.coefficients, matrix)
