@@ -52,10 +52,15 @@ def conversion(source: Primaries | None, target: Primaries | None) -> Array | No
     first, second = _to_xyz(source), _to_xyz(target)
     if first is None or second is None:
         return None
-    whites = [_BRADFORD @ _white(each) for each in (source, target)]
-    adapted = np.linalg.solve(_BRADFORD, np.diag(whites[1] / whites[0]) @ _BRADFORD)
+    adapted = adaptation(_white(source), _white(target))
     result = np.linalg.solve(second, adapted @ first)
     return result if np.isfinite(result).all() else None
+
+
+def adaptation(source: Array, target: Array) -> Array:
+    """Bradford's matrix that makes one white another; XYZ of both, of shape (3,)."""
+    before, after = _BRADFORD @ source, _BRADFORD @ target
+    return np.linalg.solve(_BRADFORD, np.diag(after / before) @ _BRADFORD)
 
 
 def mix_channels(values: Array, matrix: Array) -> Array:
