@@ -42,7 +42,7 @@ FORMS = ("zh3", "zh3-channel", "zh3-hallucinated")
 _LINEAR, _QUADRATIC = slice(1, 4), slice(4, 9)
 _TO_XYZ = [2, 0, 1]
 """Degree 1 is stored as y, z, x."""
-_LEAST = 1e-9
+_LEAST = 1e-6
 """The least degree 1, beside degree 0, that has a direction; weaker ones get no degree 2."""
 
 

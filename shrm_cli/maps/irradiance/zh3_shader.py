@@ -53,17 +53,20 @@ def _shader(rows: np.ndarray, axes: np.ndarray, language: str) -> list[str]:
     def text(values: np.ndarray) -> str:
         return f"{vector}({', '.join(_number(value, 9) for value in values.tolist())})"
 
-    along = ", ".join(f"dot(normal, {text(axis)})" for axis in axes)
+    kind, along = "float", f"dot(normal, {text(axes[0])})"
+    if np.ptp(axes, axis=0).any():
+        kind = vector
+        along = f"{vector}({', '.join(f'dot(normal, {text(axis)})' for axis in axes)})"
     constant, x, y, z, square = (text(row) for row in rows)
     return [
         f"{vector} shrm_irradiance({vector} normal)",
         "{",
-        f"    {vector} along = {vector}({along});",
+        f"    {kind} along = {along};",
         f"    return {constant}",
         f"        + {x} * normal.x",
         f"        + {y} * normal.y",
         f"        + {z} * normal.z",
-        f"        + {square} * along * along;",
+        f"        + {square} * (along * along);",
         "}",
     ]
 
