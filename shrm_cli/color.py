@@ -60,7 +60,8 @@ def conversion(source: Primaries | None, target: Primaries | None) -> Array | No
 def adaptation(source: Array, target: Array) -> Array:
     """Bradford's matrix that makes one white another; XYZ of both, of shape (3,)."""
     before, after = _BRADFORD @ source, _BRADFORD @ target
-    return np.linalg.solve(_BRADFORD, np.diag(after / before) @ _BRADFORD)
+    with np.errstate(all="ignore"):  # files hold anything; what is not finite is found later
+        return np.linalg.solve(_BRADFORD, np.diag(after / before) @ _BRADFORD)
 
 
 def mix_channels(values: Array, matrix: Array) -> Array:
