@@ -1,7 +1,7 @@
 """Linear RGB of one set of primaries as that of another.
 
 Primaries and white are given as OpenEXR's attribute `chromaticities` has them: CIE x and y of red,
-green, blue and white, 8 numbers.
+green, blue and white, 8 numbers. Light whose primaries nobody states is taken for Rec.709.
 """
 
 from collections.abc import Sequence
@@ -9,62 +9,120 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.vocabulary import PRIMARIES
+
 Array = NDArray[np.floating]
 Primaries = Sequence[float]
 
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+REC709 = PRIMARIES["rec709"]
 """The primaries and the white of Rec.709 and sRGB."""
 _SAME = 2e-3
 """How far numbers of the same primaries may be apart: files round them."""
+_TITLES = {
+    "rec709": "Rec.709", "rec2020": "Rec.2020", "p3": "P3", "dci-p3": "DCI-P3",
+    "adobe": "Adobe RGB", "acescg": "ACEScg", "aces2065-1": "ACES2065-1", "xyz": "CIE XYZ",
+}  # fmt: skip
 _BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
 """From XYZ to the responses of cones that adapt to a white."""
 
 
-def to_rec709(primaries: Primaries | None) -> Array | None:
-    """The matrix from linear RGB of some primaries to that of Rec.709, shape (3, 3).
+def conversion(source: Primaries | None, target: Primaries | None) -> Array | None:
+    """The matrix from linear RGB of some primaries to that of others; white stays white.
 
     Parameters
     ----------
-    primaries : sequence of 8 float, optional
+    source, target : sequence of 8 float, optional
+        None is Rec.709. The numbers of CIE XYZ are taken to be relative to D65, as renderers write
+        them; adaptation between other whites is Bradford's.
 
     Returns
     -------
-    ndarray or None
-        None where nothing is to be done: they are those of Rec.709, or not known, or impossible.
-    """
-    return None if primaries is None else _conversion(primaries, REC709)
-
-
-def from_rec709(primaries: Primaries | None) -> Array | None:
-    """The matrix from linear RGB of Rec.709 to that of some primaries, as `to_rec709` has it."""
-    return None if primaries is None else _conversion(REC709, primaries)
-
-
-def _conversion(source: Primaries, target: Primaries) -> Array | None:
-    """The matrix between two sets of primaries; white stays white (Bradford's adaptation).
+    ndarray, shape (3, 3), or None
+        None where nothing is to be done: both are the same, or one of them is impossible.
 
     References
     ----------
     SMPTE RP 177:1993 for the matrices to XYZ; Lam 1985 and ICC.1:2022, annex E, for Bradford's.
     """
-    if len(source) != 8 or len(target) != 8 or not np.isfinite([*source, *target]).all():
+    source, target = (REC709 if each is None else each for each in (source, target))
+    if same_primaries(source, target):
         return None
-    if np.allclose(source, target, rtol=0, atol=_SAME):
+    first, second = _to_xyz(source), _to_xyz(target)
+    if first is None or second is None:
         return None
-    try:
-        first, second = _to_xyz(source), _to_xyz(target)
-        whites = [_BRADFORD @ matrix.sum(axis=1) for matrix in (first, second)]
-        adapted = np.linalg.solve(_BRADFORD, np.diag(whites[1] / whites[0]) @ _BRADFORD)
-        result = np.linalg.solve(second, adapted @ first)
-    except (np.linalg.LinAlgError, ZeroDivisionError):
-        return None
+    adapted = adaptation(_white(source), _white(target))
+    result = np.linalg.solve(second, adapted @ first)
     return result if np.isfinite(result).all() else None
 
 
-def _to_xyz(primaries: Primaries) -> Array:
-    """The matrix from linear RGB to XYZ, in which white has luminance 1."""
-    points = np.reshape(primaries, (4, 2)).tolist()
-    columns = np.array([[x / y, 1.0, (1 - x - y) / y] for x, y in points]).T
-    return np.asarray(columns[:, :3] * np.linalg.solve(columns[:, :3], columns[:, 3]))
+def adaptation(source: Array, target: Array) -> Array:
+    """Bradford's matrix that makes one white another; XYZ of both, of shape (3,)."""
+    before, after = _BRADFORD @ source, _BRADFORD @ target
+    with np.errstate(all="ignore"):  # files hold anything; what is not finite is found later
+        return np.linalg.solve(_BRADFORD, np.diag(after / before) @ _BRADFORD)
+
+
+def mix_channels(values: Array, matrix: Array) -> Array:
+    """A matrix times each three values, in an array of shape (..., 3 n), of the array's type."""
+    mixed = values.reshape(*values.shape[:-1], -1, 3) @ matrix.T.astype(values.dtype)
+    return np.asarray(mixed.reshape(values.shape))
+
+
+def to_rec709(primaries: Primaries | None) -> Array | None:
+    """The matrix from linear RGB of some primaries to that of Rec.709; see `conversion`."""
+    return conversion(primaries, REC709)
+
+
+def from_rec709(primaries: Primaries | None) -> Array | None:
+    """The matrix from linear RGB of Rec.709 to that of some primaries; see `conversion`."""
+    return conversion(REC709, primaries)
+
+
+def same_primaries(one: Primaries | None, other: Primaries | None) -> bool:
+    """Whether two sets of primaries are the same but for rounding; None is Rec.709."""
+    one, other = (REC709 if each is None else each for each in (one, other))
+    return len(one) == len(other) and bool(np.allclose(one, other, rtol=0, atol=_SAME))
+
+
+def is_possible(primaries: Primaries) -> bool:
+    """Whether numbers are primaries and a white that light can be converted from and to."""
+    return _to_xyz(primaries) is not None
+
+
+def title_of(primaries: Primaries | None) -> str:
+    """What messages call primaries: their name, or ``"primaries of its own"``."""
+    for name, known in PRIMARIES.items():
+        if same_primaries(primaries, known):
+            return _TITLES[name]
+    return "primaries of its own"
+
+
+def luminance_weights(primaries: Primaries | None) -> Array:
+    """Weights of linear R, G and B in the luminance, shape (3,), whose sum is 1."""
+    matrix = _to_xyz(REC709 if primaries is None else primaries)
+    return (_to_xyz(REC709) if matrix is None else matrix)[1]  # type: ignore[index]
+
+
+def _to_xyz(primaries: Primaries) -> Array | None:
+    """The matrix from linear RGB to XYZ, in which white has luminance 1; None for no primaries."""
+    if len(primaries) != 8 or not np.isfinite(primaries).all():
+        return None
+    x, y = np.reshape(primaries, (4, 2)).T
+    columns = np.array([x, y, 1 - x - y])
+    with np.errstate(all="ignore"):
+        white = columns[:, 3] / y[3]
+        try:
+            result = columns[:, :3] * np.linalg.solve(columns[:, :3], white)
+        except np.linalg.LinAlgError:
+            return None
+    return result if np.isfinite(result).all() and np.linalg.matrix_rank(result) == 3 else None
+
+
+def _white(primaries: Primaries) -> Array:
+    """XYZ of the white that is adapted to: D65 for XYZ itself, which has no white of its own."""
+    if same_primaries(primaries, PRIMARIES["xyz"]):
+        primaries = REC709
+    x, y = primaries[6:]
+    return np.array([x / y, 1.0, (1 - x - y) / y])

@@ -58,6 +58,20 @@ its class."""
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""
 
+PRIMARIES: dict[str, tuple[float, ...]] = {
+    "rec709": (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
+    "rec2020": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+    "p3": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+    "dci-p3": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3140, 0.3510),
+    "adobe": (0.640, 0.330, 0.210, 0.710, 0.150, 0.060, 0.3127, 0.3290),
+    "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
+    "aces2065-1": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767),
+    "xyz": (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3),
+}
+"""Primaries and white by name, CIE x and y of red, green, blue and white: Rec.709 and sRGB,
+Rec.2020, P3 with the white of screens (Display P3) and of cinemas, Adobe RGB (1998), ACES AP1 and
+AP0 (SMPTE ST 2065-1), and CIE XYZ as OpenEXR writes it, whose numbers are relative to D65."""
+
 # ---- limits --------------------------------------------------------------------------------------
 
 MAX_ORDER_F = 512
@@ -91,7 +105,7 @@ MAX_COLLECTED_ORDER = 64
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of linear R, G and B in the luminance (ITU-R BT.709).
 
-They serve pictures of any primaries: probes are filtered as they are, and never converted.
+They serve pictures of any primaries, which differ little in it: metrics are no colorimetry.
 """
 
 WRONG = 0.05

@@ -21,8 +21,8 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"errors", "settings", "vocabulary", "progress", "color", "memo"},
-    {"layouts", "parallel"},
+    {"errors", "settings", "vocabulary", "progress", "memo"},
+    {"layouts", "parallel", "color"},
     {"sphere"},
     {"files"},
     {"geometry"},

@@ -1,13 +1,15 @@
 """Colors of other primaries: matrices against colour-science, and where they are used."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.color import REC709, from_rec709, to_rec709
+from shrm_cli.color import REC709, conversion, from_rec709, luminance_weights, to_rec709
+from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import done
 from tests.probe import scenes
 
@@ -26,6 +28,41 @@ def test_against_colour_science(name, primaries):
     expected = colour.matrix_RGB_to_RGB(spaces[name], spaces["ITU-R BT.709"], "Bradford")
     np.testing.assert_allclose(to_rec709(primaries), expected, atol=5e-4)
     np.testing.assert_allclose(from_rec709(primaries), np.linalg.inv(expected), atol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "theirs"),
+    {
+        "rec709": "ITU-R BT.709", "rec2020": "ITU-R BT.2020", "p3": "Display P3",
+        "dci-p3": "DCI-P3", "adobe": "Adobe RGB (1998)", "acescg": "ACEScg",
+        "aces2065-1": "ACES2065-1",
+    }.items(),
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore")
+def test_every_name_against_colour_science(name, theirs):
+    colour = pytest.importorskip("colour")
+    spaces = colour.RGB_COLOURSPACES
+    ours = conversion(PRIMARIES[name], PRIMARIES["acescg"])
+    expected = colour.matrix_RGB_to_RGB(spaces[theirs], spaces["ACEScg"], "Bradford")
+    np.testing.assert_allclose(np.eye(3) if ours is None else ours, expected, atol=5e-4)
+    # XYZ is relative to D65, as in sRGB's own matrix; from ACES that needs adaptation.
+    back = conversion(PRIMARIES["xyz"], PRIMARIES[name])
+    d65 = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ @ np.ones(3)
+    np.testing.assert_allclose(back @ d65, 1, atol=5e-4)
+    if name == "rec709":
+        np.testing.assert_allclose(
+            back, colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB, atol=1e-3
+        )
+    weights = luminance_weights(PRIMARIES[name])
+    np.testing.assert_allclose(weights, spaces[theirs].matrix_RGB_to_XYZ[1], atol=5e-4)
+
+
+def test_conversions_go_round():
+    way = ["rec709", "acescg", "xyz", "aces2065-1", "p3", "rec709"]
+    whole = np.eye(3)
+    for one, other in pairwise(way):
+        whole = conversion(PRIMARIES[one], PRIMARIES[other]) @ whole
+    np.testing.assert_allclose(whole, np.eye(3), atol=1e-12)
 
 
 def test_published_matrix():

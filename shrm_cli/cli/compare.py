@@ -146,7 +146,7 @@ def compare(
     """Compare each MAP with the truth of a --probe; without one, with the first MAP.
 
     Prints the differences over the sphere, and draws it: a view in each row, with the absolute
-    differences. The options from --sampling to --clamp are about the file of the probe.
+    differences. The options from --sampling to --working are about the file of the probe.
 
     RMSE, relative RMSE, maximum and PSNR are those of radiance. Median and p95 (95th percentile)
     are those of the relative error of the luminance over the sphere's pixels, where the truth
@@ -178,6 +178,7 @@ def compare(
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.comparison import compare_spheres, comparison_layout
     from shrm_cli.render.flip import can_flip
+    from shrm_cli.render.primaries import in_same_primaries
 
     _check_usage(maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
     size = size or _SIZE
@@ -192,6 +193,8 @@ def compare(
     loaded, surface, outside = shaded_maps(opened, maps, roughness and roughness[0], f0)
     warnings += outside
     infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
+    primaries = loaded[0].info.chromaticities if source is None else source.chromaticities
+    loaded = in_same_primaries(loaded, primaries)
     baseline: Any = loaded[0]
     label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf
     viewers = [Viewer(*view) for view in views]
@@ -209,7 +212,9 @@ def compare(
             check_outputs([] if target is None else [target])
             label, digest, record = source.name, source.digest(), record_of(brdf)
             baseline = Reference(source, brdf, source_height, progress=stages.within)
-        comparison = compare_spheres(baseline, loaded[-len(names) :], viewers, size, stages.done)
+        comparison = compare_spheres(
+            baseline, loaded[-len(names) :], viewers, size, stages.done, primaries
+        )
     flips = None
     wanted = not no_flip and (as_json or not quiet)  # only if it will be printed
     if wanted and can_flip():
@@ -240,9 +245,7 @@ def compare(
     if target is not None:
         pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
-        shown = {each.info.chromaticities for each in loaded}
-        shown |= {source.chromaticities} if source is not None else set()
-        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, shown))
+        pixel_type = write_picture(target, pixels, attributes=_attributes(settings, {primaries}))
         report.append(f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
     conclude(result, report, warnings, as_json, quiet)
 

@@ -9,6 +9,7 @@ import click
 
 from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import (
+    COLORS,
     TURNS,
     conclude,
     make_read_options,
@@ -95,8 +96,8 @@ def convert(
     maps, and what the fit leaves is told. What engines use (irradiance, splitsum, she) is made
     from the probe alone, and converted to itself: other precision, other size of irradiance.
     Irradiance and SH exponentials are turned by --yaw, --pitch and --roll, exactly and without
-    their probe. Maps and probes are laid out anew. The options from --sampling to --clamp say how a
-    probe is to be read.
+    their probe, and --working brings linear light into other primaries. Maps and probes are laid
+    out anew. The options from --sampling to --working say how a probe is to be read.
 
     \b
       shrm convert probe.microfacet.shrm.exr --to cabral
@@ -110,7 +111,7 @@ def convert(
     reading = make_read_options(sampling, values)
     found = is_map(source)
     of_probes = reading_rules(not found, "to probes; IN is a map")
-    of_probes |= dict.fromkeys(TURNS, Applies(True, "to probes and maps"))
+    of_probes |= dict.fromkeys((*TURNS, *COLORS), Applies(True, "to probes and maps"))
     refuse_inapplicable({**_rules(target), **of_probes})
     if not (output or force):
         from shrm_cli.probe.probe import face_paths
@@ -122,7 +123,7 @@ def convert(
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)
         result, warnings = _convert_map(
             source, result_path, target, given, size, to_orientation, to_sampling, precision,
-            reading.matrix(),
+            reading,
         )  # fmt: skip
     else:
         if target in REPRESENTATIONS:
@@ -162,16 +163,24 @@ def _convert_map(
     orientation: str | None,
     sampling: str | None,
     precision: Precision,
-    turn: Any,
+    reading: Any,
 ) -> tuple[dict[str, Any], list[str]]:
     """Write a map in another representation, or in another layout of the same one, or turned."""
     import numpy as np
 
     from shrm_cli.maps.file import open_map, store
+    from shrm_cli.maps.primaries import declared, in_primaries
+    from shrm_cli.probe.colors import ColorReading
 
+    turn = reading.matrix()
     found = open_map(source)
+    colors = ColorReading.of(found.info.chromaticities, reading)
+    if reading.primaries is not None:
+        found = declared(found, colors.own)  # type: ignore[arg-type]
     if not np.array_equal(turn, np.eye(3)):
         found = found.turned(turn)
+    if reading.working is not None:
+        found = in_primaries(found, colors.chromaticities)  # type: ignore[arg-type]
     is_layout = target not in REPRESENTATIONS
     layout = target if is_layout else "openexr"
     if is_layout and not found.cube_count:
@@ -205,7 +214,7 @@ def _convert_map(
         "storage_error": max(stored.error, made.info.storage_error),
         "precision": stored.pixel_type,
     }
-    return result, []
+    return result, [f"{source}: {line}" for line in colors.notes]
 
 
 def _convert_probe(

@@ -13,12 +13,12 @@ from shrm_cli import settings
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
-from shrm_cli.cli.types import STOPS, click_option
+from shrm_cli.cli.types import STOPS, PrimariesType, click_option
 from shrm_cli.cli.usage import Applies, flags
 from shrm_cli.layouts import IMAGE_LAYOUTS
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import descriptions
-from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, SAMPLINGS
+from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, PRIMARIES, SAMPLINGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,6 +35,8 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 TURNS = ("yaw", "pitch", "roll")
 """The names of the options that turn light; they apply to some maps, too."""
 _READING = ("layout", "orientation", *TURNS, "mirror", "up", "linearize", "part", "layer")
+COLORS = ("primaries", "working")
+"""The names of the options about colors; they apply to some maps, too."""
 _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
@@ -147,6 +149,17 @@ def read_options(command: Command) -> Command:
             click.option(
                 "--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."
             ),
+            click.option(
+                "--primaries",
+                type=PrimariesType(),
+                help=f"Its primaries, whatever it says: {', '.join(PRIMARIES)}, or x and y of "
+                "red, green, blue and white.  [default: as it says, else rec709]",
+            ),
+            click.option(
+                "--working",
+                type=PrimariesType(),
+                help="Convert its light to these primaries.  [default: it stays as it is]",
+            ),
         ],
     )
 
@@ -189,7 +202,7 @@ def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
     return dict.fromkeys(READING_NAMES, Applies(holds, words))
 
 
-READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp")
+READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp", *COLORS)
 """The names of the options for reading a probe's file."""
 
 

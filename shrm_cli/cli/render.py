@@ -122,7 +122,7 @@ def render(
     PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
     picture's width. Several maps make one contact sheet. Split sums and SH
     exponentials are shown as GGX of --roughness and --f0, or of a glTF's materials; irradiance as
-    white and diffuse. The options from --sampling to --clamp are about the files of --background
+    white and diffuse. The options from --sampling to --working are about the files of --background
     and --probe.
 
     \b
@@ -140,6 +140,7 @@ def render(
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer, background_rows
     from shrm_cli.render.frames import frame_paths, turntable
+    from shrm_cli.render.primaries import in_same_primaries, one_of
     from shrm_cli.render.scene import Scene, SphereSubject
 
     if not maps and mesh is None:
@@ -168,6 +169,9 @@ def render(
         if width != height:
             raise click.UsageError("--size of a sphere's picture is one number")
         loaded, surface, warnings = shaded_maps(opened, maps, roughness, f0)
+        primaries = opened[0].info.chromaticities
+        loaded = in_same_primaries(loaded, primaries)
+        sky = None if sky is None else sky.in_primaries(primaries)
         behind = None if sky is None else coarse_probe(sky, background_rows(width))
         scene = Scene(SphereSubject(width), loaded, labels, exposure, behind, columns)
         seen = [each.info for each in loaded]
@@ -175,12 +179,14 @@ def render(
     else:
         stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance, vary)
         subject = mesh_subject(stage, viewers, size, fov, distance, target)
+        seen = [each.info for each in (*opened, *stage.maps())]
+        primaries = one_of({each.chromaticities for each in seen})
+        sky = None if sky is None else sky.in_primaries(primaries)
         behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
         drawn: list[Any] = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
         if transfer is not None:
             drawn = shadowed(stage, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
-        seen = [each.info for each in (*opened, *stage.maps())]
         given = {
             "roughness": roughness,
             "f0": f0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -66,14 +67,14 @@ def shaded_maps(
         Perceptual roughness of the surface; `DEFAULT_ROUGHNESS` by default.
     f0 : str, optional
         Its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default.
-        The colors of metals are converted to the primaries of the first map.
+        The colors of metals are converted to the primaries of each map.
 
     Returns
     -------
     maps : list of KnownMap
         All maps, those of light alone with the surface.
     surface : Ggx or None
-        None if no map needs a surface.
+        That of the first map; None if no map needs a surface.
     warnings : list of str
         One for each map that was not made for this roughness.
 
@@ -89,11 +90,16 @@ def shaded_maps(
     refuse_inapplicable({"roughness": applies, "f0": applies})
     if not needs_surface:
         return list(maps), None, []
-    color = None if f0 is None else reflectance(f0, maps[0].info.chromaticities)
-    surface = ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
+    rough = DEFAULT_ROUGHNESS if roughness is None else roughness
+    surfaces = [
+        ggx_surface(rough, None if f0 is None else reflectance(f0, each.info.chromaticities))
+        for each in maps
+    ]
+    surface = surfaces[0]
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
-    shown = surface.number("roughness"), surface.color("f0")
-    return [each.shaded(*shown) for each in maps], surface, warnings
+    pairs = zip(maps, surfaces, strict=True)
+    shown = [each.shaded(own.number("roughness"), own.color("f0")) for each, own in pairs]
+    return shown, surface, warnings
 
 
 window_option = click.option(
@@ -155,6 +161,8 @@ def lit_maps(
         order = each.info.order_f
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
         lit = each.lit(make_window(window or "auto", series).apply(series))
+        # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
+        lit = replace(lit, info=replace(lit.info, chromaticities=light.probe.chromaticities))  # type: ignore[type-var]
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings

@@ -5,12 +5,15 @@ This module imports nothing heavy, because `shrm --help` loads it.
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.maps.options import Option, parse_bytes
-from shrm_cli.vocabulary import MAX_LEVELS
+from shrm_cli.vocabulary import MAX_LEVELS, PRIMARIES
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
 
 
 class Fraction(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
@@ -80,6 +83,38 @@ class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
         if not -90 <= elevation <= 90:
             self.fail(f"elevation {elevation:g} is outside -90 .. 90", param, ctx)
         return azimuth, elevation
+
+
+class PrimariesType(click.ParamType):  # type: ignore[type-arg]
+    """Primaries and white: a name such as ``acescg``, or eight numbers ``RX,RY,GX,GY,...``."""
+
+    name = "NAME|RX,RY,..."
+
+    def convert(
+        self,
+        value: str | tuple[float, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str | tuple[float, ...]:
+        """Return a known name, or eight finite numbers."""
+        if isinstance(value, tuple) or value in PRIMARIES:
+            return value
+        numbers = _numbers(value)
+        if len(numbers) != 8:
+            names = ", ".join(PRIMARIES)
+            self.fail(
+                f"{value!r} is none of {names}, and not eight numbers, x and y of red, green, "
+                "blue and white", param, ctx,
+            )  # fmt: skip
+        return tuple(numbers)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> "list[CompletionItem]":
+        """Offer the names."""
+        from click.shell_completion import CompletionItem  # slow to load, and rarely needed
+
+        return [CompletionItem(name) for name in PRIMARIES if name.startswith(incomplete)]
 
 
 class Vector(click.ParamType):  # type: ignore[type-arg]

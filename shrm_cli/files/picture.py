@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.color import to_rec709
+from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb, write_png
@@ -17,6 +17,8 @@ from shrm_cli.vocabulary import Precision
 Picture = NDArray[np.float32]
 FileType = Literal["png", "exr"]
 
+_SEEN = -0.5 / 255 / 12.92
+"""What lies below it would be less than black by half a step of 8-bit sRGB."""
 _ROWS_AT_ONCE = 256
 """Rows of a picture that are encoded as sRGB at a time."""
 
@@ -54,12 +56,14 @@ def write_picture(
     precision : {"auto", "half", "float"}
         Pixel type of an EXR; a PNG ignores it.
     attributes : mapping, optional
-        Attributes of an EXR. A PNG, which is Rec.709, is converted from their ``chromaticities``.
+        Attributes of an EXR. A PNG, which is Rec.709, is converted from their ``chromaticities``;
+        what lies outside its colors is clipped.
 
     Returns
     -------
     str
-        The pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``.
+        The pixel type written: ``"8-bit sRGB"``, ``"half"`` or ``"float"``. Of a PNG it says
+        how much of a converted picture was clipped.
 
     Raises
     ------
@@ -75,10 +79,15 @@ def write_picture(
             "floats; nothing was written"
         )
     matrix = to_rec709((attributes or {}).get("chromaticities"))
+    outside = 0
     encoded = np.empty(pixels.shape, dtype=np.uint8)
     for start in range(0, len(pixels), _ROWS_AT_ONCE):
         band = slice(start, start + _ROWS_AT_ONCE)
-        shown = pixels[band] if matrix is None else pixels[band] @ matrix.T.astype(np.float32)
+        shown = pixels[band]
+        if matrix is not None:
+            shown = mix_channels(shown, matrix)
+            outside += int(np.count_nonzero(shown.min(axis=-1) < _SEEN))
         encoded[band] = encode_srgb(shown)
     write_png(path, encoded)
-    return "8-bit sRGB"
+    share = outside * 3 / pixels.size if pixels.size else 0.0
+    return "8-bit sRGB" + (f" ({share:.1%} of it outside its colors)" if share >= 1e-3 else "")

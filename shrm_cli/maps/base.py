@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
+from shrm_cli.color import mix_channels
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.files.parts import Part
 from shrm_cli.maps import registry
@@ -391,6 +392,11 @@ class Map(ABC):
             f"{self.what} cannot be turned without loss; prefilter its probe with `yaw`, `pitch` "
             "and `roll`"
         )
+
+    def mixed(self, matrix: Array, info: MapInfo) -> "Map":
+        """Return the map with a matrix times its red, green and blue; see `maps.primaries`."""
+        planes = [mix_channels(plane, matrix) for plane in self.planes()]
+        return self.with_planes(planes, self.sampling, info)
 
     @classmethod
     def from_map(cls, source: "Map", **options: Any) -> "Map":

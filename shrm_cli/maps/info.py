@@ -92,6 +92,17 @@ class MapInfo:
             reading["axes"] = np.round(axes, 9).tolist()
         return replace(self, options={**self.options, "reading": reading})
 
+    def in_primaries(self, primaries: tuple[float, ...]) -> "MapInfo":
+        """Return the record of the same light in other primaries, as if it had been read so."""
+        reading = self.options.get("reading")
+        reading = {**(reading if isinstance(reading, dict) else {}), "working": list(primaries)}
+        options = {**self.options, "reading": reading}
+        return replace(self, chromaticities=tuple(primaries), options=options)
+
+    def read_as(self, whole: "MapInfo") -> "MapInfo":
+        """Return the record of a part, with the primaries and the options of the whole map."""
+        return replace(self, chromaticities=whole.chromaticities, options=whole.options)
+
     def origin(self) -> dict[str, Any]:
         """Return the BRDF and the probe that the map was made from, as reports name them."""
         return {"brdf": self.brdf, "probe": self.probe, "probe_sha256": self.probe_sha256}

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.parts import sound_primaries
-from shrm_cli.probe.icc import linear_curve
+from shrm_cli.probe.icc import linear_curve, profile_primaries
+from shrm_cli.probe.png_header import png_primaries
 from shrm_cli.probe.radiance_header import RadianceHeader
 
 Array = NDArray[np.floating]
@@ -87,11 +88,19 @@ def encoding_of(
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if header is not None:
         return _radiance(path, header)
-    primaries = sound_primaries(spec.getattribute("chromaticities"))
+    primaries = sound_primaries(spec.getattribute("chromaticities")) or _of_profile(path, spec)
     if not integers:
         return Encoding(primaries=primaries, pixel_aspect=aspect)
     name, curve = _integer_curve(path, spec, file_format)
     return Encoding(name, curve, primaries=primaries, pixel_aspect=aspect)
+
+
+def _of_profile(path: Path, spec: Any) -> tuple[float, ...] | None:
+    """The primaries that an ICC profile or the chunks of a PNG tell."""
+    profile = spec.getattribute("ICCProfile")
+    is_there = isinstance(profile, np.ndarray) and profile.dtype == np.uint8
+    found = profile_primaries(profile.tobytes()) if is_there else None
+    return png_primaries(path, found is not None) or found
 
 
 def _radiance(path: Path, header: RadianceHeader) -> Encoding:

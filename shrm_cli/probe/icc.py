@@ -1,16 +1,21 @@
-"""The transfer curve of an ICC profile, which tells how integer pixels encode light."""
+"""What an ICC profile tells of pixels: the transfer curve of integers, and primaries."""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+
+from shrm_cli.color import adaptation, is_possible
 
 Array = NDArray[np.floating]
 Curve = Callable[[Array], Array]
 
 _TAG_COUNT_AT = 128
 _MOST_TAGS = 200
+_COLORANT_TAGS = (b"rXYZ", b"gXYZ", b"bXYZ", b"wtpt", b"chad")
+_D50 = np.array([0.9642, 1.0, 0.8249])
+"""XYZ of the white that colorants are adapted to (ICC.1:2022, 7.2.16)."""
 _PARAMETERS = (1, 3, 4, 5, 7)
 """How many parameters a parametric curve of each type has."""
 
@@ -32,14 +37,61 @@ def linear_curve(profile: bytes) -> Curve | None:
     ICC.1:2022, 7.3 (tags), 10.6 (curveType), 10.18 (parametricCurveType).
     """
     try:
-        (count,) = struct.unpack_from(">I", profile, _TAG_COUNT_AT)
-        for index in range(min(count, _MOST_TAGS)):
-            name, start, size = struct.unpack_from(">4sII", profile, _TAG_COUNT_AT + 4 + 12 * index)
+        for name, data in _tags(profile):
             if name in (b"rTRC", b"kTRC"):
-                return _curve(profile[start : start + size])
+                return _curve(data)
     except (struct.error, ValueError):  # the profile is cut short
         pass
     return None
+
+
+def profile_primaries(profile: bytes) -> tuple[float, ...] | None:
+    """The primaries and the white of a profile that consists of a matrix and curves.
+
+    Its colorants are adapted to D50. The tag ``chad`` says by which matrix; without it they are
+    taken to be adapted from the media's white, by Bradford's, which is D50 itself in many profiles.
+
+    Returns
+    -------
+    tuple of 8 float or None
+        CIE x and y of red, green, blue and white; None where the profile is of another kind.
+
+    References
+    ----------
+    ICC.1:2022, 8.3.3 (three-component matrix-based profiles), 9.2.14 (chad), annex E.
+    """
+    try:
+        found = {name: _fixed(data) for name, data in _tags(profile) if name in _COLORANT_TAGS}
+    except struct.error:
+        return None
+    if not {b"rXYZ", b"gXYZ", b"bXYZ"} <= found.keys():
+        return None
+    try:
+        colorants = np.stack([found[name] for name in (b"rXYZ", b"gXYZ", b"bXYZ")], axis=1)
+        if b"chad" in found:
+            native = np.linalg.solve(found[b"chad"].reshape(3, 3), colorants)
+        else:
+            native = adaptation(_D50, found.get(b"wtpt", _D50)) @ colorants
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    points = np.column_stack([native, native.sum(axis=1)])
+    with np.errstate(all="ignore"):
+        places = (points[:2] / points.sum(axis=0)).T
+    primaries = tuple(float(each) for each in places.ravel())
+    return primaries if is_possible(primaries) else None
+
+
+def _tags(profile: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield the name and the data of each tag."""
+    (count,) = struct.unpack_from(">I", profile, _TAG_COUNT_AT)
+    for index in range(min(count, _MOST_TAGS)):
+        name, start, size = struct.unpack_from(">4sII", profile, _TAG_COUNT_AT + 4 + 12 * index)
+        yield name, profile[start : start + size]
+
+
+def _fixed(data: bytes) -> Array:
+    """The numbers of an XYZType or an s15Fixed16ArrayType."""
+    return np.frombuffer(data[8 : 8 + (len(data) - 8) // 4 * 4], ">i4") / 65536
 
 
 def _curve(data: bytes) -> Curve | None:

@@ -54,6 +54,77 @@ class ProbeImage(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class ImageOfImage:
+    """An image that reads the pixels of another one, and is that image in all else.
+
+    Attributes
+    ----------
+    image : ProbeImage
+    """
+
+    image: ProbeImage
+
+    @property
+    def name(self) -> str:
+        return self.image.name
+
+    @property
+    def path(self) -> Path | None:
+        return self.image.path
+
+    @property
+    def width(self) -> int:
+        return self.image.width
+
+    @property
+    def height(self) -> int:
+        return self.image.height
+
+    @property
+    def file_format(self) -> str:
+        return self.image.file_format
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self.image.notes
+
+    @property
+    def row_multiple(self) -> int:
+        return self.image.row_multiple
+
+    def facts(self) -> dict[str, Any]:
+        """What was taken of the file."""
+        return self.image.facts()
+
+    def contents(self) -> Iterator[bytes]:
+        """Yield, piece by piece, the bytes that tell this image from others."""
+        return self.image.contents()
+
+    def read(self, start: int, stop: int) -> Array:
+        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
+        return self.image.read(start, stop)
+
+
+@dataclass(frozen=True, eq=False)
+class ConvertedImage(ImageOfImage):
+    """An image in other primaries.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (3, 3)
+        From linear RGB of the image to that of this one. Colors outside the new primaries have
+        negative channels.
+    """
+
+    matrix: Array
+
+    def read(self, start: int, stop: int) -> Array:
+        """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
+        with np.errstate(over="ignore", invalid="ignore"):  # NaN and infinity are found later
+            return self.image.read(start, stop) @ self.matrix.T.astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
 class ArrayImage:
     """An image in memory.
 

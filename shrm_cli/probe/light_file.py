@@ -17,19 +17,20 @@ import math
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.files import inputs
 from shrm_cli.probe.disc import Disc, facing_factor, radius_of
 from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term
-from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.options import ReadOptions, chromaticities_of
 from shrm_cli.probe.probe import is_light_file, open_probe
 from shrm_cli.sphere.directions import from_azimuth_elevation
 
@@ -41,11 +42,12 @@ _BRIGHTEST = 1e30
 """The largest radiance, irradiance or scale, at which sums of squares are still finite."""
 _LEAST_RADIUS = 1e-6
 """The least radius of a disc in radians: smaller ones are points, which have no radiance."""
-_OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up"}
-"""The options that apply to a light file: they turn what is in it."""
+_OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working"}
+"""The options that apply to a light file: they turn what is in it, and tell its primaries."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
 _DISC_KEYS = {
     "azimuth", "elevation", "direction", "radius", "solid_angle", "radiance", "irradiance",
+    "primaries",
 }  # fmt: skip
 
 
@@ -75,7 +77,7 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
         reason = " ".join(str(error).split())[:100]
         raise ProbeError(f"{name}: no TOML ({reason}); correct it") from None
     inputs.note(path)
-    _check_keys(name, found, {"probe", "disc"})
+    _check_keys(name, found, {"probe", "disc", "working"})
     tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in ("probe", "disc")}
     count = sum(len(each) for each in tables.values())
     if not 1 <= count <= _MOST_LIGHTS:
@@ -83,8 +85,39 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
             f"{name}: {count:,} lights; give 1 to {_MOST_LIGHTS} [[probe]] and [[disc]] tables"
         )
     terms = [_term(f"{name}: probe {k}", path, each) for k, each in enumerate(tables["probe"], 1)]
-    discs = [_disc(f"{name}: disc {k}", each) for k, each in enumerate(tables["disc"], 1)]
-    return LightSum.of(SumImage(name, path, text, tuple(terms), tuple(discs)), options.matrix())
+    asked = found.get("working") if options.working is None else options.working
+    own = _primaries(name, "working", asked)
+    colors = own or next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
+    found_terms, notes = _together(terms, colors, own is not None)
+    discs = [_disc(f"{name}: disc {k}", each, colors) for k, each in enumerate(tables["disc"], 1)]
+    image = SumImage(name, path, text, found_terms, tuple(discs), notes)
+    record = {} if options.working is None or own is None else {"working": list(own)}
+    return LightSum.of(image, options.matrix(), colors, record)
+
+
+def _together(
+    terms: list[Term], colors: tuple[float, ...] | None, is_asked: bool
+) -> tuple[tuple[Term, ...], tuple[str, ...]]:
+    """The probes in the same primaries, and a line about each that nobody asked to convert."""
+    found, notes = [], []
+    for term in terms:
+        own = term.probe.chromaticities
+        found.append(replace(term, probe=term.probe.in_primaries(colors)))
+        if not (is_asked or same_primaries(own, colors)):
+            tells = "nothing of its primaries, was taken for Rec.709"
+            tells = tells if own is None else f"that its primaries are {title_of(own)}"
+            notes.append(
+                f"{term.probe.name}: it says {tells}, and was converted to {title_of(colors)}; "
+                "`working` chooses others"
+            )
+    return tuple(found), tuple(notes)
+
+
+def _primaries(what: str, key: str, value: Any) -> tuple[float, ...] | None:
+    try:
+        return chromaticities_of(key, value)
+    except ProbeError as error:
+        raise ProbeError(f"{what}: {error}") from None
 
 
 def _check_options(name: str, options: ReadOptions) -> None:
@@ -155,8 +188,11 @@ def _stays_below(file: str) -> bool:
     )
 
 
-def _disc(what: str, table: dict[str, Any]) -> Disc:
-    """A [[disc]], with one of the ways to say where it is, how large and how bright."""
+def _disc(what: str, table: dict[str, Any], colors: tuple[float, ...] | None) -> Disc:
+    """A [[disc]], with one of the ways to say where it is, how large and how bright.
+
+    Its color is in the primaries of the sum, `colors`, if it tells no others.
+    """
     _check_keys(what, table, _DISC_KEYS)
     if _only(what, table, "direction", "azimuth") == "direction":
         if "elevation" in table:
@@ -177,6 +213,10 @@ def _disc(what: str, table: dict[str, Any]) -> Disc:
     radiance = _color(what, key := _only(what, table, "radiance", "irradiance"), table[key])
     if key == "irradiance":
         radiance = radiance / facing_factor(radius)
+    own = _primaries(what, "primaries", table.get("primaries"))
+    matrix = None if own is None else conversion(own, colors)
+    if matrix is not None:
+        radiance = np.maximum(matrix @ radiance, 0)
     return Disc(direction, radius, radiance)
 
 

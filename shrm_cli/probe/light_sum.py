@@ -5,7 +5,7 @@ What needs pixels gets those of a lat-long, on which the light of each disc is s
 pixels that it covers.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -57,7 +57,10 @@ class SumImage:
     recipe : bytes
         What tells this sum from others of the same probes: the bytes of the light file.
     terms : tuple of Term
+        All of the same primaries.
     discs : tuple of Disc
+    notes : tuple of str
+        What a user should know, a line each.
     """
 
     name: str
@@ -65,9 +68,9 @@ class SumImage:
     recipe: bytes
     terms: tuple[Term, ...]
     discs: tuple[Disc, ...]
+    notes: tuple[str, ...] = ()
 
     file_format = "light file"
-    notes = ()
     row_multiple = 1
 
     @property
@@ -145,24 +148,21 @@ class LightSum(Probe):
     image_of_sum: SumImage = field(kw_only=True)
 
     @classmethod
-    def of(cls, image: SumImage, matrix: Array) -> "LightSum":
+    def of(
+        cls,
+        image: SumImage,
+        matrix: Array,
+        chromaticities: tuple[float, ...] | None = None,
+        colors: Mapping[str, list[float]] | None = None,
+    ) -> "LightSum":
         """Make the sum of the lights of an image; the matrix turns all of them.
 
-        Raises
-        ------
-        ProbeError
-            If the probes state different primaries.
+        The last two arguments are attributes of `Probe`.
         """
-        stated = {term.probe.chromaticities: term.probe.name for term in image.terms}
-        stated.pop(None, None)
-        if len(stated) > 1:
-            first, second, *_ = stated.values()
-            raise ProbeError(
-                f"{image.name}: {first} and {second} state different primaries; convert one of them"
-            )
         return cls(
             image.name, LatLong(image.height), "latlong", None, matrix, PixelPolicy(),
-            next(iter(stated), None), (image,), PixelReport(), image_of_sum=image,
+            chromaticities, (image,), PixelReport(notes=image.notes), colors or {},
+            image_of_sum=image,
         )  # fmt: skip
 
     @property
@@ -189,11 +189,12 @@ class LightSum(Probe):
 
     def tell_warnings(self) -> None:
         """Take what the pixels of the probes needed, which have been read, into the report."""
-        self.report.notes = tuple(
+        of_probes = (
             f"{term.probe.name}: {line}"
             for term in self.terms
             for line in term.probe.report.warnings()
         )
+        self.report.notes = (*self.image_of_sum.notes, *of_probes)
 
 
 def _facts_of(disc: Disc) -> dict[str, Any]:

@@ -1,17 +1,19 @@
 """How the images of a probe are to be understood, and how arguments that cannot be are refused."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.color import is_possible
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import LAYOUTS, Layout
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.sphere.directions import turn_matrix
-from shrm_cli.vocabulary import ORIENTATIONS, SAMPLINGS, Orientation, Sampling
+from shrm_cli.vocabulary import ORIENTATIONS, PRIMARIES, SAMPLINGS, Orientation, Sampling
 
 Array = NDArray[np.floating]
 
@@ -47,6 +49,11 @@ class ReadOptions:
         Turn about +X, degrees, from +Y towards +Z, before the yaw.
     roll : float
         Turn about +Z, degrees, from +X towards +Y, before the pitch.
+    primaries : str or sequence of 8 float, optional
+        The primaries of the file's numbers, whatever it says of them: a name of
+        `vocabulary.PRIMARIES`, or CIE x and y of red, green, blue and white.
+    working : str or sequence of 8 float, optional
+        The primaries that the light is converted to when it is read.
 
     Raises
     ------
@@ -66,6 +73,8 @@ class ReadOptions:
     layer: str | None = None
     pitch: float = 0.0
     roll: float = 0.0
+    primaries: str | Sequence[float] | None = None
+    working: str | Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         _check_name("layout", self.layout, (None, *LAYOUTS))
@@ -80,6 +89,8 @@ class ReadOptions:
             angle = getattr(self, name)
             if not _is_finite(angle):
                 raise ProbeError(f"`{name}` must be a finite number of degrees, not {angle!r:.60}")
+        for name in ("primaries", "working"):
+            chromaticities_of(name, getattr(self, name))
         if not isinstance(self.pixels, PixelPolicy):
             raise ProbeError(f"`pixels` must be a PixelPolicy, not {self.pixels!r}")
         clamp = self.pixels.clamp
@@ -113,6 +124,8 @@ class ReadKeywords(TypedDict, total=False):
     fix_nonfinite: bool
     part: str | None
     layer: str | None
+    primaries: str | Sequence[float] | None
+    working: str | Sequence[float] | None
 
 
 def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
@@ -138,6 +151,40 @@ def with_keywords(options: ReadOptions, keywords: ReadKeywords) -> ReadOptions:
     policy: dict[str, Any] = {k: v for k, v in keywords.items() if k in of_pixels}
     options = replace(options, **changes)
     return replace(options, pixels=replace(options.pixels, **policy))
+
+
+def chromaticities_of(
+    argument: str, value: str | Sequence[float] | None
+) -> tuple[float, ...] | None:
+    """The primaries that an argument means.
+
+    Parameters
+    ----------
+    argument : str
+        Its name, for the message.
+    value : str or sequence of 8 float, optional
+        A name of `vocabulary.PRIMARIES`, or CIE x and y of red, green, blue and white.
+
+    Raises
+    ------
+    ProbeError
+        If it is neither, or light cannot have such primaries.
+    """
+    if value is None:
+        return None
+    if isinstance(value, str):
+        _check_name(argument, value, tuple(PRIMARIES))
+        return PRIMARIES[value]
+    try:
+        numbers = tuple(float(each) for each in value)
+    except (TypeError, ValueError, OverflowError):
+        numbers = ()
+    if not is_possible(numbers):
+        raise ProbeError(
+            f"`{argument}` {value!r:.100} is neither one of {', '.join(PRIMARIES)} nor eight "
+            "numbers, x and y of red, green, blue and white"
+        )
+    return numbers
 
 
 def _check_name(argument: str, value: object, names: tuple[str | None, ...]) -> None:

@@ -1,8 +1,8 @@
 """A light probe: radiance on a grid, from image files or from arrays."""
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Unpack
@@ -10,11 +10,13 @@ from typing import Any, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
 from shrm_cli.probe.blocks import Block, BlockReader
+from shrm_cli.probe.colors import ColorReading
 from shrm_cli.probe.dds_file import DdsFile
-from shrm_cli.probe.image import ArrayImage, ProbeImage, digest
+from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
 from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
@@ -52,6 +54,9 @@ class Probe:
         What the pixels are read from: one image, or six faces.
     report : PixelReport
         What the pixels needed. Reading fills it.
+    colors : mapping of str to list of 8 float
+        What was said of its colors beside the images, for records: ``primaries`` that the numbers
+        were taken to have, ``working`` that they were converted to.
     """
 
     name: str
@@ -63,6 +68,7 @@ class Probe:
     chromaticities: tuple[float, ...] | None
     images: tuple[ProbeImage, ...]
     report: PixelReport = field(default_factory=PixelReport)
+    colors: Mapping[str, list[float]] = field(default_factory=dict)
 
     @classmethod
     def from_array(
@@ -81,6 +87,8 @@ class Probe:
         clamp: float | None = None,
         fix_nonfinite: bool = False,
         chromaticities: tuple[float, ...] | None = None,
+        primaries: str | Sequence[float] | None = None,
+        working: str | Sequence[float] | None = None,
     ) -> "Probe":
         """Make a probe from pixels in memory, which are copied.
 
@@ -99,6 +107,8 @@ class Probe:
             As `PixelPolicy` has them.
         chromaticities : tuple of 8 float, optional
             x and y of red, green, blue and white, for the maps that are made of the probe.
+        primaries, working
+            As `ReadOptions` has them; `primaries` is another way to give `chromaticities`.
 
         Raises
         ------
@@ -108,14 +118,15 @@ class Probe:
         """
         policy = PixelPolicy(fix_nonfinite, clamp)
         options = ReadOptions(
-            layout, orientation, sampling, yaw, mirror, up, pixels=policy, pitch=pitch, roll=roll
-        )
+            layout, orientation, sampling, yaw, mirror, up, pixels=policy, pitch=pitch, roll=roll,
+            primaries=primaries, working=working,
+        )  # fmt: skip
         if chromaticities is not None and np.shape(chromaticities) != (8,):
             raise ProbeError(f"{name}: `chromaticities` must be 8 numbers, not {chromaticities!r}")
         image = ArrayImage.copy_of(array, name)
         found = layout or detect_layout(name, image.width, image.height, "")
-        primaries = None if chromaticities is None else tuple(map(float, chromaticities))
-        return _make_probe(name, (image,), found, "center", options, primaries)
+        stated = None if chromaticities is None else tuple(map(float, chromaticities))
+        return _make_probe(name, (image,), found, "center", options, stated)
 
     @property
     def width(self) -> int:
@@ -158,7 +169,7 @@ class Probe:
             found["fix_nonfinite"] = True
         if self.policy.clamp is not None:
             found["clamp"] = float(self.policy.clamp)
-        return found
+        return {**found, **self.colors}
 
     def blocks(self) -> Iterator[Block]:
         """Yield the image in blocks of rows: first row, pixels, weights.
@@ -183,6 +194,17 @@ class Probe:
         )  # fmt: skip
         for start, pixels, weights in reader.blocks():
             yield start, self.policy.apply(pixels, weights, self.report), weights
+
+    def in_primaries(self, primaries: tuple[float, ...] | None) -> "Probe":
+        """The same probe, its pixels in other primaries; None is Rec.709.
+
+        Of a sum of lights the pixels are converted alone, and not its lights.
+        """
+        matrix = conversion(self.chromaticities, primaries)
+        if matrix is None:
+            return self
+        images = tuple(ConvertedImage(image, matrix) for image in self.images)
+        return replace(self, images=images, chromaticities=primaries)
 
     def image(self) -> Array:
         """The whole grid, a new array of shape (height, width, 3)."""
@@ -278,9 +300,10 @@ def _make_probe(
         own: Orientation = "gl" if first.file_format == "dds" else default_orientation(layout)
         orientation = options.orientation or own
     notes = tuple(dict.fromkeys(note for image in images for note in image.notes))
+    colors = ColorReading.of(chromaticities, options)
     return Probe(
-        name, grid, layout, orientation, options.matrix(), options.pixels, chromaticities, images,
-        PixelReport(notes=notes),
+        name, grid, layout, orientation, options.matrix(), options.pixels, colors.chromaticities,
+        colors.converted(images), PixelReport(notes=(*notes, *colors.notes)), colors.record,
     )  # fmt: skip
 
 

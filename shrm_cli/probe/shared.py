@@ -1,15 +1,13 @@
 """A probe of which several maps are made: it is read once, and projected once to each order."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.probe.image import ProbeImage
+from shrm_cli.probe.image import ImageOfImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
 
@@ -21,51 +19,8 @@ _PIXEL = 3 * 4  # bytes
 
 
 @dataclass(frozen=True, eq=False)
-class HeldImage:
-    """An image whose pixels stay in memory from the first time that they are read.
-
-    Attributes
-    ----------
-    image : ProbeImage
-    """
-
-    image: ProbeImage
-
-    @property
-    def name(self) -> str:
-        return self.image.name
-
-    @property
-    def path(self) -> Path | None:
-        return self.image.path
-
-    @property
-    def width(self) -> int:
-        return self.image.width
-
-    @property
-    def height(self) -> int:
-        return self.image.height
-
-    @property
-    def file_format(self) -> str:
-        return self.image.file_format
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return self.image.notes
-
-    @property
-    def row_multiple(self) -> int:
-        return self.image.row_multiple
-
-    def facts(self) -> dict[str, Any]:
-        """What was taken of the file."""
-        return self.image.facts()
-
-    def contents(self) -> Iterator[bytes]:
-        """Yield, piece by piece, the bytes that tell this image from others."""
-        return self.image.contents()
+class HeldImage(ImageOfImage):
+    """An image whose pixels stay in memory from the first time that they are read."""
 
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
@@ -96,11 +97,14 @@ class Comparison:
         Linear, premultiplied by the coverage of the sphere.
     others : ndarray, shape (M, V, S, S, 3)
         Pictures of M other maps, in the same form.
+    primaries : tuple of 8 float, optional
+        Of all pictures; None is Rec.709.
     """
 
     viewers: Sequence[Viewer]
     baseline: Picture
     others: Picture
+    primaries: tuple[float, ...] | None = None
 
     def difference(self, other: int, view: int | None = None) -> Difference:
         """Measure how far a map is from the baseline, in one view or by default in all."""
@@ -110,7 +114,7 @@ class Comparison:
     def flip(self, other: int, view: int) -> FlipError | None:
         """Measure HDR-FLIP between a map and the baseline in one view.
 
-        FLIP sees the pictures as they are, with the sphere on black, and chooses its exposures
+        FLIP sees the pictures in Rec.709, with the sphere on black, and chooses its exposures
         from that of the baseline. The mean of its error is over the sphere alone.
 
         Returns
@@ -124,7 +128,11 @@ class Comparison:
             If `flip_evaluator` is not installed.
         """
         coverage = _coverage(self.baseline.shape[-2])
-        return hdr_flip(self.others[other, view], self.baseline[view], coverage)
+        matrix = to_rec709(self.primaries)
+        pictures = self.others[other, view], self.baseline[view]
+        if matrix is not None:
+            pictures = mix_channels(pictures[0], matrix), mix_channels(pictures[1], matrix)
+        return hdr_flip(*pictures, coverage)
 
     def picture(
         self,
@@ -199,6 +207,7 @@ def compare_spheres(
     viewers: Sequence[Viewer],
     size: int,
     progress: Progress | None = None,
+    primaries: tuple[float, ...] | None = None,
 ) -> Comparison:
     """Draw a sphere of each map from the same views.
 
@@ -213,6 +222,8 @@ def compare_spheres(
     progress : callable, optional
         Called with the number of pictures done and the number of all, (1 + M) V. The first V
         pictures are the baseline's.
+    primaries : tuple of 8 float, optional
+        Of the light of all of them; None is Rec.709.
     """
     drawn: list[Picture] = []
     total = (1 + len(others)) * len(viewers)
@@ -222,7 +233,7 @@ def compare_spheres(
             if progress is not None:
                 progress(len(drawn), total)
     pictures = np.stack(drawn).reshape(1 + len(others), len(viewers), size, size, 3)
-    return Comparison(viewers, pictures[0], pictures[1:])
+    return Comparison(viewers, pictures[0], pictures[1:], primaries)
 
 
 def _coverage(size: int) -> Array:

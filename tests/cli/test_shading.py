@@ -6,6 +6,7 @@ import click
 import pytest
 
 from shrm_cli.cli.shading import shaded_maps
+from shrm_cli.maps.info import MapInfo
 from tests.render.materials import furnace
 
 
@@ -16,6 +17,7 @@ class Recorder:
     told: list = field(default_factory=list)
     needs_surface = True
     roughness_range = (0.2, 0.5)
+    info = MapInfo(0, 0, 0.03, 1.0, 0.0)
 
     def shaded(self, roughness, f0):
         self.told.append((roughness, f0))

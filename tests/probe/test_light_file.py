@@ -5,6 +5,7 @@ import hashlib
 import numpy as np
 import pytest
 
+from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import light_sum
 from shrm_cli.probe.lighting import project
@@ -12,6 +13,7 @@ from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.sky import SUN_RADIUS, SUN_SOLID_ANGLE, sky, sun_radiance
+from shrm_cli.vocabulary import PRIMARIES
 from tests import oracles
 from tests.cli.helpers import noise
 from tests.probe import scenes
@@ -196,24 +198,30 @@ def test_rows_are_those_of_the_finest_probe_within_limits(folder, monkeypatch):
         assert (probe.height, probe.grid.size, len(probe.image())) == (expected,) * 3
 
 
-@pytest.mark.parametrize(
-    ("stated", "words"),
-    [((None, "ap1"), ""), (("ap1", "ap1"), ""), (("srgb", "ap1"), "state different primaries")],
-)
-def test_primaries_must_agree(folder, stated, words):
-    known = {
-        "srgb": (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329),
-        "ap1": (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767),
-    }
+@pytest.mark.parametrize("stated", [(None, "acescg"), ("acescg",) * 2, ("rec709", "acescg")])
+@pytest.mark.parametrize("asked", [None, "rec2020"])
+def test_lights_of_different_primaries(folder, stated, asked):
+    """Their sum in the first primaries that are stated, or in those that are asked for."""
+    known = {**PRIMARIES, None: PRIMARIES["rec709"]}
     for name, space in zip("ab", stated, strict=True):
         attributes = {} if space is None else {"chromaticities": known[space]}
-        scenes.write_exr(folder / f"{name}.exr", scenes.rgb(noise(8, 16)), **attributes)
+        scenes.write_exr(folder / f"{name}.exr", scenes.rgb(0.2 * noise(8, 16) + 0.9), **attributes)
     path = lights(folder, '[[probe]]\nfile = "a.exr"\n[[probe]]\nfile = "b.exr"\n')
-    if words:
-        with pytest.raises(ProbeError, match=words):
-            open_probe(path)
-    else:
-        assert open_probe(path).chromaticities == pytest.approx(known["ap1"])
+    disc = "[[disc]]\nazimuth = 0\nelevation = 0\nradius = 30\nradiance = [1, 0.2, 0.1]\n"
+    text = path.read_text() + disc + 'primaries = "p3"\n'
+    path.write_text(text if asked is None else f'working = "{asked}"\n{text}')
+    found = open_probe(path)
+    target = asked or next(space for space in stated if space)
+    assert found.chromaticities == pytest.approx(PRIMARIES[target])
+    expected = project(open_probe(lights(folder, disc, "disc.toml")), 2).coefficients
+    expected = expected @ conversion(PRIMARIES["p3"], PRIMARIES[target]).T
+    for name, space in zip("ab", stated, strict=True):
+        own = project(open_probe(folder / f"{name}.exr"), 2).coefficients
+        matrix = conversion(known[space], PRIMARIES[target])
+        expected = expected + (own if matrix is None else own @ matrix.T)
+    np.testing.assert_allclose(project(found, 2).coefficients, expected, atol=1e-5)
+    told = [line for line in found.report.notes if "converted to" in line]
+    assert len(told) == (asked is None and len({known[each] for each in stated}) - 1)
 
 
 WRONG = {

@@ -17,6 +17,7 @@ from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.attributes import common_header, read_numbers
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.window import FAMILIES, Window, window_factors
+from shrm_cli.maps.irradiance.zh3 import FORMS, Zh3, zonal_harmonics
 from shrm_cli.maps.stored import COLORS, StoredImage, image_channels
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.sphere.quadrature import nodes, spiral_directions
@@ -50,6 +51,9 @@ def encode(irradiance: Irradiance) -> list[Part]:
             "change": window.change,
         }),
     }  # fmt: skip
+    if isinstance(irradiance, Zh3):
+        header["shrm:form"] = irradiance.form
+        header["shrm:zh3"] = json.dumps(irradiance.numbers()["zh3"])
     if irradiance.order_f <= POLYNOMIAL_ORDER:
         header["shrm:irradiance_matrices"] = _json(irradiance.matrices())
     cube = irradiance.cube()
@@ -83,7 +87,26 @@ def decode(file: StoredFile) -> Irradiance:
     )
     _check_matrices(image.part, made)
     _check_pixels(image, made)
-    return made
+    return made if image.part.attribute("shrm:form") is None else _zh3(image.part, made)
+
+
+def _zh3(part: StoredPart, made: Irradiance) -> Zh3:
+    """Read the axes and the zonal coefficients, and check that they make the degree 2."""
+    path, form = part.path, part.attribute("shrm:form")
+    try:
+        held = parse_json(part.attribute("shrm:zh3"))
+        axes, zonal = (np.array(held[name], dtype=float) for name in ("axes", "zonal"))
+    except (ValueError, TypeError, KeyError, OverflowError):
+        raise _wrong(path, "zh3 is missing or wrong") from None
+    shapes = form in FORMS, axes.shape == (3, 3), zonal.shape == (3,), made.order_f == 2
+    if not all(shapes) or not (np.isfinite(axes).all() and np.isfinite(zonal).all()):
+        raise _wrong(path, "form or shrm:zh3 is wrong")
+    expected = (zonal[:, None] * zonal_harmonics(axes)).T
+    scale = np.abs(made.coefficients).max()
+    if not np.allclose(made.coefficients[4:], expected, rtol=0, atol=1e-9 * scale):
+        raise _wrong(path, "zh3 does not belong to the coefficients")
+    held_fields = made.coefficients, made.info, made.size, made.sampling, made.window
+    return Zh3(*held_fields, form, axes, zonal)
 
 
 def _json(values: Array) -> str:

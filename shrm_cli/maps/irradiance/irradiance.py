@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.light_map import LightMap
@@ -203,6 +204,25 @@ class Irradiance(LightMap):
         if size is not None and size > MAX_CUBE_SIZE:
             raise MapError(f"a map of size {size} is larger than {MAX_CUBE_SIZE}; lower `size`")
         return replace(self, size=size or self.size, sampling=sampling or self.sampling)
+
+    def windowed(self, window: Window, info: MapInfo) -> "Irradiance":
+        """Return the map, which has no window yet, with its degrees times a window's factors."""
+        windowed = window.apply(self.coefficients)
+        return replace(self, coefficients=windowed, info=info, window=window)
+
+    @classmethod
+    def from_map(cls, source: Map, form: str | None = None, **options: Any) -> Map:
+        """Return a map in one of the forms of `maps.irradiance.zh3`; see `Map.converted`."""
+        found = super().from_map(source, **options)
+        if form is None or not isinstance(found, Irradiance):
+            return found
+        from shrm_cli.maps.irradiance.zh3 import in_form
+
+        return in_form(found, form)
+
+    def mixed(self, matrix: Array, info: MapInfo) -> "Irradiance":
+        """Return the map with other channels; see `maps.primaries`."""
+        return replace(self, coefficients=self.coefficients @ matrix.T, info=info)
 
     def turned(self, matrix: ArrayLike) -> "Irradiance":
         """Return the map of the same light turned, exactly; see `Map.turned`."""

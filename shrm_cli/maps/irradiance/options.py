@@ -1,6 +1,15 @@
 """The options of `shrm prefilter --to irradiance`. This module loads no numpy."""
 
-from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, WINDOW, Representation
+from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, WINDOW, Option, Representation
+
+FORM = Option(
+    "form",
+    "irradiance: all coefficients (sh), or linear ones and a zonal one of degree 2, about their "
+    "luminance's axis (zh3), each channel's own, or guessed.  [default: sh]",
+    "choice",
+    choices=("sh", "zh3", "zh3-channel", "zh3-hallucinated"),
+    converts=True,
+)
 
 DESCRIPTIONS = {
     "irradiance": Representation(
@@ -9,6 +18,7 @@ DESCRIPTIONS = {
         CUBE_ARGUMENTS | {"order_f"},
         (
             WINDOW,
+            FORM,
             SHADER,
         ),
         why_no_brdf="irradiance is that of a white Lambertian surface",

@@ -39,6 +39,7 @@ def prefilter(
     probe: Probe,
     order_f: int = POLYNOMIAL_ORDER,
     window: str = "none",
+    form: str = "sh",
     size: int | None = None,
     sampling: Sampling = "center",
     progress: Progress | None = None,
@@ -52,6 +53,8 @@ def prefilter(
         The largest degree to keep; 2 makes nine coefficients.
     window : str
         A window's name, or ``NAME:WIDTH``, as `make_window` takes it.
+    form : {"sh", "zh3", "zh3-channel", "zh3-hallucinated"}
+        Which numbers are kept of degree 2, as `in_form` has it.
     size : int, optional
         Texels along a face's edge of the cube; the order decides by default.
     sampling : {"center", "border"}
@@ -88,7 +91,13 @@ def prefilter(
         provenance(probe, Lambertian(), orders), predicted_error=_missing(lighting, order_f)
     )
     whole = Irradiance(lighting.coefficients[: (order_f + 1) ** 2], info, size, sampling)
-    return _windowed(whole, window)
+    if form == "sh":
+        return _windowed(whole, window)
+    from shrm_cli.maps.irradiance.zh3 import form_errors, in_form  # most maps need no form
+
+    formed = in_form(whole, form)
+    made = _windowed(formed, window)
+    return replace(made, facts={**made.facts, "form_errors": form_errors(whole, formed)})
 
 
 def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
@@ -96,9 +105,8 @@ def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
     before = least = whole.minimum()
     made, window = whole, make_window(spec, whole.series)
     if window.factors:
-        info = replace(whole.info, added_error=window.change)
-        windowed = window.apply(whole.coefficients)
-        made = replace(whole, coefficients=windowed, info=info, window=window)
+        added = float(np.hypot(whole.info.added_error, window.change))
+        made = whole.windowed(window, replace(whole.info, added_error=added))
         least = made.minimum()
     facts = {
         "brdf_energy_captured": made.info.captured,

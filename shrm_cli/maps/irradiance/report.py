@@ -16,13 +16,18 @@ def report(result: dict[str, Any]) -> list[str]:
     result : dict
         The object that `shrm prefilter --json` prints.
     """
-    size, window = result["size"], result["window"]
+    size, window, errors = result["size"], result["window"], result.get("form_errors")
     lines = [
         f"irradiance, {counted(result['coefficients'], 'coefficient')} and a cube of "
         f"6 x {size} x {size} texels",
         f"order          F = {result['order_f']}",
         f"RMS error      {result['predicted_error']:.2%} of the irradiance predicted",
     ]
+    if errors is not None:
+        lines.append(
+            f"form           {result['form']}: {errors['form']:.2%} with what it leaves out of "
+            f"degree 2; {errors['four']:.2%} with four coefficients, {errors['nine']:.2%} with nine"
+        )
     least = f"minimum        {result['minimum_irradiance']:.4g} over all sides and channels"
     if window["name"] == "none":
         asked = " is needed" if window["asked"] == "auto" else ""
@@ -39,5 +44,10 @@ def report(result: dict[str, Any]) -> list[str]:
 def printed(made: "Irradiance", shader: str) -> str:
     """Return the code that ``--shader`` asks for, with the map's numbers in it."""
     from shrm_cli.maps.irradiance.shader import irradiance_snippet
+    from shrm_cli.maps.irradiance.zh3 import Zh3
 
+    if isinstance(made, Zh3):
+        from shrm_cli.maps.irradiance.zh3_shader import zh3_snippet
+
+        return zh3_snippet(made, shader)
     return irradiance_snippet(made, shader)

@@ -37,6 +37,8 @@ Array = NDArray[np.floating]
 
 _DEFAULT_ORDER_P = 8
 """The order P of the SHRM that a map is converted to, where none is asked for."""
+_GREY = 1e-6
+"""How far the functions of two channels of a grey BRDF may be apart, beside the largest one."""
 _NODES = 64
 """Gauss's nodes over the angle of the view, for conversions."""
 _VALUES_AT_ONCE = 2**22
@@ -246,6 +248,23 @@ class PrincipalMap(Map):
     def planes(self) -> list[Array]:
         """Return the cubes of each lobe, shape (6N, N, 3K)."""
         return [lobe.cubes.reshape(*lobe.cubes.shape[:2], -1) for lobe in self.lobes]
+
+    def mixed(self, matrix: Array, info: MapInfo) -> Map:
+        """Return the map with other channels; see `maps.primaries`.
+
+        Raises
+        ------
+        MapError
+            If its functions of the view differ between the channels.
+        """
+        tables = [each for lobe in self.lobes for each in (lobe.functions, lobe.albedo)]
+        for table in tables:
+            if table is not None and np.ptp(table, axis=-1).max() > _GREY * np.abs(table).max():
+                raise MapError(
+                    f"{self.what} has functions of the view of each channel's own, which "
+                    "cannot be mixed; prefilter its probe with `working`"
+                )
+        return super().mixed(matrix, info)
 
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo

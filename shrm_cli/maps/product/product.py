@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
@@ -67,6 +68,22 @@ class ProductMap(FixedMap):
     def needs_light(self) -> bool:  # type: ignore[override]
         """Whether the map holds no light."""
         return self.lighting is None
+
+    def check_mixing(self) -> None:
+        """Check that the light of the map can be had in other primaries.
+
+        Raises
+        ------
+        MapError
+            If it holds no light, or its BRDF has colors, which multiply channel by channel.
+        """
+        if self.lighting is None:
+            raise MapError(f"{self.what} that holds no light has no primaries")
+        if self.channels > 1:
+            raise MapError(
+                f"{self.what} of a colored BRDF is a table of each channel's own, which cannot be "
+                "mixed; prefilter its probe with `working`"
+            )
 
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about the map."""
@@ -149,6 +166,11 @@ class ProductTexture(ProductMap):
     def size(self) -> int:
         """Texels along an edge of the parabolic map."""
         return len(self.table)
+
+    def mixed(self, matrix: Array, info: MapInfo) -> Map:
+        """Return the map with other channels; see `maps.primaries`."""
+        self.check_mixing()
+        return replace(self, lighting=self.lighting @ matrix.T, info=info)  # type: ignore[operator]
 
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo

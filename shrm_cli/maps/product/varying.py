@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.product.product import ProductMap, ProductTexture
 from shrm_cli.vocabulary import Sampling
@@ -101,11 +102,18 @@ class VaryingProduct(ProductMap):
         """Return the parameter, its values, and the light where the map holds it."""
         return {"parameter": self.parameter, "values": list(self.values), **super().details()}
 
+    def mixed(self, matrix: Array, info: MapInfo) -> Map:
+        """Return the map with other channels; see `maps.primaries`."""
+        self.check_mixing()
+        light = self.lighting @ matrix.T  # type: ignore[operator]
+        return self.lit(light).with_planes((), self.sampling, info)
+
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
     ) -> "VaryingProduct":
         """Return the same textures with another `info`, since the map has no cubes."""
-        return replace(self, info=info)
+        textures = tuple(replace(each, info=each.info.read_as(info)) for each in self.textures)
+        return replace(self, textures=textures, info=info)
 
     def lit(self, lighting: ArrayLike) -> "VaryingProduct":
         """Return the same textures under light of some coefficients; see `ProductTexture.lit`."""

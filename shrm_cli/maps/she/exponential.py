@@ -41,6 +41,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments, mean_vectors, whole_lobe
+from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.sphere.directions import bisector, reflect
@@ -124,6 +125,13 @@ class SphericalHarmonicExponential(SurfaceLightMap):
     def planes(self) -> tuple[()]:
         """Return no cubes, since the map has none."""
         return ()
+
+    def mixed(self, matrix: Array, info: MapInfo) -> "SphericalHarmonicExponential":
+        """Refuse: a sum of exponentials is the exponential of no such series."""
+        raise MapError(
+            f"{self.what} holds logarithms, whose channels cannot be mixed; prefilter its probe "
+            "with `working`"
+        )
 
     def with_planes(
         self, planes: Sequence[Array], sampling: Sampling, info: MapInfo

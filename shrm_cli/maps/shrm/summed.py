@@ -111,7 +111,9 @@ class SummedShrm(Map):
     ) -> "SummedShrm":
         """Return the same terms with other cubes; each term has a single one."""
         pairs = zip(self.terms, planes, strict=True)
-        terms = tuple(term.with_planes([plane], sampling, term.info) for term, plane in pairs)
+        terms = tuple(
+            term.with_planes([plane], sampling, term.info.read_as(info)) for term, plane in pairs
+        )
         return replace(self, terms=terms, info=info)
 
     def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "SummedShrm":

@@ -41,7 +41,7 @@ def encode(split_sum: SplitSum) -> list[Part]:
     )  # fmt: skip
     for name, roughness, level, level_info in levels:
         # The options, and what came to them later, are those of the whole file.
-        info = replace(level_info, options=split_sum.info.options)
+        info = level_info.read_as(split_sum.info)
         header = {
             "name": name,
             **common_header(replace(split_sum, info=info), 0),

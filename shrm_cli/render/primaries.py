@@ -1,0 +1,71 @@
+"""Maps and probes that are shown together, brought to the same primaries."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.color import conversion, same_primaries, title_of
+from shrm_cli.errors import MapError
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.render.shading import KnownMap
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Recolored:
+    """A map whose radiance is shown in other primaries; that is exact for maps of every form.
+
+    Attributes
+    ----------
+    shown : KnownMap
+    matrix : ndarray, shape (3, 3)
+        From the map's linear RGB to that which is wanted.
+    primaries : tuple of 8 float, optional
+        Of that; None is Rec.709.
+    """
+
+    shown: KnownMap
+    matrix: Array
+    primaries: tuple[float, ...] | None
+
+    @cached_property
+    def info(self) -> MapInfo:
+        """How the map was made, with the new primaries."""
+        return replace(self.shown.info, chromaticities=self.primaries)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Return reflected radiance (..., 3) for unit vectors (..., 3) in world axes."""
+        return np.asarray(self.shown.radiance(normals, views) @ self.matrix.T)
+
+
+def in_same_primaries(
+    maps: Sequence[KnownMap], primaries: tuple[float, ...] | None
+) -> list[KnownMap]:
+    """Return maps that are all shown in the same primaries, which None says are Rec.709."""
+    found: list[KnownMap] = []
+    for each in maps:
+        matrix = conversion(each.info.chromaticities, primaries)
+        found.append(each if matrix is None else Recolored(each, matrix, primaries))
+    return found
+
+
+def one_of(stated: set[tuple[float, ...] | None]) -> tuple[float, ...] | None:
+    """Return the primaries that all maps of a mesh have; None where nobody states any.
+
+    Raises
+    ------
+    MapError
+        If they differ: the light of several maps is added up within a mesh.
+    """
+    first, *others = sorted(stated, key=lambda each: each or ()) or [None]
+    for other in others:
+        if not same_primaries(first, other):
+            raise MapError(
+                f"maps in {title_of(first)} and in {title_of(other)} do not add up; convert one "
+                "of them, by shrm convert MAP --to REPRESENTATION with `working`"
+            )
+    return next((each for each in stated if each is not None), None)
