@@ -101,8 +101,20 @@ def title_of(primaries: Primaries | None) -> str:
 
 def luminance_weights(primaries: Primaries | None) -> Array:
     """Weights of linear R, G and B in the luminance, shape (3,), whose sum is 1."""
-    matrix = _to_xyz(REC709 if primaries is None else primaries)
-    return (_to_xyz(REC709) if matrix is None else matrix)[1]  # type: ignore[index]
+    return np.asarray(xyz_matrix(primaries)[1])
+
+
+def xyz_matrix(primaries: Primaries | None) -> Array:
+    """The matrix from linear RGB to CIE XYZ, in which white has Y = 1, shape (3, 3).
+
+    Primaries that are not stated, or that nothing can have, count as Rec.709.
+
+    References
+    ----------
+    SMPTE RP 177:1993.
+    """
+    matrix = None if primaries is None else _to_xyz(primaries)
+    return xyz_matrix(REC709) if matrix is None else matrix
 
 
 def _to_xyz(primaries: Primaries) -> Array | None:

@@ -6,13 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.analysis.white import (
-    blackbody_distance,
-    chromaticity,
-    color_temperature,
-    primaries_name,
-    xyz_matrix,
-)
+from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
+from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -165,9 +160,15 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         direction=direction,
         directionality=directionality,
         clipped=gathered.clipped(mean),
-        primaries=primaries_name(probe.chromaticities),
+        primaries=_primaries(probe),
         lamps=split_lamps(probe, count=lamps).lamps if lamps and mean.any() else (),
     )
+
+
+def _primaries(probe: Probe) -> str:
+    """The name of a probe's primaries, or what there is to say of them."""
+    stated = probe.chromaticities
+    return "not stated; taken for Rec.709" if stated is None else title_of(stated)
 
 
 def _direction(luminance: Array) -> tuple[Array, float]:

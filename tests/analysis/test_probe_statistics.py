@@ -56,6 +56,7 @@ def test_light_of_one_kind():
     np.testing.assert_array_equal(found.direction, 0)
     assert found.chromaticity == pytest.approx((0.3127, 0.329), abs=1e-6)
     assert found.temperature == pytest.approx(6504, abs=5)
+    assert found.primaries == "not stated; taken for Rec.709"
 
 
 def test_black_is_no_reason_to_fail():

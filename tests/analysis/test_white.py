@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 
-from shrm_cli.analysis.white import (
-    blackbody_distance,
-    chromaticity,
-    color_temperature,
-    primaries_name,
-    xyz_matrix,
-)
-from shrm_cli.color import REC709
+from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
+from shrm_cli.color import REC709, title_of, xyz_matrix
 
 colour = pytest.importorskip("colour", reason="no colour-science")
 SPACES = {
@@ -27,7 +21,7 @@ def primaries(name):
 
 @pytest.mark.parametrize("name", list(SPACES))
 def test_names_and_matrices(name):
-    assert primaries_name(primaries(name)) == name
+    assert title_of(primaries(name)) == name
     space = colour.RGB_COLOURSPACES[SPACES[name]]
     expected = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
     np.testing.assert_allclose(xyz_matrix(primaries(name)), expected, atol=1e-12)
@@ -38,9 +32,8 @@ def test_names_and_matrices(name):
 
 
 def test_primaries_without_a_name():
-    assert primaries_name(None) == "not stated; taken for Rec.709"
     own = (0.648447, 0.330877, 0.321187, 0.597894, 0.155901, 0.0660563, 0.345708, 0.358541)
-    assert primaries_name(own) == "of their own"
+    assert title_of(own) == "primaries of its own"
     np.testing.assert_array_equal(xyz_matrix((0.3,) * 8), xyz_matrix(REC709))
     assert chromaticity([0, 0, 0], None) is None
 
