@@ -47,23 +47,25 @@ def shared_exponent(word):
 
 def decoded(data, texels):
     """Return the numbers of packed texels, shape (n, 3)."""
-    if texels == "rgba16f":
-        values = [half(each) for each in np.frombuffer(data, "<u2").tolist()]
-        pixels = np.reshape(values, (-1, 4))
-        assert (pixels[:, 3] == 1).all()
-        return pixels[:, :3]
-    decode = packed_floats if texels == "r11g11b10" else shared_exponent
-    return np.array([decode(word) for word in np.frombuffer(data, "<u4").tolist()])
+    wide = texels == "rgba16f"
+    words, places = np.unique(np.frombuffer(data, "<u2" if wide else "<u4"), return_inverse=True)
+    decode = {"rgba16f": half, "r11g11b10": packed_floats, "rgb9e5": shared_exponent}[texels]
+    values = np.array([decode(word) for word in words.tolist()])[places.ravel()]
+    if not wide:
+        return values
+    pixels = values.reshape(-1, 4)
+    assert (pixels[:, 3] == 1).all()
+    return pixels[:, :3]
 
 
 def read_ktx1(data):
     """Read a KTX 1 cube of R11F_G11F_B10F or RGBA16F by the file format specification."""
     assert data[:12] == bytes([0xAB, 0x4B, 0x54, 0x58, 0x20, 0x31, 0x31, 0xBB, 13, 10, 0x1A, 10])
-    names = (
-        "endianness glType glTypeSize glFormat glInternalFormat glBaseInternalFormat pixelWidth "
-        "pixelHeight pixelDepth numberOfArrayElements numberOfFaces numberOfMipmapLevels "
-        "bytesOfKeyValueData"
-    ).split()
+    names = [
+        "endianness", "glType", "glTypeSize", "glFormat", "glInternalFormat",
+        "glBaseInternalFormat", "pixelWidth", "pixelHeight", "pixelDepth",
+        "numberOfArrayElements", "numberOfFaces", "numberOfMipmapLevels", "bytesOfKeyValueData",
+    ]  # fmt: skip
     header = dict(zip(names, struct.unpack_from("<13I", data, 12), strict=True))
     assert header["endianness"] == 0x04030201
     assert (header["pixelDepth"], header["numberOfArrayElements"]) == (0, 0)
@@ -94,10 +96,11 @@ def read_ktx1(data):
 def read_ktx2(data):
     """Read a KTX 2 cube by the file format specification, and check its descriptor."""
     assert data[:12] == bytes([0xAB, 0x4B, 0x54, 0x58, 0x20, 0x32, 0x30, 0xBB, 13, 10, 0x1A, 10])
-    names = (
-        "vkFormat typeSize pixelWidth pixelHeight pixelDepth layerCount faceCount levelCount "
-        "supercompressionScheme dfdByteOffset dfdByteLength kvdByteOffset kvdByteLength"
-    ).split()
+    names = [
+        "vkFormat", "typeSize", "pixelWidth", "pixelHeight", "pixelDepth", "layerCount",
+        "faceCount", "levelCount", "supercompressionScheme", "dfdByteOffset", "dfdByteLength",
+        "kvdByteOffset", "kvdByteLength",
+    ]  # fmt: skip
     header = dict(zip(names, struct.unpack_from("<13I", data, 12), strict=True))
     assert struct.unpack_from("<2Q", data, 64) == (0, 0)  # no global data
     assert (header["pixelDepth"], header["layerCount"]) == (0, 0)
