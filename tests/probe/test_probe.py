@@ -486,5 +486,5 @@ def test_pixels_that_are_not_finite_are_refused_in_whole_images():
     """Also where the image is one block, after which nobody asks for more."""
     image = np.ones((8, 16, 3))
     image[2, 3, 1] = np.nan
-    with pytest.raises(ProbeError, match="1 pixels are NaN or infinite, .* column 3, row 2"):
+    with pytest.raises(ProbeError, match=r"1 pixels are NaN or infinite, .* column 3, row 2"):
         Probe.from_array(image, "latlong").image()
