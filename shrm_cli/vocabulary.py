@@ -72,6 +72,21 @@ PRIMARIES: dict[str, tuple[float, ...]] = {
 Rec.2020, P3 with the white of screens (Display P3) and of cinemas, Adobe RGB (1998), ACES AP1 and
 AP0 (SMPTE ST 2065-1), and CIE XYZ as OpenEXR writes it, whose numbers are relative to D65."""
 
+ENGINES: dict[str, str] = {
+    "filament": "filament",
+    "bevy": "bevy",
+    "three": "three",
+    "babylon": "babylon",
+    "gltf-sample-viewer": "gltf_sample_viewer",
+    "unity": "unity",
+    "unreal": "unreal",
+    "godot": "godot",
+}
+"""Each engine that light is exported for, and its module of `shrm_cli.export.engines`."""
+
+TEXEL_FORMATS: tuple[str, ...] = ("r11g11b10", "rgb9e5", "rgba16f")
+"""The packed floating-point texels of exported cubes, as `shrm_cli.export.pixels` writes them."""
+
 # ---- limits --------------------------------------------------------------------------------------
 
 MAX_ORDER_F = 512
