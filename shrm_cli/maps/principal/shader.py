@@ -104,7 +104,11 @@ def _bundle(number: int, degree: int, cube: int, row: int, words: Words) -> list
         "    {",
         f"        float y[{count}];",
         f"        vec3 m[{count}], h[{degree + 1}];",
-        *(f"        m[{k}] = {words.cube(number, 'place', str(cube + k))};" for k in range(count)),
+        "        int k;",
+        # A loop, because compilers take long over many look-ups.
+        f"        for (k = 0; k < {count}; ++k) {{",
+        f"            m[k] = {words.cube(number, 'place', f'{cube} + k')};",
+        "        }",
     ]
     for j, angle in enumerate(angles.tolist()):
         factors = [speech.number(float(each)) for each in (np.cos(angle), np.sin(angle))]
