@@ -4,8 +4,8 @@ import numpy as np
 
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.irradiance import matrix_constants
-from shrm_cli.maps.irradiance.shader import LANGUAGES, harmless
 from shrm_cli.maps.irradiance.zh3 import Zh3
+from shrm_cli.maps.shader.language import Language, harmless
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 
@@ -24,15 +24,14 @@ def zh3_snippet(made: Zh3, language: str) -> str:
     MapError
         If the language is unknown, or a number does not fit into the language's type.
     """
-    if language not in LANGUAGES:
-        raise MapError(f"shader language {language!r}: take one of {', '.join(LANGUAGES)}")
+    is_c = Language(language).is_c
     _, c2, c3, c4, _ = matrix_constants()
     # c3 / 3 is A_2 times the constant of Y_20: the zonal harmonic is that times 3 (a.n)^2 - 1.
     square = c3 * made.zonal
     constant = c4 * made.coefficients[0] - square / 3
     y, z, x = 2 * c2 * made.coefficients[1:4]
     rows = np.array([constant, x, y, z, square])
-    if language != "c" and np.abs(rows).max() > _FLOAT_MAX:
+    if not is_c and np.abs(rows).max() > _FLOAT_MAX:
         raise MapError(f"a coefficient is beyond the 32-bit floats of {language}; dim the light")
     comment = [
         "/* Irradiance E of a unit normal in world axes (right-handed, +Y up), linear RGB.",
@@ -42,7 +41,7 @@ def zh3_snippet(made: Zh3, language: str) -> str:
         f" * Form: {made.form}; window: {made.window.name}",
         " * Roughton et al. 2024, ZH3: linear harmonics, and a zonal one about an axis. */",
     ]
-    lines = _c(rows, made.axes) if language == "c" else _shader(rows, made.axes, language)
+    lines = _c(rows, made.axes) if is_c else _shader(rows, made.axes, language)
     return "\n".join([*comment, *lines]) + "\n"
 
 
