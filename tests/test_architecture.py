@@ -34,6 +34,7 @@ STOPS = [
     {"prefilter", "naming"},
     {"batch"},
     {"render"},
+    {"view"},
     {"analysis"},
     {"cli"},
     {"__main__"},
