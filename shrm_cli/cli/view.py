@@ -9,7 +9,6 @@ import click
 
 from shrm_cli.cli.options import (
     conclude,
-    exposure_option,
     make_read_options,
     optional_brdf_option,
     probe_sampling_option,
@@ -22,7 +21,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.shading import f0_option, roughness_option
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import AzimuthElevation, Bytes
+from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes
 from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MAX_SOURCE_HEIGHT
 
@@ -59,7 +58,10 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height")
 )  # fmt: skip
 @roughness_option
 @f0_option
-@exposure_option
+@click.option(
+    "--exposure", type=STOPS, metavar="EV",
+    help="Stops at the beginning.  [default: what suits the first MAP]",
+)  # fmt: skip
 @optional_brdf_option
 @click.option(
     "--truth-size", type=click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
@@ -88,7 +90,7 @@ def view(
     views: tuple[tuple[float, float], ...],
     roughness: float | None,
     f0: str | None,
-    exposure: float,
+    exposure: float | None,
     brdf: str | None,
     truth_size: int,
     source_height: int | None,
@@ -163,7 +165,7 @@ def _start(
     views: tuple[tuple[float, float], ...],
     roughness: float | None,
     f0: str | None,
-    exposure: float,
+    exposure: float | None,
 ) -> Start:
     """Return what is shown first; a surface applies to maps of light alone."""
     from shrm_cli.render.shading import ggx_surface, reflectance

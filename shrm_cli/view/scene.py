@@ -42,8 +42,8 @@ class Start:
     ----------
     views : sequence of (float, float)
         Azimuth and elevation of the first view, and of further ones that get a truth, degrees.
-    exposure : float
-        Stops.
+    exposure : float, optional
+        Stops; by default the page finds what suits the first map.
     roughness : float
         Perceptual roughness of the GGX surface that maps of light alone are shown as.
     f0 : tuple of 3 float
@@ -51,7 +51,7 @@ class Start:
     """
 
     views: Sequence[tuple[float, float]] = ((0.0, 0.0),)
-    exposure: float = 0.0
+    exposure: float | None = None
     roughness: float = DEFAULT_ROUGHNESS
     f0: Color = (1.0, 1.0, 1.0)
 

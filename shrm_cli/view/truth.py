@@ -15,8 +15,9 @@ from shrm_cli.render.camera import Viewer, sphere_normals
 
 Array = NDArray[np.floating]
 
-_INSIDE = 0.0625
-"""Pixels by which points on the silhouette are moved inside, because BRDFs have no value there."""
+_INSIDE = 0.25
+"""Points on the silhouette are moved inside by half this part of the distance between two of
+them, because BRDFs have no value there."""
 _PART = 0.1
 """The part of a lobe's energy outside the angle that decides how fine the source has to be."""
 _FINENESS = 20.0
@@ -40,6 +41,10 @@ def truth_pictures(
 ) -> list[Array]:
     """Integrate what a distant viewer sees on a sphere.
 
+    The points of a picture are at equal angles between the normal and the view: a point as far from
+    the middle as a share s of half the picture's width is seen at ``sin(s pi / 2)`` radii from the
+    centre of the sphere. They are close together at the silhouette, where reflections are, too.
+
     Parameters
     ----------
     probe : Probe
@@ -61,10 +66,11 @@ def truth_pictures(
     """
     across = (np.arange(size) + 0.5) * (2 / size) - 1
     x, y = np.meshgrid(across, -across)
-    away = np.hypot(x, y)
-    needed = away < 1 + 3 / size
-    inwards = np.where(away > 1, (1 - _INSIDE * 2 / size) / np.maximum(away, 1e-9), 1.0)[needed]
-    x, y = x[needed] * inwards, y[needed] * inwards
+    share = np.hypot(x, y)  # of a right angle between the normal and the view
+    needed = share < 1 + 3 / size
+    x, y, share = x[needed], y[needed], share[needed]
+    radius = np.sin(np.minimum(share, 1 - _INSIDE / size) * np.pi / 2) / np.maximum(share, 1e-9)
+    x, y = x * radius, y * radius
     pictures: list[Array] = []
 
     def counted(done: int, total: int) -> None:

@@ -130,7 +130,8 @@ Controls.prototype.measure = function () {
 };
 
 Controls.prototype.act = function (what) {
-  if (what === "reset") this.viewer.reset();
+  if (what === "expose") this.viewer.set({ exposure: this.viewer.suitableExposure() });
+  else if (what === "reset") this.viewer.reset();
   else if (what === "truth-view") this.viewer.goToTruth();
   else if (what === "help") this.toggleHelp();
   else if (what === "picture") this.savePicture();

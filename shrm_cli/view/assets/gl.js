@@ -72,6 +72,12 @@ var FORMATS = {
 function makeTexture(gl, described, buffer) {
   var format = FORMATS[described.format];
   var target = described.depth ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D;
+  var most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+  if (Math.max(described.width, described.height) > most)
+    throw new Error(
+      "A texture of " + described.width + " x " + described.height + " texels is larger than the " +
+        most + " of this graphics device. Make the map smaller by shrm convert --size."
+    );
   var texture = gl.createTexture();
   var values = new format[3](buffer);
   gl.bindTexture(target, texture);

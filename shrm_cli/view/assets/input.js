@@ -3,7 +3,7 @@
 var KEYS = [
   ["Drag, arrows", "orbit (with Shift: one degree)"],
   ["Wheel, pinch, + \u2212", "zoom"],
-  ["[ ]", "exposure, a quarter of a stop"],
+  ["[ ]", "exposure, a quarter of a stop; E: one that suits A"],
   [", .", "roughness"],
   ["1 \u2026 9", "map on side A; with Shift on side B"],
   ["X", "exchange A and B"],
@@ -75,6 +75,7 @@ function pressed(viewer, controls, event) {
     ".": function () { viewer.set({ roughness: clamp(state.roughness + 0.05, 0.05, 1) }); },
     "<": function () { viewer.set({ divider: clamp(state.divider - 0.05, 0, 1) }); },
     ">": function () { viewer.set({ divider: clamp(state.divider + 0.05, 0, 1) }); },
+    e: function () { controls.act("expose"); },
     x: function () { if (state.b) viewer.set({ a: state.b, b: state.a }); },
     d: function () { controls.compare((state.mode + 1) % 3); },
     t: function () { viewer.goToTruth(); },

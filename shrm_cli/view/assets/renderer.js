@@ -176,9 +176,9 @@ Side.prototype.start = function (shown, state) {
 };
 
 // Add a sample to the mean; whether there are more to come. Spheres need none.
-Side.prototype.refine = function (shown, state) {
+Side.prototype.refine = function (shown, state, samples) {
   var gl = this.renderer.gl, first = this.targets[0];
-  if (state.shape === SPHERE_SHAPE || this.samples >= SAMPLES) return false;
+  if (state.shape === SPHERE_SHAPE || this.samples >= samples) return false;
   while (this.targets.length < 3) this.targets.push(makeTarget(gl, first.width, first.height));
   // The first sample is the middle of the pixel; the mean begins anew with the grid's own.
   var k = this.samples - 1, count = SAMPLES - 1;
@@ -195,5 +195,5 @@ Side.prototype.refine = function (shown, state) {
   );
   this.mean = next;
   this.samples += 1;
-  return this.samples < SAMPLES;
+  return this.samples < samples;
 };

@@ -31,7 +31,7 @@ function drawScreen(renderer, shown, state, unit) {
     return SCREEN;
   });
   gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  gl.viewport(0, 0, a.width, a.height);
+  gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
   renderer.fill(
     program,
     {
@@ -42,11 +42,22 @@ function drawScreen(renderer, shown, state, unit) {
       view_mode: shown.mode,
       view_scale: shown.scale,
       view_unit: unit,
+      view_screen: [gl.drawingBufferWidth, gl.drawingBufferHeight],
       view_paper: shown.paper,
       view_has_paper: !(state.background === "probe" && renderer.sky),
     },
     { view_a: a, view_b: b }
   );
+}
+
+// Stops that bring the upper quartile of the shape's luminance to the middle of the screen's range.
+function suitableExposure(rgba) {
+  var found = [];
+  for (var i = 0; i < rgba.length; i += 4)
+    if (rgba[i + 3] === 1) found.push(luminance([rgba[i], rgba[i + 1], rgba[i + 2]]));
+  found.sort(function (x, y) { return x - y; });
+  var bright = found.length ? found[Math.floor(0.75 * (found.length - 1))] : 0;
+  return bright > 0 ? clamp(Math.round(4 * Math.log2(0.4 / bright)) / 4, -10, 10) : 0;
 }
 
 // Radiance of a pixel, whose row is counted from below, and how much of it the shape covers.

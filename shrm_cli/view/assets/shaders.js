@@ -107,8 +107,11 @@ var SEEN_MAP = [
 
 var SEEN_TRUTH = [
   "uniform sampler2D view_truth;", // the first row is the highest
+  // Its points are at equal angles of the normal, which are close together at the silhouette.
   "vec3 view_seen(vec2 q) {",
   "  ivec2 size = textureSize(view_truth, 0);",
+  "  float sine = length(q);",
+  "  q *= sine > 1e-4 ? asin(min(sine, 1.0)) / (1.5707963267948966 * sine) : 0.6366197723675814;",
   "  vec2 at = clamp(0.5 * (vec2(q.x, -q.y) + 1.0) * vec2(size) - 0.5, vec2(0.0), vec2(size - 1));",
   "  ivec2 low = min(ivec2(at), size - 2);",
   "  vec2 part = at - vec2(low);",
@@ -189,6 +192,7 @@ var SCREEN = HEAD + [
   "uniform float view_mode;", // 0 pictures, 1 absolute difference, 2 relative difference
   "uniform float view_scale;",
   "uniform float view_unit;", // of the screen: device pixels in a pixel of the page
+  "uniform vec2 view_screen;", // its size; pictures may have fewer pixels
   "uniform vec3 view_paper;", // sRGB, around the shape
   "uniform bool view_has_paper;",
   "out vec4 view_result;",
@@ -216,7 +220,7 @@ var SCREEN = HEAD + [
   "}",
   "",
   "void main() {",
-  "  ivec2 at = ivec2(gl_FragCoord.xy);",
+  "  ivec2 at = ivec2(gl_FragCoord.xy * vec2(textureSize(view_a, 0)) / view_screen);",
   "  vec4 a = texelFetch(view_a, at, 0), b = texelFetch(view_b, at, 0);",
   "  bool is_b = gl_FragCoord.x > view_divider;",
   "  vec3 color;",

@@ -13,6 +13,10 @@ function start(root) {
   var scene = describedScene(root);
   return loadBlocks(root, scene).then(function (blocks) {
     var viewer = new Viewer(root, scene, blocks);
+    if (scene.start.exposure === null) {
+      scene.start.exposure = viewer.suitableExposure();
+      viewer.state = startState(scene);
+    }
     var controls = new Controls(viewer);
     listenToKeys(viewer, controls);
     listenToPointers(viewer, controls);

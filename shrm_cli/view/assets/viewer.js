@@ -1,5 +1,10 @@
 // One view on a page: its state, and when it is drawn.
 
+var SMOOTH = 60; // Milliseconds that a picture may take while something moves.
+var STILL = 180; // Milliseconds without a change after which it is drawn in full.
+var PATIENCE = 2500; // Milliseconds that may be spent on smoothing the edges of a mesh.
+var COARSEST = 4; // Pixels of the screen along the edge of one that is drawn while things move.
+
 var MODE = { divider: 0, absolute: 1, relative: 2 };
 
 function startState(scene) {
@@ -7,7 +12,7 @@ function startState(scene) {
   return {
     view: { azimuth: start.view[0], elevation: start.view[1], zoom: 1 },
     shape: start.shape,
-    exposure: start.exposure,
+    exposure: start.exposure || 0,
     roughness: start.roughness,
     f0: start.f0.slice(),
     background: scene.sky ? "probe" : "plain",
@@ -32,6 +37,7 @@ function Viewer(root, scene, blocks) {
   this.state = startState(scene);
   this.pointer = null; // where the mouse is, pixels of the page from the canvas's corner
   this.listeners = [];
+  this.coarse = 1; // what keeps motion smooth on this device
   this.canvas.addEventListener("webglcontextlost", function (event) {
     event.preventDefault();
     fail(root, "The graphics device was lost. Load the page again.");
@@ -106,10 +112,19 @@ Viewer.prototype.redraw = function () {
 };
 
 // Draw what has changed, or else make it smoother; come back as long as there is something to do.
+// Slow devices draw fewer pixels while something moves, and all of them once it has stopped.
 Viewer.prototype.step = function () {
   var self = this;
   try {
-    var more = this.stale ? this.drawSides() : this.refineSides();
+    var more = false;
+    if (this.stale) {
+      var start = performance.now(), drawn = this.coarse;
+      this.drawSides(drawn);
+      this.settle(drawn, performance.now() - start);
+      more = drawn === 1;
+    } else {
+      more = this.refineSides();
+    }
     this.show();
     if (this.onDrawn) this.onDrawn();
     if (more && !this.frame) {
@@ -121,6 +136,23 @@ Viewer.prototype.step = function () {
   } catch (error) {
     fail(this.root, error.message);
   }
+};
+
+// Choose how coarse the next picture is from the time that the last one took, and come back for the
+// whole of it.
+Viewer.prototype.settle = function (drawn, milliseconds) {
+  var self = this, whole = milliseconds * drawn * drawn;
+  this.samples = Math.min(SAMPLES, 1 + Math.floor(PATIENCE / Math.max(whole, 1)));
+  this.coarse = 1;
+  while (this.coarse < COARSEST && whole / (this.coarse * this.coarse) > SMOOTH) this.coarse *= 2;
+  clearTimeout(this.still);
+  if (drawn === 1) return;
+  this.still = setTimeout(function () {
+    self.drawSides(1);
+    self.show();
+    if (self.onDrawn) self.onDrawn();
+    self.step();
+  }, STILL);
 };
 
 Viewer.prototype.size = function () {
@@ -143,7 +175,8 @@ Viewer.prototype.resolved = function () {
   });
 };
 
-Viewer.prototype.drawSides = function () {
+// Draw both sides, with pixels that are so many of the screen's wide.
+Viewer.prototype.drawSides = function (coarse) {
   var self = this, size = this.size();
   if (this.canvas.width !== size.width || this.canvas.height !== size.height) {
     this.canvas.width = size.width;
@@ -153,16 +186,16 @@ Viewer.prototype.drawSides = function () {
   this.shown = this.resolved();
   this.shown.forEach(function (each, k) {
     if (!each) return;
-    self.sides[k].resize(size.width, size.height);
+    self.sides[k].resize(Math.ceil(size.width / coarse), Math.ceil(size.height / coarse));
     self.sides[k].start(each.side, self.state);
+    readTarget(self.gl, self.sides[k].picture(), 0, 0, 1, 1); // waits until it is drawn
   });
-  return this.state.shape !== SPHERE_SHAPE;
 };
 
 Viewer.prototype.refineSides = function () {
   var self = this;
   return this.shown
-    .map(function (each, k) { return each ? self.sides[k].refine(each.side, self.state) : false; })
+    .map(function (each, k) { return each ? self.sides[k].refine(each.side, self.state, self.samples) : false; })
     .some(Boolean);
 };
 
@@ -187,8 +220,13 @@ Viewer.prototype.show = function () {
 
 // Draw at once, without waiting for the next frame.
 Viewer.prototype.drawNow = function () {
-  this.drawSides();
+  this.drawSides(1);
   this.show();
+};
+
+// An exposure that suits side A, in quarters of a stop.
+Viewer.prototype.suitableExposure = function () {
+  return suitableExposure(this.read(48, 0));
 };
 
 // ---- what is read from it -----------------------------------------------------------------------
