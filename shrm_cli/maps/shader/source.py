@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.brdf.environment.environment_brdf import moments_table
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.vocabulary import Sampling
 
@@ -104,6 +106,16 @@ def tangent_function(centers: Sequence[str]) -> list[str]:
         "    return vec3(n.z / across, 0.0, -n.x / across);",
         "}",
     ]
+
+
+TABLE_SIZE = 128
+"""Texels along an edge of the tables of GGX, as `shrm dfg` makes them by default."""
+
+
+@lru_cache(1)
+def ggx_moments() -> Array:
+    """Return `moments_table`, shape (128, 128, 6); it takes a second, so that it is kept."""
+    return moments_table(TABLE_SIZE)
 
 
 def bilinear_table(table: Table, words: Words) -> list[str]:

@@ -8,16 +8,20 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.environment.environment_brdf import moments_table
 from shrm_cli.maps.shader.harmonics import harmonic_loop
 from shrm_cli.maps.shader.language import Language
-from shrm_cli.maps.shader.source import Source, Table, Words, bilinear_table, central_direction
+from shrm_cli.maps.shader.source import (
+    TABLE_SIZE,
+    Source,
+    Table,
+    Words,
+    bilinear_table,
+    central_direction,
+    ggx_moments,
+)
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 
 Array = NDArray[np.floating]
-
-_TABLE = 128
-"""Texels along an edge of the table, as `shrm dfg --moments` makes it by default."""
 
 
 def source(made: SphericalHarmonicExponential, textures: str) -> Source:
@@ -30,7 +34,7 @@ def source(made: SphericalHarmonicExponential, textures: str) -> Source:
         The table is the same in both.
     """
     table = Table(
-        (2, _TABLE, _TABLE),
+        (2, TABLE_SIZE, TABLE_SIZE),
         _moments,
         "shrm dfg --moments; layer 0 = base, layer 1 = tail, RGB = E, N, T",
         in_code=False,
@@ -44,7 +48,7 @@ def source(made: SphericalHarmonicExponential, textures: str) -> Source:
 
 def _moments() -> Array:
     """Return the moments without Fresnel's term and with its tail, shape (2, N, N, 3)."""
-    return np.moveaxis(moments_table(_TABLE).reshape(_TABLE, _TABLE, 2, 3), 2, 0)
+    return np.moveaxis(ggx_moments().reshape(TABLE_SIZE, TABLE_SIZE, 2, 3), 2, 0)
 
 
 def _functions(made: SphericalHarmonicExponential, table: Table, words: Words) -> list[str]:

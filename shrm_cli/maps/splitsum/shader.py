@@ -5,15 +5,20 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.environment.environment_brdf import environment_table
 from shrm_cli.maps.shader.language import Language
-from shrm_cli.maps.shader.source import Source, Table, Words, bilinear_table, central_direction
+from shrm_cli.maps.shader.source import (
+    TABLE_SIZE,
+    Source,
+    Table,
+    Words,
+    bilinear_table,
+    central_direction,
+    ggx_moments,
+)
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 
 Array = NDArray[np.floating]
 
-_TABLE = 128
-"""Texels along an edge of the table, as `shrm dfg` makes it by default."""
 _POSITIONS = {
     "linear": ("roughness", lambda r: r),
     "filament": ("roughness * (2.0 - roughness)", lambda r: r * (2 - r)),
@@ -32,7 +37,7 @@ def source(made: SplitSum, textures: str) -> Source:
         Cubes are the same in both.
     """
     table = Table(
-        (1, _TABLE, _TABLE),
+        (1, TABLE_SIZE, TABLE_SIZE),
         _environment_brdf,
         "shrm dfg; R = scale and G = bias of f0, N.V along x, roughness down",
         in_code=False,
@@ -48,7 +53,8 @@ def source(made: SplitSum, textures: str) -> Source:
 
 def _environment_brdf() -> Array:
     """Return the table of scale and bias, shape (1, N, N, 3)."""
-    return np.pad(environment_table(_TABLE), ((0, 0), (0, 0), (0, 1)))[None]
+    total, bias = ggx_moments()[..., 0], ggx_moments()[..., 3]
+    return np.stack([total - bias, bias, np.zeros_like(bias)], axis=-1)[None]
 
 
 def _functions(made: SplitSum, table: Table, words: Words) -> list[str]:

@@ -1,6 +1,7 @@
 """A map of every form, and what code must compute from it: slow, and sharing no code with it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -38,20 +39,26 @@ class Bilinear:
         border = sampling == "border" and self.size > 1
         self.scale, self.shift = ((self.size - 1) / 2, 0.0) if border else (self.size / 2, 0.5)
 
+        wide = [
+            [[self._texel(face, row, column) for column in range(-1, self.size + 1)]
+             for row in range(-1, self.size + 1)]
+            for face in range(6)
+        ]  # fmt: skip
+        self.wide = np.array(wide)
+
     def __call__(self, directions):
         shape = np.shape(directions)[:-1]
-        values = [self._at(d) for d in np.asarray(directions, dtype=float).reshape(-1, 3)]
-        return np.array(values).reshape(*shape, -1)
-
-    def _at(self, direction):
-        face = int(np.argmax(AXES[:, 0] @ direction))
-        s, t = AXES[face, 1:] @ direction / (AXES[face, 0] @ direction)
-        x, y = (s + 1) * self.scale - self.shift, (t + 1) * self.scale - self.shift
-        column, row = int(np.floor(x)), int(np.floor(y))
-        fx, fy = x - column, y - row
-        corners = [self._texel(face, row + i, column + j) for i in (0, 1) for j in (0, 1)]
-        weights = [(1 - fy) * (1 - fx), (1 - fy) * fx, fy * (1 - fx), fy * fx]
-        return sum(w * c for w, c in zip(weights, corners, strict=True))
+        d = np.asarray(directions, dtype=float).reshape(-1, 3)
+        face = np.argmax(d @ AXES[:, 0].T, axis=1)
+        s, t = (np.sum(d * AXES[face, k], axis=1) for k in (1, 2))
+        forward = np.sum(d * AXES[face, 0], axis=1)
+        x, y = ((k / forward + 1) * self.scale - self.shift for k in (s, t))
+        column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+        fx, fy = (x - column)[:, None], (y - row)[:, None]
+        at = lambda i, j: self.wide[face, row + i + 1, column + j + 1]  # noqa: E731
+        above = (1 - fx) * at(0, 0) + fx * at(0, 1)
+        below = (1 - fx) * at(1, 0) + fx * at(1, 1)
+        return ((1 - fy) * above + fy * below).reshape(*shape, -1)
 
     def _texel(self, face, row, column):
         last = self.size - 1
@@ -60,7 +67,8 @@ class Bilinear:
             return self.faces[face, row, column]
         if row != inside[0] and column != inside[1]:
             near = self.faces[face, inside[0], inside[1]]
-            return (near + self._texel(face, row, inside[1]) + self._texel(face, inside[0], column)) / 3
+            beside = self._texel(face, row, inside[1]) + self._texel(face, inside[0], column)
+            return (near + beside) / 3
         # Go a little beyond the edge, at the place of the texel along it.
         s, t = ((2 * inside[k] + 1) / self.size - 1 for k in (1, 0))
         s = np.sign(column - inside[1]) * 1.000001 if column != inside[1] else s
@@ -161,12 +169,12 @@ def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
     """The radiance with cubes filtered bilinearly; call `filter_bilinearly` before it."""
     if made.representation == "splitsum":
         mirror = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
-        table = _filtered(environment_table(128), normals, views, roughness)
+        table = _filtered(tables()[0], normals, views, roughness)
         return made.prefiltered(roughness, mirror) * (f0 * table[:, :1] + table[:, 1:])
     if made.representation == "she":
-        cosines = np.sum(normals * views, axis=1)
-        moments = _filtered(moments_table(128), normals, views, roughness).reshape(-1, 2, 3)
-        moments[..., 2] *= np.sqrt(np.maximum(1 - cosines**2, 0))[:, None]
+        across = np.sum(normals * views, axis=1)[:, None] * normals - views
+        moments = _filtered(tables()[1], normals, views, roughness).reshape(-1, 2, 3)
+        moments[..., 2] *= np.linalg.norm(across, axis=1)[:, None]
         moments = np.moveaxis(moments, 0, -1)
         found = np.empty(normals.shape)
         for channel, one in enumerate(f0):
@@ -175,6 +183,12 @@ def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
             found[:, channel] = series.albedo * np.exp(np.minimum(exponent, 80))
         return found
     return made.radiance(normals, views)
+
+
+@cache
+def tables():
+    """The tables of GGX: scale and bias, and the moments."""
+    return environment_table(128), moments_table(128)
 
 
 def _filtered(table, normals, views, roughness):
