@@ -145,7 +145,7 @@ def make_scene(
         for each, name, file in zip(maps, names, files, strict=True)
     ]
     description: dict[str, Any] = {
-        "title": names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more",
+        "title": ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else ""),
         "file": names[0],
         "maps": described,
         "shapes": described_shapes(mesh, blocks),

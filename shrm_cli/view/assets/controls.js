@@ -113,7 +113,6 @@ Controls.prototype.compare = function (mode) {
   if (!viewer.state.b) return;
   viewer.set({ mode: mode });
   if (mode !== MODE.divider) {
-    viewer.drawNow();
     var found = this.measure();
     if (found && found.p99 > 0)
       viewer.set({ scale: Math.pow(2, clamp(Math.ceil(Math.log2(found.p99)), -12, 8)) });
@@ -121,11 +120,10 @@ Controls.prototype.compare = function (mode) {
 };
 
 Controls.prototype.measure = function () {
-  var viewer = this.viewer;
-  if (!viewer.shown || !viewer.shown[1] || viewer.shown[0].missing || viewer.shown[1].missing)
-    return null;
+  var viewer = this.viewer, both = viewer.resolved();
+  if (!both[1] || both[0].missing || both[1].missing) return null;
   return measured(
-    viewer.renderer, viewer.sides[0].picture(), viewer.sides[1].picture(), viewer.state.mode
+    viewer.read(MEASURED, 0, true), viewer.read(MEASURED, 1, true), viewer.state.mode
   );
 };
 
@@ -248,7 +246,7 @@ Controls.prototype.showMeasure = function () {
   if (this.viewer.state.mode === MODE.divider) return;
   var found = this.measure(), place = this.root.querySelector(".measure");
   place.textContent = found
-    ? "Relative RMSE of A from B in this picture: " + (100 * found.relative).toPrecision(3) + " %"
+    ? "Relative RMSE of A from B in this view: " + (100 * found.relative).toPrecision(3) + " %"
     : "There is nothing to compare with.";
 };
 

@@ -21,6 +21,8 @@ function quoted(text) {
   return /^[\w@%+=:,.\/-]+$/.test(text) ? text : "'" + text.replace(/'/g, "'\\''") + "'";
 }
 
+// The command that draws side A as the page shows it. It knows no zoom of a sphere, and the page's
+// own figure is in no file.
 function renderCommand(viewer) {
   var state = viewer.state, scene = viewer.scene;
   var side = state.a.kind === "map" ? state.a : state.b;
@@ -33,7 +35,11 @@ function renderCommand(viewer) {
     words.push("--f0", state.f0.map(function (x) { return Number(x.toFixed(4)); }).join("/"));
   }
   var shape = scene.shapes[state.shape];
-  if (shape.file) words.push("--mesh", quoted(shape.file));
+  if (shape.file) {
+    var fov = 2 * Math.atan(Math.tan(radians(MESH_FOV / 2)) / state.view.zoom) * 180 / Math.PI;
+    words.push("--mesh", quoted(shape.file), "--fov", String(Number(fov.toFixed(4))));
+    words.push("--distance", String(Number((shape.distance * shape.radius).toPrecision(7))));
+  }
   if (state.background === "probe" && scene.sky) words.push("--background", quoted(scene.sky.file));
   return words.join(" ");
 }

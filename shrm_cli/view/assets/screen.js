@@ -66,23 +66,21 @@ function pixelOf(renderer, picture, x, y) {
   return { rgb: [rgba[0], rgba[1], rgba[2]], covered: rgba[3] };
 }
 
-// How far A is from B over the pixels of the shape: relative RMSE as `shrm compare` defines it, and
-// the 99th percentile of the difference in the units of a mode.
-function measured(renderer, a, b, mode) {
-  var one = readTarget(renderer.gl, a, 0, 0, a.width, a.height);
-  var two = readTarget(renderer.gl, b, 0, 0, b.width, b.height);
+// How far A is from B, in pictures of the shape on black that `Viewer.read` returns: relative RMSE
+// as `shrm compare` defines it, and the 99th percentile of the difference in the units of a mode.
+// Pixels on the silhouette are divided by the part of them that the shape covers, and weigh as much.
+function measured(one, two, mode) {
   var error = 0, whole = 0, amounts = [];
   for (var i = 0; i < one.length; i += 4) {
-    var covered = one[i + 3];
-    if (covered < 1) continue;
-    var largest = 0;
+    var covered = one[i + 3], largest = 0;
+    if (covered === 0) continue;
     for (var c = 0; c < 3; c++) {
-      var apart = one[i + c] - two[i + c];
-      error += apart * apart;
-      whole += two[i + c] * two[i + c];
+      var apart = (one[i + c] - two[i + c]) / covered, value = two[i + c] / covered;
+      error += covered * apart * apart;
+      whole += covered * value * value;
       largest = Math.max(largest, Math.abs(apart));
     }
-    if (mode === 2) {
+    if (mode === MODE.relative) {
       var truth = luminance([two[i], two[i + 1], two[i + 2]]);
       var found = luminance([one[i], one[i + 1], one[i + 2]]);
       largest = Math.abs(found - truth) / Math.max(Math.abs(truth), 1e-6);

@@ -3,6 +3,7 @@
 var SMOOTH = 60; // Milliseconds that a picture may take while something moves.
 var STILL = 180; // Milliseconds without a change after which it is drawn in full.
 var PATIENCE = 2500; // Milliseconds that may be spent on smoothing the edges of a mesh.
+var MEASURED = 128; // Pixels along the edge of the pictures by which A is compared with B.
 var COARSEST = 4; // Pixels of the screen along the edge of one that is drawn while things move.
 
 var MODE = { divider: 0, absolute: 1, relative: 2 };
@@ -226,16 +227,17 @@ Viewer.prototype.drawNow = function () {
 
 // An exposure that suits side A, in quarters of a stop.
 Viewer.prototype.suitableExposure = function () {
-  return suitableExposure(this.read(48, 0));
+  return suitableExposure(this.read(48, 0, true));
 };
 
 // ---- what is read from it -----------------------------------------------------------------------
 
 // Radiance of one side in a square picture of any size: rows from the highest, RGB and coverage.
-// `side` is 0 for A and 1 for B. Tests compare it with the picture of `shrm render`.
-Viewer.prototype.read = function (size, side) {
+// `side` is 0 for A and 1 for B; `onBlack` leaves the probe behind the shape out. Tests compare it with the picture of `shrm render`.
+Viewer.prototype.read = function (size, side, onBlack) {
   var target = makeTarget(this.gl, size, size);
-  this.renderer.draw(target, this.resolved()[side || 0].side, this.state, [0, 0]);
+  var state = onBlack ? Object.assign({}, this.state, { background: "plain" }) : this.state;
+  this.renderer.draw(target, this.resolved()[side || 0].side, state, [0, 0]);
   var values = readTarget(this.gl, target, 0, 0, size, size);
   freeTarget(this.gl, target);
   var rows = new Float32Array(values.length), length = 4 * size;
