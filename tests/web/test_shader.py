@@ -12,8 +12,8 @@ from tests.maps.shader import cases
 
 DRAW = Path(__file__).with_name("draw.js").read_text()
 PRECISION = 3e-5
-"""Of 32-bit floats: places on a face are rounded to 1e-6 of a texel, and the values of texels beside
-each other differ by as much as the largest, as they are random here."""
+"""Of 32-bit floats: places on a face are rounded to 1e-6 of a texel, and texels beside each other
+differ by as much as the largest, as they are random here."""
 
 
 def packed(values):

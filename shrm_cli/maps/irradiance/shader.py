@@ -25,10 +25,14 @@ _POLYNOMIAL = [
     " * Ramamoorthi and Hanrahan 2001, An Efficient Representation for Irradiance",
     " * Environment Maps: the quadratic polynomial of the normal. */",
 ]
-_OPENING = [
-    "vec3 shrm_irradiance(vec3 normal)",
+_C_OF_SUM = [
+    "static void shrm_irradiance(const double normal[3], double irradiance[3])",
     "{",
-    "    vec3 sum = vec3(0.0, 0.0, 0.0);",
+    "    const vec3 sum = shrm_sum(vec3(normal[0], normal[1], normal[2]));",
+    "    irradiance[0] = sum.x;",
+    "    irradiance[1] = sum.y;",
+    "    irradiance[2] = sum.z;",
+    "}",
 ]
 
 
@@ -77,8 +81,17 @@ def _sum(irradiance: Irradiance, speech: Language) -> list[str]:
         return [speech.grow("sum", speech.scale(value, f"shrm_series[{index}]"))]
 
     loop = harmonic_loop(irradiance.order_f, "normal", add)
-    lines = [*speech.colors("shrm_series", irradiance.series), *_OPENING, *loop]
-    return speech.translated([*lines, "    return sum;", "}"])
+    name = "shrm_sum" if speech.is_c else "shrm_irradiance"
+    lines = [
+        *speech.colors("shrm_series", irradiance.series),
+        f"vec3 {name}(vec3 normal)",
+        "{",
+        "    vec3 sum = vec3(0.0, 0.0, 0.0);",
+        *loop,
+        "    return sum;",
+        "}",
+    ]
+    return speech.translated([*lines, *(_C_OF_SUM if speech.is_c else [])])
 
 
 def _terms(irradiance: Irradiance) -> list[tuple[str, Array]]:

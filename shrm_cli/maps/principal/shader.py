@@ -108,7 +108,9 @@ def _bundle(number: int, degree: int, cube: int, row: int, words: Words) -> list
     ]
     for j, angle in enumerate(angles.tolist()):
         factors = [speech.number(float(each)) for each in (np.cos(angle), np.sin(angle))]
-        terms = speech.combined([f"y[{k}]" for k in range(count)], [f"m[{k}]" for k in range(count)])
+        terms = speech.combined(
+            [f"y[{k}]" for k in range(count)], [f"m[{k}]" for k in range(count)]
+        )
         lines += [
             f"        shrm_band{degree}({speech.combined(factors, ['c', 'across'])}, y);",
             f"        h[{j}] = {terms};",

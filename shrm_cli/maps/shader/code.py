@@ -67,7 +67,10 @@ _CUBES = {
         "uniform samplerCubeArray {name};",
         "textureLod({name}, vec4(d, float(cube)), 0.0).rgb",
     ),
-    "hlsl": ("TextureCubeArray {name};", "{name}.SampleLevel(shrm_sampler, float4(d, cube), 0).rgb"),
+    "hlsl": (
+        "TextureCubeArray {name};",
+        "{name}.SampleLevel(shrm_sampler, float4(d, cube), 0).rgb",
+    ),
 }
 _VERSIONS = {
     ("glsl", "layers"): "GLSL 3.30, and GLSL ES 3.00 (WebGL2)",
@@ -160,7 +163,6 @@ def _with_layers(source: Source, language: Language) -> tuple[list[str], Words, 
         language,
         lambda stack, d: f"shrm_place({d}, {language.number(float(_size(source, stack)))})",
         cube,
-        lambda layer, row, column: f"shrm_cell({column}, {row}, {layer})",
     )
     return lines, words, comment
 
@@ -183,7 +185,26 @@ def _declare_table(table: Table, language: Language, lines: list[str]) -> list[s
     """Add what declares a table that is a texture to lines of code, and return the comment."""
     layers, height, width = table.shape
     lines += _array("shrm_table", "shrm_cell", width, height, language)
-    return [f"shrm_table: {table.about}.", f"It has {layers} x {height} x {width} texels, RGB floats."]
+    return [
+        f"shrm_table: {table.about}.",
+        f"It has {layers} x {height} x {width} texels, RGB floats.",
+    ]
+
+
+def _table_in_code(table: Table, language: Language) -> list[str]:
+    """Write a table as an array of constants.
+
+    A single function reads it, because compilers copy the array to wherever it is indexed.
+    """
+    numbers = table.make()
+    _, height, width, _ = numbers.shape
+    return [
+        *language.colors("shrm_table", numbers.reshape(-1, 3)),
+        "vec3 shrm_cell(int x, int y, int layer)",
+        "{",
+        f"    return shrm_table[(layer * {height} + y) * {width} + x];",
+        "}",
+    ]
 
 
 def _filtered(pages: Pages, stack: int, place: str, index: str) -> str:
@@ -250,15 +271,10 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
             "Cubes are in the order of the file's channels and parts; turn their faces as the API",
             "wants them (shrm convert MAP --to openexr --to-orientation gl), and filter linearly.",
         ]
-    cell = _nothing
     if source.table is not None and source.table.in_code:
-        (numbers,) = source.table.make()
-        lines += language.colors("shrm_table", numbers.reshape(-1, 3))
-        width = numbers.shape[1]
-        cell = lambda layer, row, column: f"shrm_table[({row}) * {width} + {column}]"  # noqa: E731
+        lines += _table_in_code(source.table, language)
     elif source.table is not None:
         comment += _declare_table(source.table, language, lines)
-        cell = lambda layer, row, column: f"shrm_cell({column}, {row}, {layer})"  # noqa: E731
     words = Words(
         language,
         lambda stack, d: d,
@@ -266,7 +282,6 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
             f"shrm_look{sizes.index(_size(source, stack))}({place}, "
             f"{_shifted(first[stack], index)})"
         ),
-        cell,
     )
     return lines, words, comment
 

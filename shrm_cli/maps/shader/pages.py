@@ -186,7 +186,7 @@ def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
     Returns
     -------
     ndarray of float32, shape (layers, height, width, 3)
-        Texels where no cube lies are 0.
+        Texels where no cube lies are 0; those beyond the range of float32 are infinite.
     """
     result = np.zeros((pages.layers, pages.height, pages.width, 3), dtype=np.float32)
     for run, stack in zip(pages.runs, stacks, strict=True):
@@ -195,5 +195,6 @@ def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
             layer, left, top = run.corner(cube)
             for face in range(6):
                 x, y = left + face // 2 * run.edge, top + face % 2 * run.edge
-                result[layer, y : y + run.edge, x : x + run.edge] = faces[face, :, :, cube]
+                with np.errstate(over="ignore"):
+                    result[layer, y : y + run.edge, x : x + run.edge] = faces[face, :, :, cube]
     return result

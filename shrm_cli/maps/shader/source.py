@@ -27,14 +27,15 @@ class Words:
     cube : callable
         Given the number of a stack, the name of a place and the text of a cube's number, writes
         the filtered colour of the cube.
-    cell : callable
-        Given texts of layer, row and column, writes the entry of the table, a vec3.
     """
 
     language: Language
     place: Callable[[int, str], str]
     cube: Callable[[int, str, str], str]
-    cell: Callable[[str, str, str], str]
+
+    def cell(self, layer: str, row: str, column: str) -> str:
+        """Write the entry of the table, a vec3."""
+        return f"shrm_cell({column}, {row}, {layer})"
 
 
 @dataclass(frozen=True)

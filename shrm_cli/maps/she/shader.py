@@ -40,7 +40,7 @@ def source(made: SphericalHarmonicExponential, textures: str) -> Source:
         in_code=False,
     )
     return Source(
-        "The light of a probe as GGX of any roughness reflects it: a spherical harmonic exponential.",
+        "The light of a probe as GGX of any roughness reflects it: an SH exponential.",
         partial(_functions, made, table),
         table=table,
     )

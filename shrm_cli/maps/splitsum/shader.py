@@ -1,5 +1,7 @@
 """Split sums as source code: two levels mixed, times a number from the environment-BRDF's table."""
 
+import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -19,10 +21,10 @@ from shrm_cli.maps.splitsum.split_sum import SplitSum
 
 Array = NDArray[np.floating]
 
-_POSITIONS = {
+_POSITIONS: dict[str, tuple[str, Callable[[float], float]]] = {
     "linear": ("roughness", lambda r: r),
     "filament": ("roughness * (2.0 - roughness)", lambda r: r * (2 - r)),
-    "unreal": ("log(max(roughness, 1e-6))", np.log),
+    "unreal": ("log(max(roughness, 1e-6))", math.log),
 }
 """What grows by the same amount from each level to the next, in code and as a function."""
 
