@@ -100,15 +100,12 @@ def surface_nets(field: Field, box: Array, cells: int) -> tuple[Array, NDArray[n
     """
     low, high = np.asarray(box, dtype=float)
     width = float(np.max(high - low)) / cells
-    axes = [np.arange(np.ceil((b - a) / width) + 1) * width + a for a, b in zip(low, high, strict=True)]
+    counts = np.ceil((high - low) / width).astype(int) + 1
+    axes = [start + width * np.arange(count) for start, count in zip(low, counts, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    inside = field(grid.reshape(-1, 3)).reshape(grid.shape[:3]) < 0
-    corners = sum(
-        inside[i : i + inside.shape[0] - 1, j : j + inside.shape[1] - 1, k : k + inside.shape[2] - 1]
-        .astype(int)
-        for i in (0, 1) for j in (0, 1) for k in (0, 1)
-    )  # fmt: skip
-    crossed = (corners > 0) & (corners < 8)
+    inside = np.asarray(field(grid.reshape(-1, 3)) < 0).reshape(grid.shape[:3])
+    corners = np.lib.stride_tricks.sliding_window_view(inside, (2, 2, 2))
+    crossed = corners.any(axis=(3, 4, 5)) & ~corners.all(axis=(3, 4, 5))
     number = np.full(crossed.shape, -1)
     number[crossed] = np.arange(crossed.sum())
     vertices = grid[:-1, :-1, :-1][crossed] + width / 2

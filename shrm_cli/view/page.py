@@ -75,7 +75,8 @@ def section(scene: Scene, urls: Sequence[str] | None = None) -> Section:
     for block in scene.blocks.encoded() if urls is None else []:
         data.append(f'<script type="text/plain" class="shrm-block">{block}</script>')
     start, end = _asset("body.html").rsplit("</div>", 1)
-    return Section(_asset("page.css"), "\n".join([start.rstrip(), *data, f"</div>{end}"]), _script())
+    body = "\n".join([start.rstrip(), *data, f"</div>{end}"])
+    return Section(_asset("page.css"), body, _script())
 
 
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:

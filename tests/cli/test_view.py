@@ -34,7 +34,8 @@ def written(name):
 
 
 def test_a_page_is_one_file_without_addresses(folder):
-    out = done("view", "glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth", "-o", "a.html")
+    shown = ["glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth"]
+    out = done("view", *shown, "-o", "a.html")
     assert re.match(r"a\.html: .* MB, opens in a browser without a network", out)
     text, scene = written("a.html")
     assert not re.search(r"https?:|[\"'(]//|\bsrc=|@import|url\(", text)
@@ -47,13 +48,14 @@ def test_a_page_is_one_file_without_addresses(folder):
     assert scene["truths"] == []
     assert (scene["sky"]["width"], scene["sky"]["height"]) == (16, 8)
     assert len(re.findall('class="shrm-block"', text)) == len(scene["blocks"])
-    done("view", "glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth", "-o", "b.html")
+    done("view", *shown, "-o", "b.html")
     assert (folder / "a.html").read_bytes() == (folder / "b.html").read_bytes()
 
 
 def test_the_truth_of_several_views(folder):
     options = ["--view", "10,20", "--view", "-30,0", "--truth-size", "16", "--source-height", "8"]
-    out = json.loads(done("view", "glossy.exr", "--probe", "probe.exr", *options, "-o", "a.html", "--json"))
+    shown = ["glossy.exr", "--probe", "probe.exr", *options]
+    out = json.loads(done("view", *shown, "-o", "a.html", "--json"))
     assert (out["truths"], out["views"]) == (2, [[10, 20], [-30, 0]])
     _, scene = written("a.html")
     assert [each["view"] for each in scene["truths"]] == [[10, 20], [-30, 0]]
@@ -107,10 +109,12 @@ def test_what_is_refused(folder, arguments, code, part):
 
 
 def test_maps_that_shaders_cannot_show(folder):
-    done("product", "ward:x=0.2,y=0.4", "--order", "2", "--size", "8", "-o", "p.exr")
-    assert_refused(run("view", "p.exr", "-o", "a.html"), 1, "p.exr", "product textures", "shrm render")
-    map_file.save(cases.FORMS["shrm tangent"](), "hair.exr")
-    assert_refused(run("view", "hair.exr", "-o", "a.html"), 1, "hair.exr", "tangent", "shrm convert")
+    done("product", "ward", "--order", "2", "--size", "8", "-o", "p.exr")
+    result = run("view", "p.exr", "-o", "a.html")
+    assert_refused(result, 1, "p.exr", "product textures", "shrm render")
+    map_file.save("sharp.exr", cases.irradiance(17))
+    result = run("view", "sharp.exr", "-o", "a.html")
+    assert_refused(result, 1, "sharp.exr", "17", "shrm convert")
 
 
 def test_it_serves_this_machine_alone_until_it_is_interrupted(folder):

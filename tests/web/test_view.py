@@ -65,9 +65,9 @@ def opened(watched, html, tmp_path, size=(700, 500), **options):
 
 def ready(watched):
     page = watched.page
-    page.wait_for_function("document.querySelector('.shrm-view').dataset.state !== 'loading'")
+    page.wait_for_selector(".shrm-view:not([data-state=loading])")
     assert page.locator(".problem").text_content() == ""
-    assert page.evaluate("document.querySelector('.shrm-view').dataset.state") == "ready"
+    page.wait_for_selector(".shrm-view[data-state=ready]")
     return page
 
 
@@ -95,8 +95,6 @@ def state(page, name):
 def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
     """They are those of `shrm render` of the same texels, filtered bilinearly."""
     forms = {name: make() for name, make in cases.FORMS.items()}
-    forms = {name: made for name, made in forms.items() if "tangent" not in name}
-    forms.pop("principal sum")  # about the tangent, too
     forms["irradiance"] = cases.irradiance(2)
     scene = make_scene(list(forms.values()), [f"{name}.exr" for name in forms])
     page = opened(watched, make_page(scene), tmp_path)
@@ -118,7 +116,7 @@ def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_pictures_are_those_of_render(watched, tmp_path, probe):
-    """With the cubic filter of `shrm render`, apart from the stated error of the bilinear look-up."""
+    """With its cubic filter, apart from the error that maps state of the bilinear look-up."""
     glossy = parse_spec("microfacet:sigma=0.3")
     wanted = {
         "shrm": {"brdf": glossy},
@@ -171,7 +169,7 @@ def test_pictures_of_a_mesh(watched, tmp_path):
     scene = make_scene([made], ["a.exr"], mesh=moved)
     shape = scene.description["shapes"][2]
     page = opened(watched, make_page(scene), tmp_path)
-    size = 64
+    size = 192
     found = read(page, size, shape=2, view=VIEW)
     middle = (moved.vertices.min(axis=0) + moved.vertices.max(axis=0)) / 2
     stage = Stage.of([Actor(moved, [Look()])])
@@ -183,20 +181,22 @@ def test_pictures_of_a_mesh(watched, tmp_path):
     for axis in (0, 1):
         for step in (-1, 1):
             inner &= np.roll(inside, step, axis)
-    assert inner.sum() > 300
-    apart = np.abs(found[..., :3] - expected).max(axis=-1)[inner] / np.abs(expected).max()
-    # Creases and outlines within the mesh have 16 samples in one picture and one in the other.
-    assert np.median(apart) < 1e-4
-    assert np.mean(apart > 0.02) < 0.15
+    assert inner.sum() > 3000
+    apart = np.abs(found[..., :3] - expected).max(axis=-1)
+    slope = sum(np.abs(np.gradient(expected, axis=k)).max(axis=-1) for k in (0, 1))
+    # Rasterizers round vertices to a 16th of a pixel. Creases and outlines within the mesh have 16
+    # samples in one picture, and one in the other.
+    share = apart[inner] / (slope[inner] + 1e-3 * np.abs(expected).max())
+    print(f"mesh: {np.median(share):.3f} pixels, {np.mean(share > 0.25):.1%} beyond a quarter")
+    assert np.median(share) < 1 / 16
+    assert np.mean(share > 0.25) < 0.1
 
 
 @pytest.mark.slow
 def test_the_truth_beside_a_map(watched, tmp_path, probe):
     """It is the brute-force picture of its own view, and of no other."""
     brdf = parse_spec("microfacet:sigma=0.3")
-    made = replace(
-        cases.irradiance(2), info=replace(make_info(2, 0), brdf=record_of(brdf))
-    )
+    made = replace(cases.irradiance(2), info=replace(make_info(2, 0), brdf=record_of(brdf)))
     start = Start(((33.0, -21.0), (100.0, 10.0)))
     html = make_page(make_scene([made], ["a.exr"], probe, start=start, truth=Truth(None, 64, 32)))
     page = opened(watched, html, tmp_path)
@@ -204,9 +204,9 @@ def test_the_truth_beside_a_map(watched, tmp_path, probe):
     expected = render_sphere(Reference(probe, brdf, 32), Viewer(33, -21), 32)
     error = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
     assert error < 0.005  # of interpolating between 64 points across the sphere
+    page.locator("canvas").first.focus()
     page.keyboard.press("ArrowLeft")
     page.wait_for_selector(".missing", state="visible")
-    page.locator("canvas").first.focus()
     page.keyboard.press("t")
     page.wait_for_selector(".missing", state="hidden")
     assert state(page, "view.azimuth") == 33
@@ -223,7 +223,7 @@ def test_the_error_is_that_of_compare(watched, tmp_path):
     page = opened(watched, make_page(make_scene(maps, ["a.exr", "b.exr"])), tmp_path)
     page.locator("canvas").first.focus()
     page.keyboard.press("d")
-    page.wait_for_function("document.querySelector('.measure').textContent.includes('%')")
+    page.wait_for_selector(".measure:has-text('%')")
     shown = float(page.locator(".measure").text_content().split(":")[1].rstrip(" %")) / 100
     pictures = [render_sphere(each, Viewer(0, 0), 128) for each in maps]
     assert shown == pytest.approx(measure(*pictures).relative_rmse, rel=0.01)
@@ -294,7 +294,8 @@ def test_fields_and_the_mouse(two):
     two.mouse.up()
     assert state(two, "view.azimuth") > 5  # the camera goes to the right
     two.mouse.wheel(0, -200)
-    two.wait_for_function("window.shrm.views[0].then(v => v.state.view.zoom > 1.2)")
+    two.wait_for_selector("[data-row=zoom] output:not(:has-text('1.00'))")
+    assert state(two, "view.zoom") > 1.2
 
 
 @pytest.mark.slow
@@ -304,8 +305,9 @@ def test_values_under_the_mouse_are_radiance(two):
     box = two.locator("canvas").first.bounding_box()
     place = box["x"] + 0.6 * box["width"], box["y"] + 0.4 * box["height"]
     two.mouse.move(*place)
-    two.wait_for_function("document.querySelector('.readout').textContent !== ''")
-    shown = [float(each) for each in two.locator(".readout").text_content()[1:].split("Y")[0].split()]
+    two.wait_for_selector(".readout:not(:empty)")
+    numbers = two.locator(".readout").text_content()[1:].split("Y")[0]
+    shown = [float(each) for each in numbers.split()]
     edge = min(box["width"], box["height"])
     x = (0.1 * box["width"]) / (0.45 * edge)
     y = (0.1 * box["height"]) / (0.45 * edge)
@@ -329,9 +331,12 @@ def test_every_control_has_a_name_and_a_phone_shows_all(two):
     two.set_viewport_size({"width": 400, "height": 800})
     assert two.evaluate("document.documentElement.scrollWidth") <= 400
     assert two.evaluate("document.querySelector('.panel').scrollWidth") <= 400
-    unnamed = two.evaluate("""[...document.querySelectorAll('input, select, button')].filter(each =>
-        !(each.labels && each.labels.length && each.labels[0].textContent.trim())
-        && !each.getAttribute('aria-label') && !each.textContent.trim()).map(each => each.outerHTML)""")
+    unnamed = two.evaluate("""
+        [...document.querySelectorAll('input, select, button')].filter(each =>
+            !(each.labels && each.labels.length && each.labels[0].textContent.trim())
+            && !each.getAttribute('aria-label') && !each.textContent.trim()
+        ).map(each => each.outerHTML)
+    """)
     assert unnamed == []
 
 
