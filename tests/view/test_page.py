@@ -150,7 +150,7 @@ def test_the_figure_is_whole_and_its_normals_point_outwards():
 
 
 def test_the_camera_sees_all_of_a_shape():
-    """By projecting each point by hand, from sides other than those that the distance comes from."""
+    """By projecting points by hand, from sides other than those that the distance comes from."""
     points = np.random.default_rng(5).uniform(-1, 1, (500, 3)) * [1, 0.3, 0.6]
     distance = distance_of(points)
     most = 0.0
