@@ -35,6 +35,7 @@ STOPS = [
     {"prefilter", "naming"},
     {"batch", "export"},
     {"render"},
+    {"view"},
     {"analysis"},
     {"cli"},
     {"__main__"},
