@@ -3,6 +3,7 @@
 import re
 from typing import Any
 
+from shrm_cli.color import to_rec709
 from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
@@ -70,11 +71,16 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
 
 
 def _call(made: Map) -> str:
-    """Return the expression of the radiance at a normal n and a view v."""
-    if isinstance(made, Irradiance):
-        return "shrm_irradiance(n) * 0.3183098861837907"
+    """Return the expression of the radiance at a normal n and a view v, in linear Rec.709."""
     surface = ", view_roughness, view_f0" if made.needs_surface else ""
-    return f"shrm_radiance(n, v{surface})"
+    call = f"shrm_radiance(n, v{surface})"
+    if isinstance(made, Irradiance):
+        call = "shrm_irradiance(n) * 0.3183098861837907"
+    matrix = to_rec709(made.info.chromaticities)
+    if matrix is None:
+        return call
+    # GLSL takes matrices column by column.
+    return f"mat3({', '.join(repr(float(x)) for x in matrix.T.ravel())}) * ({call})"
 
 
 def _facts(made: Map) -> list[tuple[str, str]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.metals import METALS
+from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
@@ -162,10 +163,16 @@ def make_scene(
         "truth_facts": [],
     }
     scene = Scene(description, blocks, blocks.remarks)
+    others = [p for p in (each.info.chromaticities for each in maps) if to_rec709(p) is not None]
+    if others:
+        scene.remarks.append(
+            "colours are shown and measured in linear Rec.709, converted from "
+            f"{title_of(others[0])}"
+        )
     if probe is not None:
         if truth.size:
             _add_truth(scene, maps, files, probe, start, truth, progress)
-        _add_sky(scene, probe, max_size)
+        _add_sky(scene, probe.in_primaries(REC709), max_size)
     if max_size is not None and blocks.encoded_bytes > max_size:
         raise MapError(
             f"the page would hold {_megabytes(blocks.encoded_bytes)} of data, more than "
@@ -198,7 +205,10 @@ def _add_truth(
     rows = truth.rows or source_rows(brdf)
     spec = spec_of(record_of(brdf))
     pictures = truth_pictures(probe, brdf, start.views, truth.size, rows, progress)
+    matrix = to_rec709(probe.chromaticities)
     for view, picture in zip(start.views, pictures, strict=True):
+        if matrix is not None:
+            picture = mix_channels(picture, matrix)
         scene.description["truths"].append(
             {
                 "view": list(view),

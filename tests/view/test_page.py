@@ -16,6 +16,7 @@ from shrm_cli.view.figure import figure, surface_nets
 from shrm_cli.view.page import SCRIPTS, embedded, page, section
 from shrm_cli.view.scene import Start, make_scene
 from shrm_cli.view.shapes import distance_of
+from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import ROOT
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
@@ -102,6 +103,22 @@ def test_a_bright_probe_is_said_to_be_clipped():
     assert any("sun.exr behind the shape: 1 texels" in each for each in scene.remarks)
     assert any(each.startswith("no truth: a.exr: its BRDF") for each in scene.remarks)
     assert scene.description["notes"] == scene.remarks
+
+
+def test_other_primaries_are_said_to_be_converted():
+    made = cases.irradiance(1)
+    wide = replace(made, info=replace(made.info, chromaticities=PRIMARIES["acescg"]))
+    scene = make_scene([made, wide], ["a.exr", "b.exr"])
+    first, second = (each["call"] for each in scene.description["maps"])
+    assert "mat3" not in first
+    columns = [float(x) for x in second[second.index("(") + 1 : second.index(")")].split(",")]
+    published = [
+        [1.70505, -0.62179, -0.08326],
+        [-0.13026, 1.14080, -0.01055],
+        [-0.02400, -0.12897, 1.15297],
+    ]
+    np.testing.assert_allclose(np.reshape(columns, (3, 3)).T, published, atol=2e-4)
+    assert any("from ACEScg" in each for each in scene.remarks)
 
 
 def test_maps_of_the_same_name_are_told_apart():

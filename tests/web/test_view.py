@@ -19,8 +19,11 @@ from shrm_cli.view.figure import figure
 from shrm_cli.view.page import page as make_page
 from shrm_cli.view.scene import Start, Truth, make_scene
 from shrm_cli.view.serve import PageServer
+from shrm_cli.vocabulary import PRIMARIES
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
+
+colour = pytest.importorskip("colour", reason="no colour-science")
 
 HALF = 2.0**-11
 """Half a unit in the last place of 16-bit floats, relative."""
@@ -143,6 +146,31 @@ def test_pictures_are_those_of_render(watched, tmp_path, probe):
         stated = np.hypot(made.info.filter_error, HALF) + (1e-3 if made.needs_surface else 0)
         print(f"{name}: {error:.2e}, stated {stated:.2e}")
         assert error < 2 * stated, name
+
+
+@pytest.mark.slow
+def test_other_primaries_are_shown_as_those_of_screens(watched, tmp_path, probe):
+    """The same numbers once in ACEScg and once in Rec.709, beside their probe and their truth."""
+    wide = Probe.from_array(probe.image(), name="wide.exr", chromaticities=PRIMARIES["acescg"])
+    made = prefilter(wide, "microfacet:sigma=0.4", size=16)
+    html = make_page(make_scene([made], ["wide.exr"], wide, truth=Truth(size=24)))
+    page = opened(watched, html, tmp_path)
+    source = colour.RGB_COLOURSPACES["ACEScg"]
+    matrix = colour.matrix_RGB_to_RGB(source, "ITU-R BT.709", "Bradford")
+    straight = {"view": {"azimuth": 0, "elevation": 0, "zoom": 1}}
+    ball = read(page, 32, a=SIDE, background="plain", **straight)[..., :3]
+    expected = render_sphere(made, Viewer(0, 0), 32) @ matrix.T
+    # Bilinear look-ups cost some of it; without the matrix it would be a tenth.
+    np.testing.assert_allclose(ball, expected, rtol=0, atol=0.01 * expected.max())
+    truth = read(page, 32, a={"kind": "truth"}, background="plain", **straight)[..., :3]
+    # A map of this size differs from the truth, but by far less than colours of other primaries.
+    unconverted = render_sphere(made, Viewer(0, 0), 32)
+    assert np.linalg.norm(truth - expected) < 0.03 * np.linalg.norm(expected)
+    assert np.linalg.norm(truth - unconverted) > 0.06 * np.linalg.norm(expected)
+    whole = read(page, 32, a=SIDE, background="probe", **straight)
+    off = whole[..., 3] == 0
+    behind = render_background(wide, Viewer(0, 0), 32)[off] @ matrix.T
+    np.testing.assert_allclose(whole[off, :3], behind, rtol=0, atol=0.005 * behind.max())
 
 
 @pytest.mark.slow
