@@ -1,0 +1,85 @@
+"""RGBD: radiance up to 255 in the four bytes of a pixel, as Babylon.js defines it.
+
+A pixel holds a divisor D in its alpha and ``(c D)^(1/2.2)`` in its colours, all as bytes. A reader
+takes ``rgb^2.2 / D``. D is 1 for what a display could show, and falls to 1/255 at radiance 255,
+which is the most that a pixel can hold.
+
+References
+----------
+Babylon.js, ``helperFunctions``: ``toRGBD`` and ``fromRGBD``.
+"""
+
+import zlib
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.floating]
+
+LARGEST = 255.0
+"""The largest radiance that a pixel can hold."""
+_GAMMA = 2.2
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_PNG_RGBA_8 = bytes([8, 6, 0, 0, 0])
+"""Of a PNG's header: 8 bits a channel, RGBA, and the only compression, filters and interlacing."""
+
+
+def encode_rgbd(radiance: ArrayLike) -> NDArray[np.uint8]:
+    """Encode linear radiance in bytes.
+
+    Parameters
+    ----------
+    radiance : array_like, shape (..., 3)
+        Within 0 .. 255.
+
+    Returns
+    -------
+    ndarray of uint8, shape (..., 4)
+
+    Raises
+    ------
+    ValueError
+        If a value is not within 0 .. 255, or not a number.
+    """
+    radiance = np.asarray(radiance, dtype=np.float64)
+    if not np.all((radiance >= 0) & (radiance <= LARGEST)):
+        raise ValueError("radiance outside 0 .. 255")
+    peak = np.maximum(radiance.max(axis=-1, keepdims=True), 1.0)
+    divisor = np.floor(LARGEST / peak)
+    colors = np.rint(255 * (radiance * divisor / 255) ** (1 / _GAMMA))
+    return np.concatenate([colors, divisor], axis=-1).astype(np.uint8)
+
+
+def decode_rgbd(pixels: ArrayLike) -> Array:
+    """Return the linear radiance of pixels, shape (..., 3) from bytes of shape (..., 4)."""
+    pixels = np.asarray(pixels, dtype=np.float64) / 255
+    return np.asarray(pixels[..., :3] ** _GAMMA / pixels[..., 3:])
+
+
+def rgba_png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return a PNG file of pixels whose alpha is no opacity.
+
+    Image libraries multiply colours with alpha on their way into or out of a file, which would
+    destroy RGBD; here bytes stay as they are. Each row is stored as its difference to the one above.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (H, W, 4)
+    """
+    height, width, _ = pixels.shape
+    rows = pixels.reshape(height, 4 * width)
+    above = np.vstack([np.zeros_like(rows[:1]), rows[:-1]])
+    filtered = np.full((height, 1 + 4 * width), 2, dtype=np.uint8)  # the filter "up"
+    filtered[:, 1:] = rows - above
+    size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
+    return (
+        _PNG_SIGNATURE
+        + _chunk(b"IHDR", size + _PNG_RGBA_8)
+        + _chunk(b"IDAT", zlib.compress(filtered.tobytes(), 9))
+        + _chunk(b"IEND", b"")
+    )
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    check = zlib.crc32(kind + data)
+    return len(data).to_bytes(4, "big") + kind + data + check.to_bytes(4, "big")
