@@ -14,6 +14,8 @@ import zlib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.export.pixels import Clipped, TexelFormat, encoded
+
 Array = NDArray[np.floating]
 
 LARGEST = 255.0
@@ -24,30 +26,40 @@ _PNG_RGBA_8 = bytes([8, 6, 0, 0, 0])
 """Of a PNG's header: 8 bits a channel, RGBA, and the only compression, filters and interlacing."""
 
 
-def encode_rgbd(radiance: ArrayLike) -> NDArray[np.uint8]:
-    """Encode linear radiance in bytes.
+def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
+    """Return PNG files of the faces of a level, and what RGBD could not hold.
+
+    The pictures stand on their heads: Babylon.js, and glTF's image-based light with it, counts the
+    rows of a face as those of other textures, from below.
 
     Parameters
     ----------
-    radiance : array_like, shape (..., 3)
-        Within 0 .. 255.
-
-    Returns
-    -------
-    ndarray of uint8, shape (..., 4)
+    faces : ndarray, shape (6, N, N, 3)
+        Linear radiance.
+    what : str
+        What the level is called in messages.
 
     Raises
     ------
-    ValueError
-        If a value is not within 0 .. 255, or not a number.
+    MapError
+        If a value is not finite.
     """
+    data, clipped = encoded(faces, RGBD, what)
+    pixels = np.frombuffer(data, np.uint8).reshape(*faces.shape[:-1], 4)[:, ::-1]
+    return [rgba_png(face) for face in pixels], clipped
+
+
+def _pack(radiance: Array) -> NDArray[np.uint8]:
+    """Encode linear radiance within 0 .. 255 in bytes, shape (..., 4)."""
     radiance = np.asarray(radiance, dtype=np.float64)
-    if not np.all((radiance >= 0) & (radiance <= LARGEST)):
-        raise ValueError("radiance outside 0 .. 255")
     peak = np.maximum(radiance.max(axis=-1, keepdims=True), 1.0)
     divisor = np.floor(LARGEST / peak)
     colors = np.rint(255 * (radiance * divisor / 255) ** (1 / _GAMMA))
     return np.concatenate([colors, divisor], axis=-1).astype(np.uint8)
+
+
+RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack)
+"""The format; it is no choice of users, because its pixels lie in pictures."""
 
 
 def decode_rgbd(pixels: ArrayLike) -> Array:

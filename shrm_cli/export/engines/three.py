@@ -1,0 +1,91 @@
+"""three.js, r187 and later: a prefiltered cube in KTX 2, nine coefficients, and what loads both.
+
+Levels are looked up at ``(K - 1) r (2 - r)``, cubes of files at (-x, y, z). Diffuse surfaces take
+the last level, of roughness 1, as ``E / pi``, which it is: GGX with N = V = R and ggx_alpha 1 is the
+cosine.
+
+The KTX2Loader of three.js makes cubes of block-compressed texels alone, which nothing encodes on
+all platforms. So a module of a few lines goes along: it reads the file by the parser that three.js
+ships, and hands the levels to a texture of three.js.
+
+References
+----------
+three.js, PMREMGenerator.js, WebGLTextures.js (`uploadCubeTexture`), WebGLMaterials.js
+(`envMapRotation`), envmap_physical_pars_fragment.glsl.js, LightProbe.js.
+"""
+
+from collections.abc import Sequence
+from importlib.resources import files
+
+from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.engines.coefficients import coefficients_json
+from shrm_cli.export.ktx2 import can_compress, ktx2_cube
+from shrm_cli.export.pixels import FORMATS, encoded
+from shrm_cli.export.turning import mirrored, to_lookup
+from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.vocabulary import LevelMapping
+
+LOOKUP = mirrored(-1, 1, 1)
+_LEAST = 8
+"""Texels along an edge of the last level, as PMREMGenerator makes it."""
+LOADER = "shrm-environment.js"
+"""The module that loads the files; it lies beside this one."""
+
+
+class Three(Engine):
+    """three.js: `scene.environment` and `LightProbe`."""
+
+    name = "three"
+    title = "three.js"
+    mapping: LevelMapping = "filament"
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        return halving(size, _LEAST)
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        return level_roughnesses(len(sizes), "filament")
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        made = Package()
+        script = files(__package__).joinpath(LOADER).read_bytes()
+        made.add_bytes(LOADER, script)
+        if light.levels:
+            self._add_cube(made, light)
+        coefficients = light.nine()
+        if coefficients is not None:
+            name = f"{light.name}_sh.json"
+            made.add_text(name, coefficients_json(coefficients))
+            made.told.append(
+                "sh: a LightProbe holds plain lighting coefficients; with scene.environment diffuse "
+                "surfaces are lit already, so use either"
+            )
+            made.loading += [
+                "// or, for diffuse light alone:",
+                f'scene.add(await loadLightProbe("{name}"));',
+            ]
+        return made
+
+    def _add_cube(self, made: Package, light: Light) -> None:
+        texels = FORMATS["rgba16f"]
+        name = f"{light.name}.ktx2"
+        data, clipped = zip(
+            *(
+                encoded(to_lookup(cube, LOOKUP), texels, f"level {k}")
+                for k, cube in enumerate(light.levels)
+            ),
+            strict=True,
+        )
+        made.tell_clipped(name, texels, clipped)
+        made.add_bytes(name, ktx2_cube(data, light.levels[0].shape[1], texels, can_compress()))
+        made.told += [
+            "axes: three.js looks a cube of a file up at (-x, y, z), so the cube is mirrored in x",
+            "levels: roughness 1 - sqrt(1 - k / (K - 1)); the last serves diffuse surfaces too",
+        ]
+        made.loading += [
+            f'import {{ loadEnvironment, loadLightProbe }} from "./{LOADER}";',
+            f'scene.environment = await loadEnvironment("{name}");',
+            "scene.background = scene.environment;",
+        ]
+
+
+ENGINE = Three()

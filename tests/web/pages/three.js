@@ -1,0 +1,60 @@
+// A ball under an exported light in three.js, and the pixels of its linear colours.
+import * as THREE from "three";
+import { loadEnvironment, loadLightProbe } from "../../../shrm_cli/export/engines/shrm-environment.js";
+import { base64 } from "./base64.js";
+
+let renderer, scene, camera, target;
+
+// The camera looks at the ball at the origin from `from`; y is up on the picture.
+window.start = (size, from) => {
+  renderer = new THREE.WebGLRenderer();
+  scene = new THREE.Scene();
+  camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.1, 20);
+  camera.position.set(...from).normalize().multiplyScalar(10);
+  camera.lookAt(0, 0, 0);
+  target = new THREE.WebGLRenderTarget(size, size, { type: THREE.FloatType });
+};
+
+window.environment = async (url) => {
+  scene.environment = await loadEnvironment(url);
+  return { isPMREM: scene.environment.isPMREMTexture };
+};
+
+// three.js' own filtering of a lat-long, to compare with.
+window.ownFilter = async (width, values) => {
+  const half = Uint16Array.from(values, THREE.DataUtils.toHalfFloat);
+  const image = new THREE.DataTexture(half, width, width / 2, THREE.RGBAFormat, THREE.HalfFloatType);
+  image.mapping = THREE.EquirectangularReflectionMapping;
+  image.minFilter = image.magFilter = THREE.LinearFilter;
+  image.flipY = true;
+  image.needsUpdate = true;
+  scene.environment = image;
+};
+
+window.lightProbe = async (url) => {
+  scene.environment = null;
+  scene.add(await loadLightProbe(url));
+};
+
+window.background = () => draw(null, scene.environment);
+
+// Shade with a metal of colour white and some roughness, or diffuse white where it is null.
+window.shade = (roughness) => {
+  const material =
+    roughness === null
+      ? new THREE.MeshLambertMaterial({ color: "white" })
+      : new THREE.MeshStandardMaterial({ color: "white", metalness: 1, roughness });
+  return draw(material, null);
+};
+
+function draw(material, background) {
+  scene.background = background;
+  const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 512, 256), material ?? undefined);
+  if (material) scene.add(ball);
+  renderer.setRenderTarget(target);
+  renderer.render(scene, camera);
+  scene.remove(ball);
+  const pixels = new Float32Array(4 * target.width * target.height);
+  renderer.readRenderTargetPixels(target, 0, 0, target.width, target.height, pixels);
+  return base64(pixels);
+}
