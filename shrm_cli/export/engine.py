@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES, LevelMapping
 
 Array = NDArray[np.floating]
@@ -130,7 +129,7 @@ class Wishes:
     Attributes
     ----------
     size : int
-        Texels along an edge of level 0.
+        Texels along an edge of level 0, or rows of a lat-long.
     texels : TexelFormat, optional
         The packed format; None for engines that have but one.
     """
@@ -147,16 +146,17 @@ class Engine(ABC):
     name, title : str
         As ``--for`` takes it, and as it is called.
     default_size : int
-        Texels along an edge of level 0.
+        Texels along an edge of level 0; for engines without levels, rows of the lat-long, where 0
+        is as many as the light has.
     formats : tuple of str
         The names of the texel formats that it reads, the default first; empty where there is no
         choice.
     mapping : {"linear", "filament"}, optional
         The `shrm_cli.maps.splitsum.roughness` law of its levels, for messages; None for a law of
         its own.
-    wants_levels, wants_irradiance, wants_diffuse, wants_latlong, wants_table : bool
-        Which attributes of `Light` it is given: levels of a split sum, nine coefficients, a cube
-        of the irradiance, the probe as a lat-long, the environment-BRDF table by default.
+    wants_levels, wants_irradiance, wants_diffuse, wants_latlong : bool
+        Which attributes of `Light` it is given: levels of a split sum, nine coefficients, the
+        irradiance for cubes, the light as a lat-long.
     default_skybox : int
         Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
     takes_skybox, takes_table : bool
@@ -175,7 +175,6 @@ class Engine(ABC):
     default_skybox: ClassVar[int] = 0
     takes_skybox: ClassVar[bool] = False
     takes_table: ClassVar[bool] = False
-    wants_table: ClassVar[bool] = False
 
     def sizes(self, size: int) -> tuple[int, ...]:
         """Return the texels along an edge of each level, for a level 0 of `size`.
@@ -237,7 +236,7 @@ def halving(size: int, least: int, count: int | None = None) -> tuple[int, ...]:
     """
     if size < 1 or size & (size - 1):
         raise ArgumentError("size", f"{size} is no power of two, which the mips of a cube need")
-    sizes = []
+    sizes: list[int] = []
     while size >= least and (count is None or len(sizes) < count):
         sizes.append(size)
         size //= 2

@@ -2,7 +2,7 @@
 
 Ours, L, are of radiance, in real harmonics without Condon-Shortley phase, index l(l+1)+m, that is
 y, z, x for l = 1 and xy, yz, 3zz-1, xz, xx-yy for l = 2, in world axes (see docs/conventions.md).
-Every function takes L, shape (9, 3), in the axes of the engine: `turned_signs` changes axes.
+Every function takes L, shape (9, 3), in the axes of the engine; `in_axes` changes axes.
 """
 
 import numpy as np
@@ -52,11 +52,19 @@ def three(coefficients: ArrayLike) -> Array:
 
 
 def unity(coefficients: ArrayLike) -> Array:
-    """Return what Unity's `SphericalHarmonicsL2` holds, in the order of its indices.
+    """Return what Unity's `SphericalHarmonicsL2` holds, by its index.
 
-    They are ``A_l L_lm / pi``, as `AddAmbientLight` and `AddDirectionalLight` add them up, so that
-    ``SphericalHarmonicsL2.Evaluate`` is ``E / pi`` with the constants that it multiplies.
+    Its shaders multiply ``(s3, s1, s2, s0 - s6)`` with x, y, z, 1, ``(s4, s5, 3 s6, s7)`` with xy,
+    yz, zz, zx, and s8 with xx-yy: Filament's polynomials, whose sum is E / pi.
     """
+    return filament(coefficients)
+
+
+def unreal(coefficients: ArrayLike) -> Array:
+    """Return what Unreal's `FSHVectorRGB3` holds: radiance, with the Condon-Shortley phase."""
+    return np.asarray(coefficients, dtype=float) * _CONDON_SHORTLEY[:, None]
+
+
     return irradiance_over_pi(coefficients)
 
 

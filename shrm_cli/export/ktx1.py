@@ -17,9 +17,12 @@ _FACES = 6
 _GL = {
     # glType, glTypeSize, glFormat, glInternalFormat, glBaseInternalFormat
     "rgba16f": (0x140B, 2, 0x1908, 0x881A, 0x1908),  # HALF_FLOAT, RGBA, RGBA16F
-    "r11g11b10": (0x8C3B, 4, 0x1907, 0x8C3A, 0x1907),  # UNSIGNED_INT_10F_11F_11F_REV
-    "rgb9e5": (0x8C3E, 4, 0x1907, 0x8C3D, 0x1907),  # UNSIGNED_INT_5_9_9_9_REV
+    "r11g11b10": (0x8C3A, 4, 0x1907, 0x8C3A, 0x1907),
 }
+"""The header's numbers for the formats that Filament reads, which alone reads these files. By the
+specification the type of R11F_G11F_B10F is 0x8C3B (UNSIGNED_INT_10F_11F_11F_REV). Filament's cmgen
+writes the number of the internal format there, and its reader knows no other; it has a type for
+HALF_FLOAT, and none for RGB9_E5."""
 
 
 def ktx1_cube(

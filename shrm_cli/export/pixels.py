@@ -93,7 +93,8 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
     if broken:
         raise MapError(
-            f"{what}: {broken} texels are not finite; read the probe with `fix_nonfinite`, or dim it"
+            f"{what}: {broken} texels are not finite; read the probe with `fix_nonfinite`, "
+            "or dim it"
         )
     largest = np.array(chosen.largest)
     above = int(np.count_nonzero((image > largest).any(axis=-1)))
@@ -140,22 +141,24 @@ def _pack_unsigned_floats(values: Array) -> Words:
 def _small_float(values: Array, mantissa_bits: int) -> NDArray[np.uint32]:
     """Return floats of 5 bits of exponent, bias 15, and no sign, rounded to the nearest even."""
     values = np.asarray(values, dtype=float)
-    fraction, exponent = np.frexp(values)  # values = fraction 2^exponent, fraction in [1/2, 1)
+    _, exponent = np.frexp(values)  # a value is below 2^exponent, and half of that at least
+    exponent = np.where(values > 0, exponent, -14)
     steps = np.exp2(np.maximum(exponent - 1, -14) - mantissa_bits)
-    whole = np.rint(values / steps).astype(np.uint32)  # below 2^(mantissa_bits + 1), or that
-    biased = np.maximum(exponent - 1 + 15, 1).astype(np.uint32)
-    # The hidden bit adds one to the exponent, and is absent from denormal numbers.
-    return (biased - np.uint32(1) << np.uint32(mantissa_bits)) + whole
+    whole = np.rint(values / steps).astype(np.uint32)
+    # The hidden bit adds one to the exponent; denormal numbers have none. A mantissa that is
+    # rounded up to the next power of two adds one as well, which is right.
+    biased = np.maximum(exponent + 14, 1).astype(np.uint32) - np.uint32(1)
+    return (biased << np.uint32(mantissa_bits)) + whole
 
 
 def _pack_shared_exponent(values: Array) -> Words:
     """Pack to RGB9E5: three mantissas of 9 bits, red lowest, and the exponent in the highest 5."""
     values = np.asarray(values, dtype=float)
-    _, exponent = np.frexp(values.max(axis=-1))  # the largest is below 2^exponent
-    shared = np.maximum(exponent, -15) + 15
+    largest = values.max(axis=-1)
+    _, exponent = np.frexp(largest)  # the largest is below 2^exponent
+    shared = np.where(largest > 0, np.maximum(exponent, -15) + 15, 0)
     # Rounding may carry the largest mantissa to 512, which needs the next exponent.
-    step = np.exp2(shared - 24.0)
-    shared = np.where(np.rint(values.max(axis=-1) / step) > 511, shared + 1, shared)
+    shared += np.rint(largest / np.exp2(shared - 24.0)) > 511
     mantissas = np.rint(values / np.exp2(shared - 24.0)[..., None]).astype(np.uint32)
     red, green, blue = (mantissas[..., k] for k in range(3))
     return (

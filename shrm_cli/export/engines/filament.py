@@ -9,6 +9,7 @@ Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and shaders/src/light_
 """
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +34,8 @@ class Filament(Engine):
 
     name = "filament"
     title = "Filament"
-    formats = ("r11g11b10", "rgb9e5", "rgba16f")
-    mapping: LevelMapping = "filament"
+    formats = ("r11g11b10", "rgba16f")
+    mapping: ClassVar[LevelMapping | None] = "filament"
     default_skybox = 512
     takes_skybox = True
 
@@ -47,20 +48,33 @@ class Filament(Engine):
     def pack(self, light: Light, wishes: Wishes) -> Package:
         texels = wishes.texels or FORMATS[self.formats[0]]
         made = Package()
-        coefficients = light.nine()
+        nine = light.nine()
         metadata = {}
-        if coefficients is not None:
-            ready = filament(coefficients)
-            metadata["sh"] = " ".join(f"{value:.9g}" for value in ready.ravel())
+        if nine is not None:
+            ready = filament(nine)
+            metadata["sh"] = " ".join(f"{value:.9g}" for value in ready.ravel().tolist())
             made.add_text("sh.txt", sh_text(ready))
-            made.told.append("sh: nine coefficients of E/pi, with the constants of the polynomials")
+            made.told.append("the nine coefficients make E/pi, with the shader's constants in them")
         if light.levels:
             name = f"{light.name}_ibl.ktx"
             made.add_bytes(name, _cube(made, name, light.levels, texels, metadata))
-            made.loading.append(f'auto* ibl = Ktx1Reader::createTexture(engine, "{name}");')
+            made.told.append("cubes are for lookups at the world direction")
+            made.loading += [
+                f"// {name} as bytes: KTX 1 holds levels and coefficients",
+                "auto* ktx = new image::Ktx1Bundle(bytes, size); filament::math::float3 sh[9];",
+                "ktx->getSphericalHarmonics(sh);",
+                "auto* ibl = IndirectLight::Builder().reflections(ktxreader::Ktx1Reader::"
+                "createTexture(engine, ktx, false)).irradiance(3, sh).build(*engine);",
+            ]
+            if nine is None:
+                made.warnings.append(
+                    f"{name}: it has no key sh, without which Filament's createIblFromKtx1 fails; "
+                    "give an irradiance map too, or a probe"
+                )
         if light.skybox is not None:
             name = f"{light.name}_skybox.ktx"
             made.add_bytes(name, _cube(made, name, [light.skybox], texels, {}))
+            made.loading.append(f"// {name}: Skybox::Builder().environment(texture).build(*engine)")
         return made
 
 
