@@ -65,9 +65,6 @@ def unreal(coefficients: ArrayLike) -> Array:
     return np.asarray(coefficients, dtype=float) * _CONDON_SHORTLEY[:, None]
 
 
-    return irradiance_over_pi(coefficients)
-
-
 def babylon(coefficients: ArrayLike) -> dict[str, list[float]]:
     """Return the polynomials of Babylon.js' ``.env`` files, RGB by name.
 

@@ -72,7 +72,7 @@ def rgba_png(pixels: NDArray[np.uint8]) -> bytes:
     """Return a PNG file of pixels whose alpha is no opacity.
 
     Image libraries multiply colours with alpha on their way into or out of a file, which would
-    destroy RGBD; here bytes stay as they are. Each row is stored as its difference to the one above.
+    destroy RGBD; here bytes stay as they are. Each row is stored as its difference to that above.
 
     Parameters
     ----------

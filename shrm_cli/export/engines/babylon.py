@@ -5,7 +5,8 @@ to one texel. Scenes look cubes up at (x, y, -z) where they are right-handed.
 
 References
 ----------
-Babylon.js, ``Misc/environmentTextureTools`` and the shaders ``pbrIBLFunctions``, ``harmonicsFunctions``.
+Babylon.js, ``Misc/environmentTextureTools``, ``Maths/sphericalPolynomial`` and the shaders
+``pbrIBLFunctions`` and ``harmonicsFunctions``.
 """
 
 import math
@@ -51,7 +52,7 @@ class Babylon(Engine):
         polynomials = None
         if coefficients is not None:
             polynomials = babylon(in_axes(coefficients, LOOKUP))
-            made.told.append("irradiance: polynomials with A_l/pi twice, as its loader divides once")
+            made.told.append("irradiance: polynomials with A_l/pi twice; its loader divides once")
         if not light.levels:
             return made
         name = f"{light.name}.env"

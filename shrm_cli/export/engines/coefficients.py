@@ -1,7 +1,6 @@
 """Nine lighting coefficients as JSON, for programs of one's own: each convention by its name."""
 
 import json
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +26,7 @@ _MEANINGS = {
     "three": "27 numbers for SphericalHarmonics3.fromArray of a three.js LightProbe: L_lm",
     "babylon": "polynomials of SphericalPolynomial, (A_l/pi)^2 L_lm, for a right-handed scene that "
     "looks up (x, y, z)",
-    "ext_lights_image_based": "irradianceCoefficients of glTF: A_l L_lm, with Condon-Shortley phase",
+    "ext_lights_image_based": "irradianceCoefficients of glTF: A_l L_lm, Condon-Shortley phase",
 }
 
 
@@ -59,12 +58,6 @@ class Coefficients(Engine):
     name = "json"
     title = "JSON of nine coefficients"
     wants_levels = False
-
-    def sizes(self, size: int) -> Sequence[int]:
-        return ()
-
-    def roughness(self, sizes: Sequence[int]) -> Sequence[float]:
-        return ()
 
     def pack(self, light: Light, wishes: Wishes) -> Package:
         made = Package()

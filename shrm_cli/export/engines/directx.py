@@ -5,13 +5,12 @@ DirectX itself has no law of levels; they are those of glTF's sampler, linear in
 
 from collections.abc import Sequence
 
+from shrm_cli.export.dds import dds_cube
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.engines.coefficients import coefficients_json
-from shrm_cli.export.dds import dds_cube
 from shrm_cli.export.pixels import FORMATS, encoded
 from shrm_cli.export.turning import to_lookup
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
-from shrm_cli.vocabulary import LevelMapping
 
 _LEAST = 8
 
@@ -22,7 +21,7 @@ class DirectX(Engine):
     name = "directx"
     title = "DirectX (DDS)"
     formats = ("rgba16f", "rgb9e5", "r11g11b10")
-    mapping: LevelMapping = "linear"
+    mapping = "linear"
 
     def sizes(self, size: int) -> tuple[int, ...]:
         return halving(size, _LEAST)

@@ -1,8 +1,8 @@
 """three.js, r187 and later: a prefiltered cube in KTX 2, nine coefficients, and what loads both.
 
 Levels are looked up at ``(K - 1) r (2 - r)``, cubes of files at (-x, y, z). Diffuse surfaces take
-the last level, of roughness 1, as ``E / pi``, which it is: GGX with N = V = R and ggx_alpha 1 is the
-cosine.
+the last level, of roughness 1, as ``E / pi``, which it is: GGX with N = V = R and ggx_alpha 1 is
+the cosine.
 
 The KTX2Loader of three.js makes cubes of block-compressed texels alone, which nothing encodes on
 all platforms. So a module of a few lines goes along: it reads the file by the parser that three.js
@@ -17,13 +17,12 @@ three.js, PMREMGenerator.js, WebGLTextures.js (`uploadCubeTexture`), WebGLMateri
 from collections.abc import Sequence
 from importlib.resources import files
 
+from shrm_cli.export.cubes import ktx2_file
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.engines.coefficients import coefficients_json
-from shrm_cli.export.ktx2 import can_compress, ktx2_cube
-from shrm_cli.export.pixels import FORMATS, encoded
-from shrm_cli.export.turning import mirrored, to_lookup
+from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.turning import mirrored
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
-from shrm_cli.vocabulary import LevelMapping
 
 LOOKUP = mirrored(-1, 1, 1)
 _LEAST = 8
@@ -37,7 +36,7 @@ class Three(Engine):
 
     name = "three"
     title = "three.js"
-    mapping: LevelMapping = "filament"
+    mapping = "filament"
 
     def sizes(self, size: int) -> tuple[int, ...]:
         return halving(size, _LEAST)
@@ -56,8 +55,8 @@ class Three(Engine):
             name = f"{light.name}_sh.json"
             made.add_text(name, coefficients_json(coefficients))
             made.told.append(
-                "sh: a LightProbe holds plain lighting coefficients; with scene.environment diffuse "
-                "surfaces are lit already, so use either"
+                "sh: a LightProbe holds plain lighting coefficients; scene.environment lights "
+                "diffuse surfaces already, so use either"
             )
             made.loading += [
                 "// or, for diffuse light alone:",
@@ -66,17 +65,8 @@ class Three(Engine):
         return made
 
     def _add_cube(self, made: Package, light: Light) -> None:
-        texels = FORMATS["rgba16f"]
         name = f"{light.name}.ktx2"
-        data, clipped = zip(
-            *(
-                encoded(to_lookup(cube, LOOKUP), texels, f"level {k}")
-                for k, cube in enumerate(light.levels)
-            ),
-            strict=True,
-        )
-        made.tell_clipped(name, texels, clipped)
-        made.add_bytes(name, ktx2_cube(data, light.levels[0].shape[1], texels, can_compress()))
+        ktx2_file(made, name, light.levels, FORMATS["rgba16f"], LOOKUP)
         made.told += [
             "axes: three.js looks a cube of a file up at (-x, y, z), so the cube is mirrored in x",
             "levels: roughness 1 - sqrt(1 - k / (K - 1)); the last serves diffuse surfaces too",
