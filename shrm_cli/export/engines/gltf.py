@@ -76,6 +76,7 @@ class Gltf(Engine):
         made.loading += [
             "scene.useRightHandedSystem = true;",
             f'await BABYLON.AppendSceneAsync("{name}", scene);',
+            "scene.environmentTexture.gammaSpace = false; // which its loader forgets",
         ]
         return made
 

@@ -10,6 +10,7 @@ import { PBRMaterial } from "@babylonjs/core/Materials/PBR/pbrMaterial.js";
 import { CubeTexture } from "@babylonjs/core/Materials/Textures/cubeTexture.js";
 import { RenderTargetTexture } from "@babylonjs/core/Materials/Textures/renderTargetTexture.js";
 import { AppendSceneAsync } from "@babylonjs/core/Loading/sceneLoader.js";
+import "@babylonjs/core/Materials/Textures/baseTexture.polynomial.js";
 import "@babylonjs/core/Materials/Textures/Loaders/envTextureLoader.js";
 import "@babylonjs/core/Materials/Textures/Loaders/ddsTextureLoader.js";
 import "@babylonjs/core/Helpers/sceneHelpers.js";
@@ -49,11 +50,14 @@ window.environment = async (url) => {
 window.environmentOfGltf = async (url) => {
   await AppendSceneAsync(url, scene);
   while (!scene.environmentTexture.isReady()) await new Promise((next) => setTimeout(next, 20));
-  return { width: scene.environmentTexture.getSize().width, level: scene.environmentTexture.level };
+  const texture = scene.environmentTexture;
+  texture.gammaSpace = false; // the loader forgets that RGBD was unpacked to linear colours
+  return { width: texture.getSize().width, level: texture.level };
 };
 
 // Shade with a metal of colour white and some roughness, or diffuse white where it is null.
-window.shade = async (roughness) => {
+// Light that meets several facets is left out unless it is asked for.
+window.shade = async (roughness, multiscatter = false) => {
   const ball = CreateSphere("ball", { diameter: 2, segments: 96 }, scene);
   const material = new PBRMaterial("material", scene);
   material.albedoColor = Color3.White();
@@ -62,6 +66,7 @@ window.shade = async (roughness) => {
   if (roughness === null) material.metallicF0Factor = 0;
   material.useRadianceOcclusion = material.useHorizonOcclusion = false;
   material.enableSpecularAntiAliasing = false;
+  material.brdf.useEnergyConservation = multiscatter;
   material.brdf.baseDiffuseModel = 2; // Lambert
   material.brdf.mixIblRadianceWithIrradiance = false;
   ball.material = material;
