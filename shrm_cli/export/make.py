@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.environment.environment_brdf import environment_table
+from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.engine import Engine, Light, Package, Wishes
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
@@ -19,7 +20,10 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.orders import Orders
+from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
@@ -29,8 +33,9 @@ from shrm_cli.sphere.grid.latlong import LatLong
 Array = NDArray[np.floating]
 
 DIFFUSE_ORDER = 64
-"""The order of the irradiance that cubes are made of; what is beyond is below a thousandth."""
-TABLE_SIZE = 256
+"""The order of the irradiance that cubes are made of. What is beyond rounds off the edge where the
+irradiance becomes 0, 90 degrees from a lamp: by a hundredth of its peak under a lamp alone."""
+TABLE_SIZE = 128
 """Texels along both edges of the environment-BRDF table."""
 
 
@@ -236,8 +241,10 @@ def _irradiance(
         made = prefilter_irradiance(light, window=asked.window, progress=progress)
         nine, warnings = made.map, list(made.warnings)
     if engine.wants_diffuse:
-        diffuse = prefilter_irradiance(light, DIFFUSE_ORDER, progress=progress).map
-    return cast(Irradiance | None, nine), cast(Irradiance | None, diffuse), warnings
+        coefficients = project(light, DIFFUSE_ORDER, progress).coefficients
+        known = provenance(light, Lambertian(), Orders(DIFFUSE_ORDER, 0, 0.0, 1.0))
+        diffuse = Irradiance(coefficients, known)
+    return cast(Irradiance | None, nine), diffuse, warnings
 
 
 def _nine(irradiance: Irradiance) -> Irradiance:

@@ -187,10 +187,13 @@ class Probe:
     def image(self) -> Array:
         """The whole grid, a new array of shape (height, width, 3)."""
         image = np.empty((self.height, self.width, 3), dtype=np.float32)
-        for start, pixels, _ in self.blocks():  # to join them afterwards would take twice as much
+        # To join the blocks afterwards would take twice as much. The last one is followed by the
+        # refusal of pixels that are not finite, so that no loop may end before that.
+        for start, pixels, _ in self.blocks():
             if len(pixels) == self.height:
-                return pixels
-            image[start : start + len(pixels)] = pixels
+                image = pixels
+            else:
+                image[start : start + len(pixels)] = pixels
         return image
 
     def radiance(self, directions: ArrayLike) -> Array:

@@ -480,3 +480,11 @@ def test_an_image_takes_its_own_memory_once(monkeypatch, rng):
         tracemalloc.stop()
     np.testing.assert_array_equal(found, pixels)
     assert peak < 1.3 * pixels.nbytes
+
+
+def test_pixels_that_are_not_finite_are_refused_in_whole_images():
+    """Also where the image is one block, after which nobody asks for more."""
+    image = np.ones((8, 16, 3))
+    image[2, 3, 1] = np.nan
+    with pytest.raises(ProbeError, match=r"1 pixels are NaN or infinite, .* column 3, row 2"):
+        Probe.from_array(image, "latlong").image()

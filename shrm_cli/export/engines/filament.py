@@ -66,11 +66,6 @@ class Filament(Engine):
                 "auto* ibl = IndirectLight::Builder().reflections(ktxreader::Ktx1Reader::"
                 "createTexture(engine, ktx, false)).irradiance(3, sh).build(*engine);",
             ]
-            if nine is None:
-                made.warnings.append(
-                    f"{name}: it has no key sh, without which Filament's createIblFromKtx1 fails; "
-                    "give an irradiance map too, or a probe"
-                )
         if light.skybox is not None:
             name = f"{light.name}_skybox.ktx"
             made.add_bytes(name, _cube(made, name, [light.skybox], texels, {}))

@@ -1,0 +1,150 @@
+"""`shrm export`: files, folder, what is said, and what is refused in one line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+from tests.export.readers import read_ktx1, read_ktx2
+
+
+@pytest.fixture
+def folder(tmp_path, rng, monkeypatch):
+    """Return a folder with a probe, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    write_exr(tmp_path / "sky.exr", rng.uniform(0.1, 2, size=(32, 64, 3)).astype(np.float32))
+    return tmp_path
+
+
+def test_the_folder_has_the_names_of_probe_and_engine(folder):
+    out = done("export", "sky.exr", "--for", "filament", "--size", "32", "--skybox", "0")
+    assert out.startswith("sky.filament: Filament\n")
+    assert "sky_ibl.ktx" in out
+    assert "nine coefficients" in out
+    files = {path.name for path in (folder / "sky.filament").iterdir()}
+    assert files == {"sky_ibl.ktx", "sh.txt", "sky_README.md"}
+    assert len(read_ktx1((folder / "sky.filament" / "sky_ibl.ktx").read_bytes()).mips) == 2
+
+
+def test_json_lists_the_files(folder):
+    text = done("export", "sky.exr", "--for", "godot", "-o", "assets", "--json")
+    result = json.loads(text)
+    assert (result["engine"], result["folder"]) == ("godot", "assets")
+    for each in result["files"]:
+        assert (folder / "assets" / each["name"]).stat().st_size == each["bytes"]
+    assert result["told"]
+    assert result["loading"]
+    assert result["warnings"] == []
+
+
+def test_the_same_export_is_the_same_bytes(folder):
+    done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "a")
+    done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "b")
+    assert snapshot(folder / "a") == snapshot(folder / "b")
+    done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "a")
+
+
+def test_a_turned_probe_is_turned(folder):
+    done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "plain")
+    done("export", "sky.exr", "--for", "bevy", "--size", "16", "--yaw", "180", "-o", "turned")
+    plain, turned = (
+        read_ktx2((folder / name / "sky_specular.ktx2").read_bytes()).mips[1]
+        for name in ("plain", "turned")
+    )
+    # +X and -X change places; the rows of their faces stay.
+    assert (np.abs(turned[0] - plain[1]) < 0.02 * plain[1]).all()
+    assert np.abs(turned[0] - plain[0]).max() > 0.02
+
+
+def test_maps_are_converted(folder):
+    done(
+        "prefilter", "sky.exr", "--to", "splitsum", "--mapping", "filament", "--levels", "2",
+        "--size", "32",
+    )  # fmt: skip
+    done("prefilter", "sky.exr", "--to", "irradiance")
+    done("export", "sky.splitsum.exr", "sky.irradiance.exr", "--for", "filament", "-o", "maps")
+    done("export", "sky.exr", "--for", "filament", "--size", "32", "-o", "probe")
+    ours, theirs = (folder / name / "sh.txt" for name in ("maps", "probe"))
+    assert ours.read_text() == theirs.read_text()
+    one, other = (
+        read_ktx1((folder / name / "sky_ibl.ktx").read_bytes()) for name in ("maps", "probe")
+    )
+    assert one.pairs == other.pairs
+    assert (np.abs(one.mips[0] - other.mips[0]) < 0.04 * other.mips[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "part"),
+    [
+        (["sky.exr"], 2, "Missing option '--for'"),
+        (["sky.exr", "--for", "quake"], 2, "'quake' is not one of"),
+        (["sky.exr", "sky.exr", "--for", "godot"], 2, "sky.exr is a probe; export it alone"),
+        (["sky.exr", "--for", "filament", "--size", "100"], 2, "--size 100 is no power of two"),
+        (["sky.exr", "--for", "bevy", "--format", "r11g11b10"], 2, "--format r11g11b10 does not"),
+        (["sky.exr", "--for", "bevy", "--skybox", "8"], 2, "--skybox does not apply"),
+        (["sky.exr", "--for", "godot", "-o", "sky.exr"], 1, "sky.exr"),
+        (["sky.exr", "--for", "godot", "-o", "no/such"], 1, "there is no folder no"),
+        (["none.exr", "--for", "godot"], 1, "none.exr"),
+        (["bad.exr", "--for", "godot"], 1, "bad.exr"),
+        (["nan.exr", "--for", "godot"], 1, "--fix-nonfinite"),
+        (["sky.exr", "--for", "filament", "--window", "wide"], 1, "wide"),
+    ],
+)
+def test_bad_input_is_one_line(folder, arguments, code, part):
+    (folder / "bad.exr").write_bytes(b"no image at all")
+    pixels = np.ones((8, 16, 3), dtype=np.float32)
+    pixels[2, 3] = np.nan
+    write_exr(folder / "nan.exr", pixels)
+    before = snapshot(folder)
+    assert_refused(run("export", *arguments), code, part)
+    assert snapshot(folder) == before
+
+
+def test_a_map_is_not_read_like_a_probe(folder):
+    done("prefilter", "sky.exr", "--to", "irradiance")
+    done("prefilter", "sky.exr", "--to", "she")
+    refused = run("export", "sky.irradiance.exr", "--for", "filament", "--yaw", "3")
+    assert_refused(refused, 2, "--yaw applies to probes")
+    assert_refused(run("export", "sky.she.exr", "--for", "filament"), 1, "she is not what engines")
+
+
+def test_other_exports_are_kept_unless_forced(folder):
+    done("export", "sky.exr", "--for", "godot", "-o", "out")
+    before = snapshot(folder)
+    again = ["export", "sky.exr", "--for", "godot", "-o", "out", "--size", "16"]
+    assert_refused(run(*again), 1, "sky_panorama.exr: exists", "--force")
+    assert snapshot(folder) == before
+    done(*again, "--force")
+    assert snapshot(folder) != before
+
+
+def test_an_input_in_the_folder_is_not_replaced(folder, rng):
+    write_exr(folder / "a_panorama.exr", rng.uniform(size=(8, 16, 3)).astype(np.float32))
+    (folder / "a.exr").symlink_to("a_panorama.exr")
+    refused = run("export", "a.exr", "--for", "godot", "-o", ".", "--force")
+    assert_refused(refused, 1, "would overwrite the input")
+
+
+def test_clipping_is_one_warning(folder):
+    pixels = np.ones((32, 64, 3), dtype=np.float32)
+    pixels[4, 5] = 2e5
+    write_exr(folder / "sun.exr", pixels)
+    result = run("export", "sun.exr", "--for", "filament", "--size", "32", "--skybox", "0")
+    assert result.code == 0
+    assert result.err.count("Warning: sun_ibl.ktx: texels brighter than") == 1
+    assert "--clamp" in result.err
+    clamped = run(
+        "export", "sun.exr", "--for", "filament", "--size", "32", "--skybox", "0", "--clamp", "100",
+        "-o", "dim",
+    )  # fmt: skip
+    assert "brighter" not in clamped.err
+
+
+def test_negative_radiance_is_told(folder):
+    pixels = np.ones((16, 32, 3), dtype=np.float32)
+    pixels[4, 5] = -1
+    write_exr(folder / "dark.exr", pixels)
+    result = run("export", "dark.exr", "--for", "godot")
+    assert result.code == 0
+    assert "negative" in result.err

@@ -1,0 +1,60 @@
+"""KTX 1 and KTX 2, read again byte by byte as their specifications have it."""
+
+import pytest
+
+from shrm_cli.export.ktx1 import ktx1_cube
+from shrm_cli.export.ktx2 import ktx2_cube
+from shrm_cli.export.pixels import FORMATS, encoded
+from tests.export.readers import read_ktx1, read_ktx2
+
+
+@pytest.fixture
+def mips(rng):
+    """Return mips of shape (6, N, N, 3) whose numbers all formats hold."""
+    return [rng.integers(0, 16, size=(6, size, size, 3)).astype(float) for size in (8, 4, 2, 1)]
+
+
+def packed(mips, name):
+    return [encoded(mip, FORMATS[name], "")[0] for mip in mips]
+
+
+@pytest.mark.parametrize("name", ["r11g11b10", "rgba16f"])
+def test_ktx1_holds_mips_and_metadata(mips, name):
+    data = ktx1_cube(packed(mips, name), 8, FORMATS[name], {"sh": "1 2 3", "other": "x"})
+    found = read_ktx1(data)
+    assert found.pairs == {"sh": b"1 2 3\0", "other": b"x\0"}
+    for got, wanted in zip(found.mips, mips, strict=True):
+        assert (got == wanted).all()
+    if name == "r11g11b10":  # what Filament's Ktx1Reader knows
+        assert found.header["glType"] == 0x8C3A
+        assert found.header["glFormat"] == 0x1907
+
+
+@pytest.mark.parametrize("compress", [False, True])
+@pytest.mark.parametrize("name", FORMATS)
+def test_ktx2_holds_mips(mips, name, compress):
+    if compress:
+        pytest.importorskip("zstandard", reason="the extra export is not installed")
+    found = read_ktx2(ktx2_cube(packed(mips, name), 8, FORMATS[name], compress))
+    assert found.header["texels"] == name
+    assert found.header["supercompressionScheme"] == (2 if compress else 0)
+    assert found.pairs["KTXwriter"].startswith(b"shrm ")
+    for got, wanted in zip(found.mips, mips, strict=True):
+        assert (got == wanted).all()
+
+
+def test_the_descriptors_are_those_of_the_specification(mips):
+    """Tables 94 to 96 of the Khronos Data Format Specification 1.3, and Vulkan's formats."""
+    one, minus_one = 0x3F800000, 0xBF800000
+    wanted = {
+        "rgba16f": [(0xC0 | c, 16 * k, 16, minus_one, one) for k, c in enumerate((0, 1, 2, 15))],
+        "r11g11b10": [(0x80, 0, 11, 0, one), (0x81, 11, 11, 0, one), (0x82, 22, 10, 0, one)],
+        "rgb9e5": [
+            sample
+            for c in range(3)
+            for sample in ((c, 9 * c, 9, 0, 8448), (0x20 | c, 27, 5, 15, 31))
+        ],
+    }
+    for name, samples in wanted.items():
+        found = read_ktx2(ktx2_cube(packed(mips, name), 8, FORMATS[name], False))
+        assert found.header["samples"] == samples

@@ -1,0 +1,78 @@
+"""KTX 2 files of `shrm export`, read by the npm package ktx-parse; node runs it."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shrm_cli.export.ktx2 import can_compress, ktx2_cube
+from shrm_cli.export.pixels import FORMATS, encoded
+
+HERE = Path(__file__).parent
+READ = """
+const fs = require('fs');
+import(process.argv[1]).then(({ read }) => {
+    const found = read(new Uint8Array(fs.readFileSync(process.argv[2])));
+    console.log(JSON.stringify({
+        vkFormat: found.vkFormat, typeSize: found.typeSize, faceCount: found.faceCount,
+        width: found.pixelWidth, height: found.pixelHeight, depth: found.pixelDepth,
+        scheme: found.supercompressionScheme, pairs: found.keyValue,
+        lengths: found.levels.map((each) => each.uncompressedByteLength),
+        first: Array.from(found.levels[0].levelData.slice(0, 16)),
+        descriptor: found.dataFormatDescriptor[0],
+    }));
+});
+"""
+
+
+@pytest.fixture(scope="module")
+def parse():
+    """Return a function that reads a file by ktx-parse; skip where it or node is absent."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no node on the path")
+    modules = Path(os.environ.get("SHRM_NODE_MODULES", HERE / "node_modules"))
+    found = sorted((modules / "ktx-parse" / "dist").glob("*.mjs"))
+    if not found:
+        pytest.skip(f"npm package ktx-parse is not in {modules} (SHRM_NODE_MODULES)")
+
+    def read(path):
+        done = subprocess.run(
+            [node, "-e", READ, str(found[0]), str(path)], capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return read
+
+
+@pytest.mark.parametrize("compress", [False, True])
+@pytest.mark.parametrize(("name", "number"), [("rgba16f", 97), ("r11g11b10", 122), ("rgb9e5", 123)])
+def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, compress):
+    if compress and not can_compress():
+        pytest.skip("the extra export is not installed")
+    texels = FORMATS[name]
+    mips = [
+        encoded(rng.uniform(size=(6, size, size, 3)), texels, "")[0] for size in (8, 4, 2, 1)
+    ]  # fmt: skip
+    (tmp_path / "cube.ktx2").write_bytes(ktx2_cube(mips, 8, texels, compress))
+    found = parse(tmp_path / "cube.ktx2")
+    assert (found["vkFormat"], found["typeSize"]) == (number, 2 if name == "rgba16f" else 4)
+    assert (found["width"], found["height"], found["depth"], found["faceCount"]) == (8, 8, 0, 6)
+    assert found["scheme"] == (2 if compress else 0)
+    assert found["pairs"]["KTXwriter"].startswith("shrm ")
+    assert found["lengths"] == [len(mip) for mip in mips]
+    if not compress:
+        assert bytes(found["first"]) == mips[0][:16]
+    descriptor = found["descriptor"]
+    assert descriptor["colorModel"] == descriptor["transferFunction"] == 1
+    assert descriptor["bytesPlane"][0] == texels.size
+    bits = [(each["bitOffset"], each["bitLength"] + 1) for each in descriptor["samples"]]
+    covered = np.zeros(8 * texels.size, dtype=int)
+    for offset, length in bits:
+        covered[offset : offset + length] += 1
+    assert (covered > 0).all()  # every bit of a texel is somebody's
