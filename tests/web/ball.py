@@ -30,6 +30,19 @@ def seen(size, towards):
     return x[..., None] * right + y[..., None] * up + z[..., None] * towards, inside
 
 
+def change(size):
+    """The largest difference of a normal's parts, in camera axes, within a block of 2 x 2 pixels.
+
+    It is what ``max(abs(dFdx(n)), abs(dFdy(n)))`` makes, largest part.
+    """
+    s = (np.arange(size) + 0.5) * 2 / size - 1
+    x, y = np.meshgrid(s, -s)
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
+    across = np.abs(normals[:, 1::2] - normals[:, ::2]).repeat(2, axis=1)
+    down = np.abs(normals[1::2] - normals[::2]).repeat(2, axis=0)
+    return np.maximum(across, down).max(axis=-1)
+
+
 def mirrored(normals, view):
     """Where views are reflected to."""
     view = np.asarray(view, dtype=float) / np.linalg.norm(view)
@@ -49,11 +62,17 @@ def trilinear(levels, directions, lod):
     return result.reshape(directions.shape)
 
 
+_POLYNOMIALS = [0.282095, *[0.325735] * 3, 0.273137, 0.273137, 0.078848, 0.273137, 0.136569]
+"""Of Ramamoorthi and Hanrahan 2001, with A_l / pi and the factors of the harmonics."""
+
+
+def polynomials(nine):
+    """Nine lighting coefficients times what makes polynomials of E / pi of them, shape (9, 3)."""
+    return np.array(_POLYNOMIALS)[:, None] * nine
+
+
 def lambert(nine, normals):
-    """E / pi of nine lighting coefficients, by the polynomials of Ramamoorthi and Hanrahan."""
+    """E / pi of nine lighting coefficients."""
     x, y, z = np.moveaxis(normals, -1, 0)
-    terms = [
-        0.282095, 0.325735 * y, 0.325735 * z, 0.325735 * x, 0.273137 * x * y, 0.273137 * y * z,
-        0.078848 * (3 * z * z - 1), 0.273137 * x * z, 0.136569 * (x * x - y * y),
-    ]  # fmt: skip
-    return sum(np.multiply.outer(term, row) for term, row in zip(terms, nine, strict=True))
+    terms = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
+    return np.stack(terms, axis=-1) @ polynomials(nine)

@@ -103,7 +103,7 @@ class Page:
         self._page.on("pageerror", lambda error: self.errors.append(str(error)))
         self._page.on("console", self._heard)
         self._page.on("request", lambda request: self.requests.append(request.url))
-        self._page.goto(f"{address}/blank.html")
+        self._page.goto(f"{address}/{script}".rpartition("/")[0] + "/blank.html")
         self._page.add_script_tag(url=f"{address}/{script}")
 
     def _heard(self, message):

@@ -5,19 +5,21 @@ and compares the linear pixels with two pictures: the engine's documented shadin
 on our levels, and the split sum as `shrm render` shades it.
 """
 
-import json
+import base64
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
+from shrm_cli.export.cubes import diffuse_cube
 from shrm_cli.export.engine import Wishes, engine
 from shrm_cli.export.make import Asked, Source, gather
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
 from tests.web import ball
-from tests.web.browser import HERE, Page, bundle
+from tests.web.browser import HERE, Page, bundle, node_modules
+from tests.web.glb import ball_file
 
 VIEW = (0.3, 0.2, 1.0)
 FACING = 0.2
@@ -32,7 +34,7 @@ class Row:
     Attributes
     ----------
     what : str
-        ``"diffuse"``, or the roughness of a white metal.
+        ``"diffuse"``, with what it is lit by, or the roughness of a white metal.
     largest, rms : float
         The largest difference to the documented shading, as a part of the largest value, and the
         RMS of the differences, relative to that of the values.
@@ -104,11 +106,14 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256):
     page.call("environment", f"{address}/three/light.ktx2")
     normals, used, facing = _ball(pixels)
     last = len(light.levels) - 1
+    edge = light.levels[-1].shape[1]
+    diffuse = diffuse_cube(light.diffuse, edge)
+    light = replace(light, levels=(*light.levels[:-1], diffuse))
     pictures = {}
     for roughness in roughnesses:
         # The shader adds what the normal changes from pixel to pixel, and stays above 0.0525.
-        change = np.maximum(*(np.abs(np.gradient(normals, axis=axis)) for axis in (0, 1)))
-        rough = np.minimum(max(roughness, 0.0525) + np.minimum(change.max(axis=-1), 0.3), 1.0)
+        added = np.minimum(ball.change(pixels), 0.3)
+        rough = np.minimum(max(roughness, 0.0525) + added, 1.0)
 
         albedo = DirectionalAlbedo(max(roughness, 0.0525))(facing, WHITE)
 
@@ -121,6 +126,11 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256):
 
         found = ball.decoded(page.call("shade", roughness), pixels)
         pictures[f"{roughness:g}"] = found, documented
+    white = ball.decoded(page.call("shade", "environment"), pixels)
+    pictures["diffuse, by the environment"] = (
+        white,
+        lambda levels: ball.trilinear(levels, normals, last),
+    )
     page.call("lightProbe", f"{address}/three/light_sh.json")
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
     return _proof("three.js", page, light, "filament", pictures, normals, used)
@@ -156,6 +166,66 @@ def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
     title = "Babylon.js .env" if form == "babylon" else "Babylon.js glTF"
     return _proof(title, page, light, "linear", pictures, normals, used)
+
+
+def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
+    """Balls in Filament, from glTF files, with the materials that its library brings."""
+    light, _ = exported(folder / "filament", "filament", probe, size)
+    _prepare_filament(folder / "filament", roughnesses)
+    page = Page(browser, address, "filament/filament.bundle.js")
+    files = [f"metal{k}.glb" for k in range(len(roughnesses))] + ["diffuse.glb"]
+    page.call("start", pixels, VIEW, ["light_ibl.ktx", *files])
+    read = np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
+    normals, used, facing = _ball(pixels)
+    last = len(light.levels) - 1
+
+    def prefiltered(levels, rough):
+        mixed = rough**4
+        bent = ball.mirrored(normals, VIEW) * (1 - mixed) + normals * mixed
+        bent /= np.linalg.norm(bent, axis=-1, keepdims=True)
+        return ball.trilinear(levels, bent, last * rough * (2 - rough))
+
+    pictures = {}
+    for file, roughness in zip(files, roughnesses, strict=False):
+        rough = max(roughness, 0.089)  # the least where numbers may have 16 bits
+        # Scale and compensation for several facets cancel for a white metal.
+        pictures[f"{roughness:g}"] = (
+            _exposed(page, file, pixels),
+            lambda levels, rough=rough: prefiltered(levels, rough),
+        )
+    found = _exposed(page, "diffuse.glb", pixels)
+    # A plastic of roughness 1: what its surface of f0 0.04 reflects, the rest is diffuse.
+    total = DirectionalAlbedo(1.0)(facing, WHITE)
+    reflected = DirectionalAlbedo(1.0)(facing, (0.04,) * 3)
+    surface = reflected * (1 + 0.04 * (1 / total - 1)) * prefiltered(light.levels, 1.0)
+    pictures["diffuse"] = (found - surface) / (1 - reflected), None
+    made = _proof("Filament", page, light, "filament", pictures, normals, used)
+    made.facts["sh"] = float(np.abs(read - ball.polynomials(light.nine())).max())
+    return made
+
+
+def _prepare_filament(folder, roughnesses):
+    package = node_modules() / "filament"
+    shutil.copy(package / "filament.wasm", folder)
+    prepare(folder, "filament")
+    script = folder / "filament.bundle.js"
+    script.write_text((package / "filament.js").read_text() + ";\n" + script.read_text())
+    for k, roughness in enumerate(roughnesses):
+        (folder / f"metal{k}.glb").write_bytes(ball_file(1.0, roughness))
+    (folder / "diffuse.glb").write_bytes(ball_file(0.0, 1.0))
+
+
+def _exposed(page, file, pixels):
+    """A picture of 8 bits at several exposures, each pixel from the brightest that holds it."""
+    result = None
+    for intensity in (1 / 16, 1 / 4, 1.0):
+        text = page.call("shade", file, intensity)
+        image = np.frombuffer(base64.b64decode(text), np.uint8).reshape(pixels, pixels, 4)
+        image = image[::-1, :, :3]
+        known = (image < 255).all(axis=-1, keepdims=True)
+        image = image / 255 / intensity
+        result = image if result is None else np.where(known, image, result)
+    return result
 
 
 def directx(browser, folder, address, probe, size):
@@ -194,8 +264,10 @@ def _proof(title, page, light, mapping, pictures, normals, used):
         else:
             wrong = [documented([_turned(level, k) for level in light.levels]) for k in range(3)]
             want = documented(light.levels)
-            ours = split.shaded(float(what), WHITE).radiance(normals[used], view)
-            to_shrm = _rms(found[used], ours)
+            to_shrm = None
+            if not what.startswith("diffuse"):
+                ours = split.shaded(float(what), WHITE).radiance(normals[used], view)
+                to_shrm = _rms(found[used], ours)
         rms = _rms(found[used], want[used])
         turned = min(_rms(found[used], each[used]) for each in wrong) / rms
         largest = float(np.abs(found - want)[used].max() / want[used].max())
@@ -221,8 +293,3 @@ def _turned(level, axis):
 
 def _rms(found, want):
     return float(np.sqrt(np.mean((found - want) ** 2) / np.mean(want**2)))
-
-
-def as_json(proofs):
-    """The rows of proofs, for a file."""
-    return json.dumps([{"engine": p.engine, **vars(row)} for p in proofs for row in p.rows])

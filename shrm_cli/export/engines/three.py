@@ -1,8 +1,8 @@
 """three.js, r187 and later: a prefiltered cube in KTX 2, nine coefficients, and what loads both.
 
 Levels are looked up at ``(K - 1) r (2 - r)``, cubes of files at (-x, y, z). Diffuse surfaces take
-the last level, of roughness 1, as ``E / pi``, which it is: GGX with N = V = R and ggx_alpha 1 is
-the cosine.
+the last level, of roughness 1, as ``E / pi``. PMREMGenerator makes just that of it, because it
+leaves the shadowing of facets out; so the last level is ``E / pi`` here as well.
 
 The KTX2Loader of three.js makes cubes of block-compressed texels alone, which nothing encodes on
 all platforms. So a module of a few lines goes along: it reads the file by the parser that three.js
@@ -17,7 +17,7 @@ three.js, PMREMGenerator.js, WebGLTextures.js (`uploadCubeTexture`), WebGLMateri
 from collections.abc import Sequence
 from importlib.resources import files
 
-from shrm_cli.export.cubes import ktx2_file
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.pixels import FORMATS
@@ -37,6 +37,7 @@ class Three(Engine):
     name = "three"
     title = "three.js"
     mapping = "filament"
+    wants_diffuse = True
 
     def sizes(self, size: int) -> tuple[int, ...]:
         return halving(size, _LEAST)
@@ -66,10 +67,14 @@ class Three(Engine):
 
     def _add_cube(self, made: Package, light: Light) -> None:
         name = f"{light.name}.ktx2"
-        ktx2_file(made, name, light.levels, FORMATS["rgba16f"], LOOKUP)
+        levels = list(light.levels)
+        if light.diffuse is not None:
+            levels[-1] = diffuse_cube(light.diffuse, levels[-1].shape[1])
+            made.told.append("the last level is E / pi, because diffuse surfaces take it")
+        ktx2_file(made, name, levels, FORMATS["rgba16f"], LOOKUP)
         made.told += [
             "axes: three.js looks a cube of a file up at (-x, y, z), so the cube is mirrored in x",
-            "levels: roughness 1 - sqrt(1 - k / (K - 1)); the last serves diffuse surfaces too",
+            "levels: roughness 1 - sqrt(1 - k / (K - 1))",
         ]
         made.loading += [
             f'import {{ loadEnvironment, loadLightProbe }} from "./{LOADER}";',

@@ -38,13 +38,15 @@ window.lightProbe = async (url) => {
 
 window.background = () => draw(null, scene.environment);
 
-// Shade with a metal of colour white and some roughness, or diffuse white where it is null.
+// Shade with a metal of colour white and some roughness; with diffuse white where it is null; by
+// the environment's diffuse light alone where it is "environment".
 window.shade = (roughness) => {
-  const material =
-    roughness === null
-      ? new THREE.MeshLambertMaterial({ color: "white" })
-      : new THREE.MeshStandardMaterial({ color: "white", metalness: 1, roughness });
-  return draw(material, null);
+  if (roughness === null) return draw(new THREE.MeshLambertMaterial({ color: "white" }), null);
+  if (roughness !== "environment") {
+    return draw(new THREE.MeshStandardMaterial({ color: "white", metalness: 1, roughness }), null);
+  }
+  const diffuse = { color: "white", metalness: 0, roughness: 1, specularIntensity: 0 };
+  return draw(new THREE.MeshPhysicalMaterial(diffuse), null);
 };
 
 function draw(material, background) {
