@@ -169,7 +169,11 @@ def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form
 
 
 def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
-    """Balls in Filament, from glTF files, with the materials that its library brings."""
+    """Balls in Filament, from glTF files, with the materials that its library brings.
+
+    These widen the roughness by what normals change from pixel to pixel, which is left out here: at
+    half as many pixels along an edge a mirror is three times as far from the documented shading.
+    """
     light, _ = exported(folder / "filament", "filament", probe, size)
     _prepare_filament(folder / "filament", roughnesses)
     page = Page(browser, address, "filament/filament.bundle.js")

@@ -51,7 +51,7 @@ def test_babylon(browser, needs, site, probe, form):
 
 
 def test_a_left_handed_scene_shows_the_same_picture(browser, needs, site, probe):
-    """What is seen from (x, y, -z) of a left-handed world is what is seen from (x, y, z) of ours."""
+    """What is seen from (x, y, -z) of a left-handed world is what is seen from our (x, y, z)."""
     needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
     folder, address = site
     proofs.prepare(folder, "babylon")
@@ -79,6 +79,6 @@ def test_babylon_reads_dds_files(browser, needs, site, probe):
 def test_filament(browser, needs, site, probe):
     needs("filament", "esbuild")
     folder, address = site
-    proof = proofs.filament(browser, folder, address, probe, 64, ROUGHNESSES, pixels=128)
+    proof = proofs.filament(browser, folder, address, probe, 64, ROUGHNESSES)
     assert_shaded(proof, address)
     assert proof.facts["sh"] < 1e-5
