@@ -104,7 +104,7 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256):
     page = Page(browser, address, "three.bundle.js")
     page.call("start", pixels, VIEW)
     page.call("environment", f"{address}/three/light.ktx2")
-    normals, used, facing = _ball(pixels)
+    normals, used, facing = shown(pixels)
     last = len(light.levels) - 1
     edge = light.levels[-1].shape[1]
     diffuse = diffuse_cube(light.diffuse, edge)
@@ -148,7 +148,7 @@ def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form
     else:
         page.call("environment", f"{address}/babylon/light.env")
         lod_scale = 0.8
-    normals, used, facing = _ball(pixels)
+    normals, used, facing = shown(pixels)
     reflected = ball.mirrored(normals, VIEW)
     pictures = {}
     for roughness in roughnesses:
@@ -180,7 +180,7 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
     files = [f"metal{k}.glb" for k in range(len(roughnesses))] + ["diffuse.glb"]
     page.call("start", pixels, VIEW, ["light_ibl.ktx", *files])
     read = np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
-    normals, used, facing = _ball(pixels)
+    normals, used, facing = shown(pixels)
     last = len(light.levels) - 1
 
     def prefiltered(levels, rough):
@@ -251,7 +251,8 @@ def directx(browser, folder, address, probe, size):
     return worst, errors, requests
 
 
-def _ball(pixels):
+def shown(pixels):
+    """Normals of the ball, which pixels are compared, and N.V of all."""
     normals, inside = ball.seen(pixels, VIEW)
     facing = normals @ (np.array(VIEW) / np.linalg.norm(VIEW))
     return normals, inside & (facing > FACING), np.clip(facing, 1e-3, 1)
