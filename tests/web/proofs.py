@@ -195,7 +195,7 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
         # Scale and compensation for several facets cancel for a white metal.
         pictures[f"{roughness:g}"] = (
             _exposed(page, file, pixels),
-            lambda levels, rough=rough: prefiltered(levels, rough),
+            lambda levels, rough=rough: np.minimum(prefiltered(levels, rough), 1 / _EXPOSURES[0]),
         )
     found = _exposed(page, "diffuse.glb", pixels)
     # A plastic of roughness 1: what its surface of f0 0.04 reflects, the rest is diffuse.
@@ -206,6 +206,10 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
     made = _proof("Filament", page, light, "filament", pictures, normals, used)
     made.facts["sh"] = float(np.abs(read - ball.polynomials(light.nine())).max())
     return made
+
+
+_EXPOSURES = 1 / 16, 1 / 4, 1.0
+"""What light is multiplied with; the canvas is white where a product is above 1."""
 
 
 def _prepare_filament(folder, roughnesses):
@@ -222,7 +226,7 @@ def _prepare_filament(folder, roughnesses):
 def _exposed(page, file, pixels):
     """A picture of 8 bits at several exposures, each pixel from the brightest that holds it."""
     result = None
-    for intensity in (1 / 16, 1 / 4, 1.0):
+    for intensity in _EXPOSURES:
         text = page.call("shade", file, intensity)
         image = np.frombuffer(base64.b64decode(text), np.uint8).reshape(pixels, pixels, 4)
         image = image[::-1, :, :3]
