@@ -80,8 +80,8 @@ def export(
     or clipped is said.
 
     \b
-      shrm export probe.exr --for filament
-      shrm export probe.exr --for bevy -o assets/light --window auto
+      shrm export probe.exr --for bevy
+      shrm export probe.exr --for filament --window auto -o assets/light
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
     from shrm_cli.export.engine import engine as engine_of

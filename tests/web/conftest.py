@@ -1,33 +1,72 @@
-"""A browser for the tests of this folder, and a loopback server of what they write."""
+"""A page in a real browser: headless Chromium, whose software renderer draws floats exactly."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
-from tests.web.browser import absent, launched, served
+from tests.web.browser import absent, served
+
+ARGUMENTS = ["--enable-unsafe-swiftshader", "--no-sandbox", "--ignore-gpu-blocklist"]
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+
+@dataclass
+class Watched:
+    """What a page said and asked for, besides the page itself."""
+
+    page: Any
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
 
 
 @pytest.fixture(scope="session")
-def browser():
-    """Chromium, or a skip that says what is missing."""
-    why = absent()
-    if why is not None:
-        pytest.skip(why)
-    with launched() as found:
-        yield found
+def browser() -> Iterator[Any]:
+    """Start Chromium once for each process of the tests; skip where there is none."""
+    api = pytest.importorskip("playwright.sync_api", reason="pip install 'shrm[web-test]'")
+    path = os.environ.get("SHRM_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+    if path is None:
+        pytest.skip("no Chromium; install one, or name it in SHRM_CHROMIUM")
+    with api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def watched(browser: Any) -> Iterator[Watched]:
+    """Open a page, and record errors and requests."""
+    page = browser.new_page()
+    found = Watched(page)
+    page.on("console", lambda m: found.errors.append(m.text) if m.type == "error" else None)
+    page.on("pageerror", lambda error: found.errors.append(str(error)))
+    page.on("request", lambda request: found.requests.append(request.url))
+    yield found
+    page.close()
+
+
+@pytest.fixture
+def page(watched: Watched) -> Any:
+    """Return the page alone; its records are those of `watched`."""
+    return watched.page
 
 
 @pytest.fixture(scope="session")
-def site(tmp_path_factory):
-    """A folder, and the address that serves it."""
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Yield a folder, and the loopback address that serves it."""
     folder = tmp_path_factory.mktemp("site")
     with served(folder) as address:
         yield folder, address
 
 
 @pytest.fixture
-def needs(browser):
-    """Skip where npm packages are missing: ``needs("three", "esbuild")``."""
+def needs(browser: Any) -> Any:
+    """Return what skips where npm packages are missing: ``needs("three", "esbuild")``."""
 
-    def check(*packages):
+    def check(*packages: str) -> None:
         why = absent(*packages)
         if why is not None:
             pytest.skip(why)
