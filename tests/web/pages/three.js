@@ -20,39 +20,25 @@ window.environment = async (url) => {
   return { isPMREM: scene.environment.isPMREMTexture };
 };
 
-// three.js' own filtering of a lat-long, to compare with.
-window.ownFilter = async (width, values) => {
-  const half = Uint16Array.from(values, THREE.DataUtils.toHalfFloat);
-  const image = new THREE.DataTexture(half, width, width / 2, THREE.RGBAFormat, THREE.HalfFloatType);
-  image.mapping = THREE.EquirectangularReflectionMapping;
-  image.minFilter = image.magFilter = THREE.LinearFilter;
-  image.flipY = true;
-  image.needsUpdate = true;
-  scene.environment = image;
-};
-
 window.lightProbe = async (url) => {
   scene.environment = null;
   scene.add(await loadLightProbe(url));
 };
 
-window.background = () => draw(null, scene.environment);
-
 // Shade with a metal of colour white and some roughness; with diffuse white where it is null; by
 // the environment's diffuse light alone where it is "environment".
 window.shade = (roughness) => {
-  if (roughness === null) return draw(new THREE.MeshLambertMaterial({ color: "white" }), null);
+  if (roughness === null) return draw(new THREE.MeshLambertMaterial({ color: "white" }));
   if (roughness !== "environment") {
-    return draw(new THREE.MeshStandardMaterial({ color: "white", metalness: 1, roughness }), null);
+    return draw(new THREE.MeshStandardMaterial({ color: "white", metalness: 1, roughness }));
   }
   const diffuse = { color: "white", metalness: 0, roughness: 1, specularIntensity: 0 };
-  return draw(new THREE.MeshPhysicalMaterial(diffuse), null);
+  return draw(new THREE.MeshPhysicalMaterial(diffuse));
 };
 
-function draw(material, background) {
-  scene.background = background;
-  const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 512, 256), material ?? undefined);
-  if (material) scene.add(ball);
+function draw(material) {
+  const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 512, 256), material);
+  scene.add(ball);
   renderer.setRenderTarget(target);
   renderer.render(scene, camera);
   scene.remove(ball);
