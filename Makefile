@@ -17,6 +17,8 @@ PYTEST_FLAGS ?= -n auto
 # make fuzz MINUTES=10 FUZZ_FLAGS="--seed 2 --case 345"
 MINUTES ?= 10
 FUZZ_FLAGS ?=
+# make engines PROBE=probe.exr
+PROBE ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
 TABLES_FLAGS ?=
 # make survey MEASURED="a.bsdf b.binary": measured BRDFs beside the models; `make tables` draws two
@@ -31,11 +33,12 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test fuzz bench tables survey scale probes batch clean distclean
+.PHONY: help install demo test engines fuzz bench tables survey scale probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
+	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours (Chromium, npm)'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make bench     measure against other tools, as ratios'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
@@ -82,6 +85,11 @@ test: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+# Engines are loaded from SHRM_NODE_MODULES, by default tests/web/node_modules.
+engines: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[web-test]'
+	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines
 
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)

@@ -81,6 +81,9 @@ ENGINES: dict[str, str] = {
     "unity": "unity",
     "unreal": "unreal",
     "godot": "godot",
+    "gltf": "gltf",
+    "directx": "directx",
+    "json": "coefficients",
 }
 """Each engine that light is exported for, and its module of `shrm_cli.export.engines`."""
 

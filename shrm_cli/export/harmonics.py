@@ -63,3 +63,33 @@ def unity(coefficients: ArrayLike) -> Array:
 def unreal(coefficients: ArrayLike) -> Array:
     """Return what Unreal's `FSHVectorRGB3` holds: radiance, with the Condon-Shortley phase."""
     return np.asarray(coefficients, dtype=float) * _CONDON_SHORTLEY[:, None]
+
+
+def babylon(coefficients: ArrayLike) -> dict[str, list[float]]:
+    """Return the polynomials of Babylon.js' ``.env`` files, RGB by name.
+
+    Their sum ``x X + y Y + .. + xy XY`` is that of harmonics with ``(A_l / pi)^2 L_lm``. Babylon's
+    `SphericalHarmonics.FromPolynomial` divides by ``A_l / pi`` again before it shades.
+    """
+    twice = irradiance_over_pi(irradiance_over_pi(coefficients)) * _NORMS[:, None]
+    constant, zonal, squares = twice[0], twice[6], twice[8]
+    polynomials = {
+        "x": twice[3],
+        "y": twice[1],
+        "z": twice[2],
+        "xx": constant - zonal + squares,
+        "yy": constant - zonal - squares,
+        "zz": constant + 2 * zonal,
+        "yz": twice[5],
+        "zx": twice[7],
+        "xy": twice[4],
+    }
+    return {name: values.tolist() for name, values in polynomials.items()}
+
+
+def ext_lights_image_based(coefficients: ArrayLike) -> Array:
+    """Return what glTF's EXT_lights_image_based holds as Babylon.js reads it, shape (9, 3).
+
+    They are ``A_l L_lm``, of irradiance, for harmonics with Condon-Shortley phase.
+    """
+    return np.pi * irradiance_over_pi(coefficients) * _CONDON_SHORTLEY[:, None]

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.web.browser import absent, served
+
 ARGUMENTS = ["--enable-unsafe-swiftshader", "--no-sandbox", "--ignore-gpu-blocklist"]
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -50,3 +52,23 @@ def watched(browser: Any) -> Iterator[Watched]:
 def page(watched: Watched) -> Any:
     """Return the page alone; its records are those of `watched`."""
     return watched.page
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Yield a folder, and the loopback address that serves it."""
+    folder = tmp_path_factory.mktemp("site")
+    with served(folder) as address:
+        yield folder, address
+
+
+@pytest.fixture
+def needs(browser: Any) -> Any:
+    """Return what skips where npm packages are missing: ``needs("three", "esbuild")``."""
+
+    def check(*packages: str) -> None:
+        why = absent(*packages)
+        if why is not None:
+            pytest.skip(why)
+
+    return check

@@ -1,0 +1,53 @@
+"""DDS files with cubes and their mips, for DirectX and the tools that read its textures.
+
+A header, its extension "DX10" with the number of the pixel format, then for each face
++X -X +Y -Y +Z -Z all levels from the largest.
+
+References
+----------
+Microsoft, Programming guide for DDS; DDS_HEADER, DDS_HEADER_DXT10.
+"""
+
+import struct
+from collections.abc import Sequence
+
+from shrm_cli.export.pixels import TexelFormat
+
+_HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 4I 4x")
+"""Magic; size, flags, height, width, pitch, depth, levels; of the pixel format its size, flags and
+code; four words of caps."""
+_EXTENSION = struct.Struct("<5I")
+"""Format, dimension, flags, count, alpha."""
+# Caps, height, width, pitch, pixel format and the number of levels are given.
+_FLAGS = 0x1 | 0x2 | 0x4 | 0x8 | 0x1000 | 0x20000
+_HAS_CODE = 0x4
+# A texture of several surfaces with mips; a cube with all its faces.
+_CAPS, _CAPS_CUBE = 0x1000 | 0x8 | 0x400000, 0x200 | 0xFC00
+_TEXTURE_2D, _IS_CUBE, _OPAQUE = 3, 0x4, 3
+_NUMBERS = {"rgba16f": 10, "r11g11b10": 26, "rgb9e5": 67}
+"""DXGI_FORMAT_R16G16B16A16_FLOAT, R11G11B10_FLOAT and R9G9B9E5_SHAREDEXP."""
+
+
+def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
+    """Return the bytes of a file of a cube with its mips.
+
+    Parameters
+    ----------
+    levels : sequence of bytes
+        Little-endian texels of each level: six faces, in rows from the top. Each level is half as
+        wide as the one before.
+    size : int
+        Texels along an edge of the first level.
+    texels : TexelFormat
+    """
+    header = _HEADER.pack(
+        b"DDS ", 124, _FLAGS, size, size, size * texels.size, 1, len(levels),
+        32, _HAS_CODE, b"DX10", _CAPS, _CAPS_CUBE, 0, 0,
+    )  # fmt: skip
+    extension = _EXTENSION.pack(_NUMBERS[texels.name], _TEXTURE_2D, _IS_CUBE, 1, _OPAQUE)
+    faces = (
+        level[face * len(level) // 6 : (face + 1) * len(level) // 6]
+        for face in range(6)
+        for level in levels
+    )
+    return header + extension + b"".join(faces)

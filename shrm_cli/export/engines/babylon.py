@@ -1,0 +1,87 @@
+"""Babylon.js: one file ``.env`` with the levels as RGBD pictures, and polynomials of irradiance.
+
+Level k holds ggx_alpha ``2^(k / 0.8) / size``, level 0 the light itself; every level is there down
+to one texel. Scenes look cubes up at (x, y, -z) where they are right-handed.
+
+References
+----------
+Babylon.js, ``Misc/environmentTextureTools``, ``Maths/sphericalPolynomial`` and the shaders
+``pbrIBLFunctions`` and ``harmonicsFunctions``.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.export.babylon_env import LOD_SCALE, env_file
+from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.harmonics import babylon, in_axes
+from shrm_cli.export.rgbd import RGBD, rgbd_pictures
+from shrm_cli.export.turning import mirrored, to_lookup
+from shrm_cli.vocabulary import MIN_ROUGHNESS
+
+Array = NDArray[np.floating]
+
+LOOKUP = mirrored(1, 1, -1)
+"""Where a right-handed scene looks up a world direction."""
+
+
+class Babylon(Engine):
+    """Babylon.js: `CubeTexture.CreateFromPrefilteredData`."""
+
+    name = "babylon"
+    title = "Babylon.js"
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        sizes = halving(size, 1)
+        # Beyond alpha 1 there is no lobe; `pack` makes the levels that go on.
+        return sizes[: 1 + math.ceil(LOD_SCALE * math.log2(size))]
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        alphas = [2 ** (k / LOD_SCALE) / sizes[0] for k in range(1, len(sizes))]
+        if alphas and math.sqrt(alphas[0]) < MIN_ROUGHNESS:
+            raise ArgumentError("size", f"{sizes[0]} makes its second level too sharp; give 512")
+        return (0.0, *(min(math.sqrt(alpha), 1.0) for alpha in alphas))
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        made = Package()
+        coefficients = light.nine()
+        polynomials = None
+        if coefficients is not None:
+            polynomials = babylon(in_axes(coefficients, LOOKUP))
+            made.told.append("irradiance: polynomials with A_l/pi twice; its loader divides once")
+        if not light.levels:
+            return made
+        name = f"{light.name}.env"
+        cubes = [to_lookup(cube, LOOKUP) for cube in light.levels]
+        while cubes[-1].shape[1] > 1:
+            cubes.append(_halved(cubes[-1]))
+        levels, clipped = zip(
+            *(rgbd_pictures(cube, f"level {k}") for k, cube in enumerate(cubes)), strict=True
+        )
+        made.tell_clipped(name, RGBD, clipped)
+        made.add_bytes(name, env_file(levels, polynomials))
+        made.told += [
+            "axes: right-handed scenes look up (x, y, -z), so the cube and the polynomials are "
+            "mirrored in z; in a left-handed scene the light of (x, y, z) comes from (x, y, -z)",
+            "levels: ggx_alpha 2^(k / 0.8) / size, level 0 sharp, roughness 1 from ggx_alpha 1 on",
+            "pixels: RGBD, 8 bits a channel, at most radiance 255",
+        ]
+        made.loading += [
+            "scene.useRightHandedSystem = true;",
+            "scene.environmentTexture =",
+            f'  BABYLON.CubeTexture.CreateFromPrefilteredData("{name}", scene);',
+        ]
+        return made
+
+
+def _halved(faces: Array) -> Array:
+    """Return the means of four texels each, shape (6, N/2, N/2, 3)."""
+    size = faces.shape[1] // 2
+    return np.asarray(faces.reshape(6, size, 2, size, 2, 3).mean(axis=(2, 4)))
+
+
+ENGINE = Babylon()

@@ -1,0 +1,62 @@
+"""DDS cubes for programs that use DirectX, and for tools that read its textures.
+
+DirectX itself has no law of levels; they are those of glTF's sampler, linear in roughness.
+"""
+
+from collections.abc import Sequence
+
+from shrm_cli.export.dds import dds_cube
+from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.engines.coefficients import coefficients_json
+from shrm_cli.export.pixels import FORMATS, encoded
+from shrm_cli.export.turning import to_lookup
+from shrm_cli.maps.splitsum.roughness import level_roughnesses
+
+_LEAST = 8
+
+
+class DirectX(Engine):
+    """Readers of DDS files with the extension DX10."""
+
+    name = "directx"
+    title = "DirectX (DDS)"
+    formats = ("rgba16f", "rgb9e5", "r11g11b10")
+    mapping = "linear"
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        return halving(size, _LEAST)
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        return (0.0,) if len(sizes) == 1 else level_roughnesses(len(sizes), "linear")
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        made = Package()
+        if light.levels:
+            texels = wishes.texels or FORMATS[self.formats[0]]
+            name = f"{light.name}.dds"
+            data, clipped = zip(
+                *(
+                    encoded(to_lookup(cube), texels, f"level {k}")
+                    for k, cube in enumerate(light.levels)
+                ),
+                strict=True,
+            )
+            made.tell_clipped(name, texels, clipped)
+            made.add_bytes(name, dds_cube(data, light.levels[0].shape[1], texels))
+            made.told += [
+                "axes: sample at (x, y, z) of right-handed axes with y up, or in a left-handed "
+                "world at (x, y, -z)",
+                "levels: sample level r (K - 1) for the perceptual roughness r",
+            ]
+            made.loading += [
+                f'DirectX::CreateDDSTextureFromFile(device, L"{name}", nullptr, &view);',
+                f"color = cube.SampleLevel(trilinear, R, roughness * {len(light.levels) - 1});",
+            ]
+        coefficients = light.nine()
+        if coefficients is not None:
+            made.add_text(f"{light.name}_sh.json", coefficients_json(coefficients))
+            made.told.append("sh: nine coefficients, in each convention by its name")
+        return made
+
+
+ENGINE = DirectX()

@@ -1,0 +1,97 @@
+"""RGBD: radiance up to 255 in the four bytes of a pixel, as Babylon.js defines it.
+
+A pixel holds a divisor D in its alpha and ``(c D)^(1/2.2)`` in its colours, all as bytes. A reader
+takes ``rgb^2.2 / D``. D is 1 for what a display could show, and falls to 1/255 at radiance 255,
+which is the most that a pixel can hold.
+
+References
+----------
+Babylon.js, ``helperFunctions``: ``toRGBD`` and ``fromRGBD``.
+"""
+
+import zlib
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.export.pixels import Clipped, TexelFormat, encoded
+
+Array = NDArray[np.floating]
+
+LARGEST = 255.0
+"""The largest radiance that a pixel can hold."""
+_GAMMA = 2.2
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_PNG_RGBA_8 = bytes([8, 6, 0, 0, 0])
+"""Of a PNG's header: 8 bits a channel, RGBA, and the only compression, filters and interlacing."""
+
+
+def rgbd_pictures(faces: Array, what: str) -> tuple[list[bytes], Clipped]:
+    """Return PNG files of the faces of a level, and what RGBD could not hold.
+
+    The pictures stand on their heads: Babylon.js, and glTF's image-based light with it, counts the
+    rows of a face as those of other textures, from below.
+
+    Parameters
+    ----------
+    faces : ndarray, shape (6, N, N, 3)
+        Linear radiance.
+    what : str
+        What the level is called in messages.
+
+    Raises
+    ------
+    MapError
+        If a value is not finite.
+    """
+    data, clipped = encoded(faces, RGBD, what)
+    pixels = np.frombuffer(data, np.uint8).reshape(*faces.shape[:-1], 4)[:, ::-1]
+    return [rgba_png(face) for face in pixels], clipped
+
+
+def _pack(radiance: Array) -> NDArray[np.uint8]:
+    """Encode linear radiance within 0 .. 255 in bytes, shape (..., 4)."""
+    radiance = np.asarray(radiance, dtype=np.float64)
+    peak = np.maximum(radiance.max(axis=-1, keepdims=True), 1.0)
+    divisor = np.floor(LARGEST / peak)
+    colors = np.rint(255 * (radiance * divisor / 255) ** (1 / _GAMMA))
+    return np.concatenate([colors, divisor], axis=-1).astype(np.uint8)
+
+
+RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack)
+"""The format; it is no choice of users, because its pixels lie in pictures."""
+
+
+def decode_rgbd(pixels: ArrayLike) -> Array:
+    """Return the linear radiance of pixels, shape (..., 3) from bytes of shape (..., 4)."""
+    pixels = np.asarray(pixels, dtype=np.float64) / 255
+    return np.asarray(pixels[..., :3] ** _GAMMA / pixels[..., 3:])
+
+
+def rgba_png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return a PNG file of pixels whose alpha is no opacity.
+
+    Image libraries multiply colours with alpha on their way into or out of a file, which would
+    destroy RGBD; here bytes stay as they are. Each row is stored as its difference to that above.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (H, W, 4)
+    """
+    height, width, _ = pixels.shape
+    rows = pixels.reshape(height, 4 * width)
+    above = np.vstack([np.zeros_like(rows[:1]), rows[:-1]])
+    filtered = np.full((height, 1 + 4 * width), 2, dtype=np.uint8)  # the filter "up"
+    filtered[:, 1:] = rows - above
+    size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
+    return (
+        _PNG_SIGNATURE
+        + _chunk(b"IHDR", size + _PNG_RGBA_8)
+        + _chunk(b"IDAT", zlib.compress(filtered.tobytes(), 9))
+        + _chunk(b"IEND", b"")
+    )
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    check = zlib.crc32(kind + data)
+    return len(data).to_bytes(4, "big") + kind + data + check.to_bytes(4, "big")

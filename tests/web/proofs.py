@@ -1,0 +1,304 @@
+"""Exported light in the engines themselves, beside what `shrm` makes of the same split sum.
+
+Each proof exports a probe for an engine, lets the engine load the files and shade balls with them,
+and compares the linear pixels with two pictures: the engine's documented shading evaluated in numpy
+on our levels, and the split sum as `shrm render` shades it.
+"""
+
+import base64
+import shutil
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
+from shrm_cli.export.cubes import diffuse_cube
+from shrm_cli.export.engine import Wishes, engine
+from shrm_cli.export.make import Asked, Source, gather
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.probe.probe import Probe
+from tests.web import ball
+from tests.web.browser import HERE, Page, bundle, node_modules
+from tests.web.glb import ball_file
+
+VIEW = (0.3, 0.2, 1.0)
+FACING = 0.2
+"""Pixels where N.V is less are left out: there a pixel sees a large part of the sphere."""
+WHITE = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Row:
+    """What one ball showed.
+
+    Attributes
+    ----------
+    what : str
+        ``"diffuse"``, with what it is lit by, or the roughness of a white metal.
+    largest, rms : float
+        The largest difference to the documented shading, as a part of the largest value, and the
+        RMS of the differences, relative to that of the values.
+    to_shrm : float or None
+        The same RMS to the picture of `shrm render`.
+    turned : float
+        How much larger the RMS is against the same picture of a mirrored or turned light, at least.
+    """
+
+    what: str
+    largest: float
+    rms: float
+    to_shrm: float | None
+    turned: float
+
+
+@dataclass
+class Proof:
+    """All balls of an engine, what the page logged, and its pictures beside ours."""
+
+    engine: str
+    rows: list[Row]
+    errors: list[str]
+    requests: list[str]
+    pictures: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    facts: dict[str, object] = field(default_factory=dict)
+
+
+def made_probe(rows=64):
+    """A lat-long without any symmetry: a gradient, and coloured discs all over."""
+    v, u = np.meshgrid(np.arange(rows) + 0.5, np.arange(2 * rows) + 0.5, indexing="ij")
+    theta, phi = np.pi * v / rows, np.pi * (1 - u / rows)
+    x, y, z = np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)
+    pixels = 0.3 + 0.1 * np.stack([x, y, z], axis=-1)
+    lamps = [
+        ((1, 0.2, 0.3), (6, 1, 1)), ((-1, 0.5, 0.1), (1, 5, 1)), ((0.1, 1, -0.3), (1, 1, 7)),
+        ((0.4, -1, 0.2), (4, 4, 0)), ((-0.3, 0.1, 1), (0, 4, 4)), ((0.2, -0.4, -1), (5, 0, 5)),
+    ]  # fmt: skip
+    for direction, color in lamps:
+        direction = np.array(direction) / np.linalg.norm(direction)
+        cosine = x * direction[0] + y * direction[1] + z * direction[2]
+        pixels += np.exp(12 * (cosine - 1))[..., None] * np.array(color)
+    return Probe.from_array(pixels, "latlong")
+
+
+def exported(folder, name, probe, size):
+    """Write what `shrm export --for NAME` writes of a probe; returns its light and its package."""
+    chosen = engine(name)
+    light, _, _ = gather(Source("light", "light.exr", probe=probe), chosen, Asked(size=size))
+    package = chosen.pack(light, Wishes(size))
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in package.files:
+        file.write(folder / file.name)
+    return light, package
+
+
+def prepare(folder, script):
+    """Bundle a script of pages/ into the folder that is served."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(HERE / "pages" / "blank.html", folder / "blank.html")
+    bundle(HERE / "pages" / f"{script}.js", folder / f"{script}.bundle.js")
+
+
+def three(browser, folder, address, probe, size, roughnesses, pixels=256):
+    """Balls in three.js."""
+    light, _ = exported(folder / "three", "three", probe, size)
+    page = Page(browser, address, "three.bundle.js")
+    page.call("start", pixels, VIEW)
+    page.call("environment", f"{address}/three/light.ktx2")
+    normals, used, facing = shown(pixels)
+    last = len(light.levels) - 1
+    edge = light.levels[-1].shape[1]
+    diffuse = diffuse_cube(light.diffuse, edge)
+    light = replace(light, levels=(*light.levels[:-1], diffuse))
+    pictures = {}
+    for roughness in roughnesses:
+        # The shader adds what the normal changes from pixel to pixel, and stays above 0.0525.
+        added = np.minimum(ball.change(pixels), 0.3)
+        rough = np.minimum(max(roughness, 0.0525) + added, 1.0)
+
+        albedo = DirectionalAlbedo(max(roughness, 0.0525))(facing, WHITE)
+
+        def documented(levels, rough=rough, albedo=albedo):
+            mixed = rough[..., None] ** 4
+            bent = ball.mirrored(normals, VIEW) * (1 - mixed) + normals * mixed
+            bent /= np.linalg.norm(bent, axis=-1, keepdims=True)
+            single = albedo * ball.trilinear(levels, bent, last * rough * (2 - rough))
+            return single + (1 - albedo) * ball.trilinear(levels, normals, last)
+
+        found = ball.decoded(page.call("shade", roughness), pixels)
+        pictures[f"{roughness:g}"] = found, documented
+    white = ball.decoded(page.call("shade", "environment"), pixels)
+    pictures["diffuse, by the environment"] = (
+        white,
+        lambda levels: ball.trilinear(levels, normals, last),
+    )
+    page.call("lightProbe", f"{address}/three/light_sh.json")
+    pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
+    return _proof("three.js", page, light, "filament", pictures, normals, used)
+
+
+def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form="babylon"):
+    """Balls in Babylon.js, under an .env, or under a glTF file with an image-based light."""
+    light, _ = exported(folder / form, form, probe, size)
+    page = Page(browser, address, "babylon.bundle.js")
+    page.call("start", pixels, True, VIEW)
+    if form == "gltf":
+        page.call("environmentOfGltf", f"{address}/gltf/light.gltf")
+        steps, scale = len(light.levels) - 1, np.log2(size)
+        lod_scale = steps / scale
+    else:
+        page.call("environment", f"{address}/babylon/light.env")
+        lod_scale = 0.8
+    normals, used, facing = shown(pixels)
+    reflected = ball.mirrored(normals, VIEW)
+    pictures = {}
+    for roughness in roughnesses:
+        lod = lod_scale * np.log2(size * (roughness**2 + 0.0005))
+
+        albedo = DirectionalAlbedo(max(roughness, 0.05))(facing, WHITE)
+
+        def documented(levels, lod=lod, albedo=albedo):
+            clipped = [np.clip(level, 0, 255) for level in levels]  # RGBD's largest value
+            # The shader writes no more than 30 before a tone mapping that comes after it.
+            return np.minimum(albedo * ball.trilinear(clipped, reflected, lod), 30)
+
+        found = ball.decoded(page.call("shade", roughness), pixels)
+        pictures[f"{roughness:g}"] = found, documented
+    pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
+    title = "Babylon.js .env" if form == "babylon" else "Babylon.js glTF"
+    return _proof(title, page, light, "linear", pictures, normals, used)
+
+
+def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
+    """Balls in Filament, from glTF files, with the materials that its library brings.
+
+    These widen the roughness by what normals change from pixel to pixel, which is left out here: at
+    half as many pixels along an edge a mirror is three times as far from the documented shading.
+    """
+    light, _ = exported(folder / "filament", "filament", probe, size)
+    _prepare_filament(folder / "filament", roughnesses)
+    page = Page(browser, address, "filament/filament.bundle.js")
+    files = [f"metal{k}.glb" for k in range(len(roughnesses))] + ["diffuse.glb"]
+    page.call("start", pixels, VIEW, ["light_ibl.ktx", *files])
+    read = np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
+    normals, used, facing = shown(pixels)
+    last = len(light.levels) - 1
+
+    def prefiltered(levels, rough):
+        mixed = rough**4
+        bent = ball.mirrored(normals, VIEW) * (1 - mixed) + normals * mixed
+        bent /= np.linalg.norm(bent, axis=-1, keepdims=True)
+        return ball.trilinear(levels, bent, last * rough * (2 - rough))
+
+    pictures = {}
+    for file, roughness in zip(files, roughnesses, strict=False):
+        rough = max(roughness, 0.089)  # the least where numbers may have 16 bits
+        # Scale and compensation for several facets cancel for a white metal.
+        pictures[f"{roughness:g}"] = (
+            _exposed(page, file, pixels),
+            lambda levels, rough=rough: np.minimum(prefiltered(levels, rough), 1 / _EXPOSURES[0]),
+        )
+    found = _exposed(page, "diffuse.glb", pixels)
+    # A plastic of roughness 1: what its surface of f0 0.04 reflects, the rest is diffuse.
+    total = DirectionalAlbedo(1.0)(facing, WHITE)
+    reflected = DirectionalAlbedo(1.0)(facing, (0.04,) * 3)
+    surface = reflected * (1 + 0.04 * (1 / total - 1)) * prefiltered(light.levels, 1.0)
+    pictures["diffuse"] = (found - surface) / (1 - reflected), None
+    made = _proof("Filament", page, light, "filament", pictures, normals, used)
+    made.facts["sh"] = float(np.abs(read - ball.polynomials(light.nine())).max())
+    return made
+
+
+_EXPOSURES = 1 / 16, 1 / 4, 1.0
+"""What light is multiplied with; the canvas is white where a product is above 1."""
+
+
+def _prepare_filament(folder, roughnesses):
+    package = node_modules() / "filament"
+    shutil.copy(package / "filament.wasm", folder)
+    prepare(folder, "filament")
+    script = folder / "filament.bundle.js"
+    script.write_text((package / "filament.js").read_text() + ";\n" + script.read_text())
+    for k, roughness in enumerate(roughnesses):
+        (folder / f"metal{k}.glb").write_bytes(ball_file(1.0, roughness))
+    (folder / "diffuse.glb").write_bytes(ball_file(0.0, 1.0))
+
+
+def _exposed(page, file, pixels):
+    """A picture of 8 bits at several exposures, each pixel from the brightest that holds it."""
+    result = None
+    for intensity in _EXPOSURES:
+        text = page.call("shade", file, intensity)
+        image = np.frombuffer(base64.b64decode(text), np.uint8).reshape(pixels, pixels, 4)
+        image = image[::-1, :, :3]
+        known = (image < 255).all(axis=-1, keepdims=True)
+        image = image / 255 / intensity
+        result = image if result is None else np.where(known, image, result)
+    return result
+
+
+def directx(browser, folder, address, probe, size):
+    """The texels of a DDS file as Babylon.js reads it: the largest relative difference."""
+    light, _ = exported(folder / "directx", "directx", probe, size)
+    page = Page(browser, address, "babylon.bundle.js")
+    page.call("start", 16, True, VIEW)
+    page.call("environment", f"{address}/directx/light.dds")
+    from shrm_cli.export.turning import to_lookup
+
+    worst = 0.0
+    for k, level in enumerate(light.levels):
+        for face, ours in enumerate(to_lookup(level)):
+            text = page.call("texels", face, k)
+            found = ball.decoded(text, ours.shape[0])[::-1]
+            worst = max(worst, float(np.abs(found - ours).max() / np.abs(ours).max()))
+    errors, requests = page.errors, page.requests
+    page.close()
+    return worst, errors, requests
+
+
+def shown(pixels):
+    """Normals of the ball, which pixels are compared, and N.V of all."""
+    normals, inside = ball.seen(pixels, VIEW)
+    facing = normals @ (np.array(VIEW) / np.linalg.norm(VIEW))
+    return normals, inside & (facing > FACING), np.clip(facing, 1e-3, 1)
+
+
+def _proof(title, page, light, mapping, pictures, normals, used):
+    split = SplitSum(light.levels, light.roughness, mapping, light.irradiance.info)
+    view = np.array(VIEW) / np.linalg.norm(VIEW)
+    rows, kept = [], {}
+    for what, (found, documented) in pictures.items():
+        if documented is None:
+            wrong = [ball.lambert(light.nine(), normals * signs) for signs in _TURNS]
+            want, to_shrm = ball.lambert(light.nine(), normals), None
+        else:
+            wrong = [documented([_turned(level, k) for level in light.levels]) for k in range(3)]
+            want = documented(light.levels)
+            to_shrm = None
+            if not what.startswith("diffuse"):
+                ours = split.shaded(float(what), WHITE).radiance(normals[used], view)
+                to_shrm = _rms(found[used], ours)
+        rms = _rms(found[used], want[used])
+        turned = min(_rms(found[used], each[used]) for each in wrong) / rms
+        largest = float(np.abs(found - want)[used].max() / want[used].max())
+        rows.append(Row(what, largest, rms, to_shrm, turned))
+        kept[what] = found, want
+    errors, requests = page.errors, page.requests
+    page.close()
+    return Proof(title, rows, errors, requests, kept)
+
+
+_TURNS = [np.array([-1, 1, 1]), np.array([1, -1, 1]), np.array([1, 1, -1])]
+"""Mirrorings that wrong conventions would make."""
+
+
+def _turned(level, axis):
+    """The same light mirrored along an axis, by another way than the package's."""
+    from tests.bilinear import centers, look_up
+
+    size = level.shape[1]
+    directions = centers(size).reshape(-1, 3) * _TURNS[axis]
+    return look_up(level, directions).reshape(level.shape)
+
+
+def _rms(found, want):
+    return float(np.sqrt(np.mean((found - want) ** 2) / np.mean(want**2)))

@@ -1,0 +1,85 @@
+"""Every export for engines of the web, loaded and shaded by the engine itself.
+
+Where a light is mirrored along any axis, the pictures differ dozens of times as much as the bounds
+allow.
+"""
+
+import numpy as np
+import pytest
+
+from tests.web import proofs
+
+pytestmark = pytest.mark.slow
+ROUGHNESSES = (0.0, 0.2, 0.5, 1.0)
+
+
+@pytest.fixture(scope="module")
+def probe():
+    return proofs.made_probe()
+
+
+def assert_shaded(proof, address):
+    assert not proof.errors
+    assert all(url.startswith((address, "data:", "blob:")) for url in proof.requests)
+    assert [row.what for row in proof.rows[: len(ROUGHNESSES)]] == [f"{r:g}" for r in ROUGHNESSES]
+    for row in proof.rows:
+        assert row.rms < 0.02, row
+        assert row.turned > 20, row
+        if row.what.startswith("diffuse"):
+            assert row.largest < 0.02, row
+    # With little roughness no engine bends its lobe, or adds light that meets several facets.
+    assert next(row for row in proof.rows if row.what == "0.2").to_shrm < 0.04
+
+
+def test_three(browser, needs, site, probe):
+    needs("three", "esbuild")
+    folder, address = site
+    proofs.prepare(folder, "three")
+    proof = proofs.three(browser, folder, address, probe, 64, ROUGHNESSES, pixels=192)
+    assert_shaded(proof, address)
+    assert len(proof.rows) == len(ROUGHNESSES) + 2
+
+
+@pytest.mark.parametrize("form", ["babylon", "gltf"])
+def test_babylon(browser, needs, site, probe, form):
+    needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
+    folder, address = site
+    proofs.prepare(folder, "babylon")
+    proof = proofs.babylon(browser, folder, address, probe, 64, ROUGHNESSES, 192, form)
+    assert_shaded(proof, address)
+    assert next(row for row in proof.rows if row.what == "0").to_shrm < 0.02
+
+
+def test_a_left_handed_scene_shows_the_same_picture(browser, needs, site, probe):
+    """What is seen from (x, y, -z) of a left-handed world is what is seen from our (x, y, z)."""
+    needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
+    folder, address = site
+    proofs.prepare(folder, "babylon")
+    proofs.exported(folder / "babylon", "babylon", probe, 64)
+    pictures = []
+    for right_handed, view in ((True, [0.3, 0.2, 1]), (False, [0.3, 0.2, -1])):
+        page = proofs.Page(browser, address, "babylon.bundle.js")
+        page.call("start", 64, right_handed, view)
+        page.call("environment", f"{address}/babylon/light.env")
+        pictures.append(proofs.ball.decoded(page.call("shade", 0.5), 64))
+        page.close()
+    inner = proofs.shown(64)[1]
+    assert np.abs(pictures[0] - pictures[1])[inner].max() < 0.02
+    assert np.abs(pictures[0] - pictures[1][:, ::-1])[inner].max() > 0.5
+
+
+def test_babylon_reads_dds_files(browser, needs, site, probe):
+    needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
+    folder, address = site
+    proofs.prepare(folder, "babylon")
+    worst, errors, _ = proofs.directx(browser, folder, address, probe, 64)
+    assert not errors
+    assert worst < 2**-11, "more than the rounding of half floats"
+
+
+def test_filament(browser, needs, site, probe):
+    needs("filament", "esbuild")
+    folder, address = site
+    proof = proofs.filament(browser, folder, address, probe, 64, ROUGHNESSES)
+    assert_shaded(proof, address)
+    assert proof.facts["sh"] < 1e-5
