@@ -76,8 +76,9 @@ def export(
 
     PROBE is filtered for the engine: the levels of its split sum, at its sizes and roughnesses,
     nine coefficients or a cube for diffuse surfaces, a sharp cube. Of MAP, a split sum or an
-    irradiance map or both, it takes what fits, and refuses what does not. What was turned, scaled
-    or clipped is said.
+    irradiance map or both, it takes what fits, and refuses what does not. Colours become linear
+    Rec.709, unless --working names other primaries. What was turned, scaled, converted or clipped
+    is said.
 
     \b
       shrm export probe.exr --for bevy
@@ -91,7 +92,7 @@ def export(
     name = _name(sources[0])
     folder = Path(output) if output else Path(f"{name}.{engine}")
     chosen = engine_of(engine)
-    asked = Asked(size, texels, skybox, window, dfg)
+    asked = Asked(size, texels, skybox, window, dfg, keeps_primaries=reading.working is not None)
     with renamed(texels="format"):
         check(chosen, asked)
     source = _source(sources, name, reading)

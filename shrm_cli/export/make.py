@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.environment.environment_brdf import environment_table
 from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.engine import Engine, Light, Package, Wishes
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
@@ -20,6 +21,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
@@ -92,6 +94,24 @@ class Source:
             path=split[0][0] if split else "",
         )
 
+    @property
+    def primaries(self) -> list[tuple[float, ...] | None]:
+        """The primaries of all that it holds; None of what states none."""
+        maps = [each.info.chromaticities for each in (self.split, self.irradiance) if each]
+        return maps if self.probe is None else [self.probe.chromaticities]
+
+    def in_rec709(self) -> "Source":
+        """Return the same source in the primaries that engines have."""
+        split, irradiance = self.split, self.irradiance
+        return replace(
+            self,
+            probe=None if self.probe is None else self.probe.in_primaries(REC709),
+            split=None if split is None else cast(SplitSum, in_primaries(split, REC709)),
+            irradiance=None
+            if irradiance is None
+            else cast(Irradiance, in_primaries(irradiance, REC709)),
+        )
+
     def light(self) -> Probe | None:
         """Return the light itself: the probe, or a split sum's level of roughness 0."""
         if self.probe is not None or self.split is None or self.split.roughness[0] > 0:
@@ -121,6 +141,8 @@ class Asked:
         The window of the nine coefficients, as `shrm_cli.maps.irradiance.window` has it.
     table : bool
         Whether the environment-BRDF table is wanted.
+    keeps_primaries : bool
+        Whether numbers stay in the primaries of the source; engines have those of Rec.709.
     """
 
     size: int | None = None
@@ -128,6 +150,7 @@ class Asked:
     skybox: int | None = None
     window: str = "none"
     table: bool = False
+    keeps_primaries: bool = False
 
 
 def export(
@@ -203,10 +226,15 @@ def gather(
     """
     told: list[str] = []
     warnings: list[str] = []
+    others = [each for each in source.primaries if not same_primaries(each, REC709)]
+    colors = []
+    if others and asked.keeps_primaries:
+        colors = [f"colours: in {title_of(others[0])}; engines take numbers for Rec.709"]
+    elif others:
+        source = source.in_rec709()
+        colors = [f"colours: from {title_of(others[0])} to linear Rec.709, as engines have it"]
     itself = source.light()
-    given = next(each for each in (source.probe, source.split, source.irradiance) if each)
-    primaries = given.chromaticities if isinstance(given, Probe) else given.info.chromaticities
-    light = Light(source.name, source.title, chromaticities=primaries)
+    light = Light(source.name, source.title, chromaticities=source.primaries[0])
     if engine.wants_levels and source.split is not None:
         levels, roughness, told = levels_of_map(source.split, source.path, engine, asked.size)
         light = replace(light, levels=levels, roughness=roughness)
@@ -222,7 +250,7 @@ def gather(
         light = _with_images(light, itself, engine, asked, progress)
     if asked.table:
         light = replace(light, table=environment_table(TABLE_SIZE, progress=progress))
-    return light, told, warnings
+    return light, [*colors, *told], warnings
 
 
 def _irradiance(

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
 
@@ -148,3 +149,36 @@ def test_negative_radiance_is_told(folder):
     result = run("export", "dark.exr", "--for", "godot")
     assert result.code == 0
     assert "negative" in result.err
+
+
+def test_engines_get_colours_of_rec709(folder, rng):
+    """From a probe in ACEScg and from its maps, the same numbers as from one in Rec.709."""
+    colour = pytest.importorskip("colour", reason="no colour-science")
+    source = colour.RGB_COLOURSPACES["ACEScg"]
+    matrix = colour.matrix_RGB_to_RGB(source, "ITU-R BT.709", "Bradford")
+    # Pale colours, which Rec.709 has too: negative ones would be clamped in one of the probes.
+    pixels = 1 + 0.2 * rng.uniform(size=(32, 64, 3))
+    said = {"chromaticities": PRIMARIES["acescg"]}
+    write_exr(folder / "wide.exr", pixels.astype(np.float32), **said)
+    write_exr(folder / "plain.exr", (pixels @ matrix.T).astype(np.float32))
+
+    def coefficients(*arguments):
+        told = done("export", *arguments, "--for", "json", "--force", "-o", "out")
+        (path,) = (folder / "out").glob("*.json")
+        values = json.loads(path.read_text())["radiance"]
+        path.unlink()
+        return told, np.array(values)
+
+    told, plain = coefficients("plain.exr")
+    assert "colours:" not in told
+    told, wide = coefficients("wide.exr")
+    assert "from ACEScg to linear Rec.709" in told
+    np.testing.assert_allclose(wide, plain, rtol=0, atol=1e-5)
+    told, kept = coefficients("wide.exr", "--working", "acescg")
+    assert "in ACEScg; engines take numbers for Rec.709" in told
+    np.testing.assert_allclose(kept @ matrix.T, plain, rtol=0, atol=1e-5)
+    assert np.abs(kept - plain).max() > 1e-3
+    done("prefilter", "wide.exr", "--to", "irradiance")
+    told, of_map = coefficients("wide.irradiance.exr")
+    assert "from ACEScg to linear Rec.709" in told
+    np.testing.assert_allclose(of_map, plain, rtol=0, atol=1e-5)
