@@ -58,6 +58,21 @@ its class."""
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""
 
+ENGINES: dict[str, str] = {
+    "filament": "filament",
+    "bevy": "bevy",
+    "three": "three",
+    "babylon": "babylon",
+    "gltf-sample-viewer": "gltf_sample_viewer",
+    "unity": "unity",
+    "unreal": "unreal",
+    "godot": "godot",
+}
+"""Each engine that light is exported for, and its module of `shrm_cli.export.engines`."""
+
+TEXEL_FORMATS: tuple[str, ...] = ("r11g11b10", "rgb9e5", "rgba16f")
+"""The packed floating-point texels of exported cubes, as `shrm_cli.export.pixels` writes them."""
+
 # ---- limits --------------------------------------------------------------------------------------
 
 MAX_ORDER_F = 512

@@ -25,6 +25,7 @@ _COMMANDS = {
     "render": "Render spheres and meshes from maps.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
+    "export": "Make the files that an engine loads.",
     "reference": "Render the correct sphere, by brute force.",
     "analyze": "Analyse the orders and the accuracy of a BRDF.",
     "info": "Print what a file is.",

@@ -122,9 +122,51 @@ def prefilter(
         roughness = level_roughnesses(levels, mapping)
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
-    rows = _rows(probe)
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
-    lobes = [level_lobe(value, error, rows, largest) if value > 0 else None for value in roughness]
+    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress)
+    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
+    return Prefiltered(made, _facts(made))
+
+
+def make_levels(
+    probe: Probe,
+    roughness: Sequence[float],
+    largest: int,
+    sampling: Sampling = "center",
+    error: float = 0.0005,
+    progress: Progress | None = None,
+    sizes: Sequence[int] | None = None,
+) -> tuple[list[Array], list[MapInfo]]:
+    """Make the cubes of the levels of a split sum.
+
+    Parameters
+    ----------
+    probe : Probe
+    roughness : sequence of float
+        The perceptual roughness of each level: 0, or `MIN_ROUGHNESS` to 1.
+    largest : int
+        The most texels along an edge of the first level; no level is larger than the one before.
+    sampling : {"center", "border"}
+        Where the samples of the cubes lie.
+    error : float
+        Relative RMS error that each level may have, in (0, 1).
+    progress : callable, optional
+        Called with the number of rows read, or of texels integrated, and of all of them.
+    sizes : sequence of int, optional
+        Texels along an edge of each level, for readers that want them so, in place of what
+        `largest` and the orders of the levels ask for.
+
+    Returns
+    -------
+    cubes : list of ndarray, shape (6 N_k, N_k, 3)
+    infos : list of MapInfo
+    """
+    rows = _rows(probe)
+    fixed = [None] * len(roughness) if sizes is None else list(sizes)
+    lobes = [
+        level_lobe(value, error, rows, size or largest) if value > 0 else None
+        for value, size in zip(roughness, fixed, strict=True)
+    ]
     wanted = (
         faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
     )
@@ -133,20 +175,19 @@ def prefilter(
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     cubes: list[Array] = []
     infos: list[MapInfo] = []
-    for lobe in lobes:
+    for lobe, size in zip(lobes, fixed, strict=True):
         if lobe is None:
-            cube, info = mirror(probe, known, largest, sampling, progress)
+            cube, info = mirror(probe, known, size or largest, sampling, progress)
         elif lobe.in_frequency:
-            cube, info = expanded(lobe, lighting, light, known, largest, sampling)
+            cube, info = expanded(lobe, lighting, light, known, largest, sampling, size)
         else:
             cube, info = integrated(
-                probe, lobe, lighting, light, known, largest, sampling, rows, progress
+                probe, lobe, lighting, light, known, largest, sampling, rows, progress, size
             )
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
-    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
-    return Prefiltered(made, _facts(made))
+    return cubes, infos
 
 
 def _facts(made: SplitSum) -> dict[str, Any]:
@@ -246,10 +287,14 @@ def expanded(
     known: MapInfo,
     largest: int,
     sampling: Sampling,
+    size: int | None = None,
 ) -> tuple[Array, MapInfo]:
-    """Make a level by multiplying the coefficients of light and lobe, and one synthesis."""
+    """Make a level by multiplying the coefficients of light and lobe, and one synthesis.
+
+    Its order decides how many texels it has, at most `largest`, unless the size is given.
+    """
     expansion = expand(lighting, lobe.coefficients, known.tolerance)
-    size = min(choose_size(expansion.order), largest)
+    size = size or min(choose_size(expansion.order), largest)
     cube = synthesized(light, expansion.multipliers, size, sampling)
     info = replace(
         known,
@@ -275,14 +320,18 @@ def integrated(
     sampling: Sampling,
     rows: int,
     progress: Progress | None,
+    size: int | None = None,
 ) -> tuple[Array, MapInfo]:
-    """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded."""
+    """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded.
+
+    Its order decides how many texels it has, at most `largest`, unless the size is given.
+    """
     # Between the pixels of a coarse probe there is light of finer degrees than it resolves.
     resolved = min(lighting.order, probe.grid.resolved_order)
     lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
     core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
     order = min(lobe.order, MAX_ORDER_F)
-    size = min(choose_size(order), largest)
+    size = size or min(choose_size(order), largest)
     pixels = latlong_light(probe, _source_rows(rows, lobe.brdf.ggx_alpha))
     cube = sum_core(core, pixels, cube_directions(size, sampling), progress)
     cube += synthesized(light, tail[: resolved + 1], size, sampling)

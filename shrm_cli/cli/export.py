@@ -1,0 +1,145 @@
+"""`shrm export` makes the files that an engine loads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.kept import force_option
+from shrm_cli.cli.options import (
+    conclude,
+    make_read_options,
+    probe_sampling_option,
+    progress_bar,
+    read_options,
+    reading_rules,
+    report_options,
+)
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.usage import refuse_inapplicable, renamed
+from shrm_cli.naming import probe_stem
+from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
+
+if TYPE_CHECKING:
+    from shrm_cli.export.make import Source
+    from shrm_cli.probe.options import ReadOptions
+
+
+@click.command()
+@click.argument("sources", metavar="PROBE|MAP...", type=click.Path(), nargs=-1, required=True)
+@click.option(
+    "--for", "engine", type=click.Choice(list(ENGINES)), required=True, help="Who loads it."
+)
+@click.option(
+    "-o", "--output", metavar="DIR", type=click.Path(),
+    help="Folder to write into.  [default: NAME.ENGINE in the current folder]",
+)  # fmt: skip
+@force_option
+@click.option(
+    "--size", type=click.IntRange(1, 4096),
+    help="Texels along an edge of level 0, or rows of a lat-long.  [default: the engine's]",
+)  # fmt: skip
+@click.option(
+    "--format", "texels", type=click.Choice(TEXEL_FORMATS),
+    help="Packed texels of cubes, where the engine reads several.  [default: the engine's]",
+)  # fmt: skip
+@click.option(
+    "--skybox", type=click.IntRange(0, 4096),
+    help="Texels along an edge of a sharp cube for the background, 0 for none.",
+)  # fmt: skip
+@click.option(
+    "--window", default="none", show_default=True,
+    help="Window of the nine coefficients, as of irradiance: auto, hann, lanczos.",
+)  # fmt: skip
+@click.option("--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it.")
+@probe_sampling_option
+@read_options
+@report_options
+def export(
+    sources: tuple[str, ...],
+    engine: str,
+    output: str | None,
+    force: bool,
+    size: int | None,
+    texels: str | None,
+    skybox: int | None,
+    window: str,
+    dfg: bool,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **values: Any,
+) -> None:
+    """Make the files that an engine loads, and a README with the code that loads them.
+
+    PROBE is filtered for the engine: the levels of its split sum, at its sizes and roughnesses,
+    nine coefficients or a cube for diffuse surfaces, a sharp cube. Of MAP, a split sum or an
+    irradiance map or both, it takes what fits, and refuses what does not. What was turned, scaled
+    or clipped is said.
+
+    \b
+      shrm export probe.exr --for filament
+      shrm export probe.exr --for bevy -o assets/light --window auto
+      shrm export probe.splitsum.exr probe.irradiance.exr --for filament
+    """
+    from shrm_cli.export.engine import engine as engine_of
+    from shrm_cli.export.make import Asked, check, export, write
+
+    reading = make_read_options(sampling, values)
+    name = _name(sources[0])
+    folder = Path(output) if output else Path(f"{name}.{engine}")
+    chosen = engine_of(engine)
+    asked = Asked(size, texels, skybox, window, dfg)
+    with renamed(texels="format"):
+        check(chosen, asked)
+    source = _source(sources, name, reading)
+    check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
+    with progress_bar("exporting", quiet) as progress:
+        made = export(source, chosen, asked, progress)
+    if folder.is_dir():
+        check_outputs([str(folder / file.name) for file in made.files])
+    paths = write(made, folder, kept=not force)
+    result = {
+        "engine": engine,
+        "folder": str(folder),
+        "files": [{"name": path.name, "bytes": path.stat().st_size} for path in paths],
+        "told": made.told,
+        "loading": made.loading,
+        **made.facts,
+    }
+    lines = [
+        f"{folder}: {chosen.title}",
+        *[f"  {path.name:<32} {path.stat().st_size:>12,} bytes" for path in paths],
+        *[f"  {line}" for line in made.told],
+    ]
+    remarks = source.probe.report.warnings() if source.probe is not None else ()
+    warnings = [*(f"{sources[0]}: {line}" for line in remarks), *made.warnings]
+    conclude(result, lines, warnings, as_json, quiet)
+
+
+def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source:
+    """Open one probe, or some maps."""
+    from shrm_cli.export.make import Source
+    from shrm_cli.files.inputs import note
+    from shrm_cli.maps.file import is_map, open_map
+    from shrm_cli.probe.probe import open_probe
+
+    if is_map(sources[0]):
+        refuse_inapplicable(reading_rules(False, "to probes; this is a map"))
+        note(*sources)
+        return Source.of_maps(name, [(path, open_map(path)) for path in sources])
+    if len(sources) > 1:
+        raise click.UsageError(
+            f"{sources[0]} is a probe; export it alone", click.get_current_context()
+        )
+    probe = open_probe(sources[0], reading)
+    return Source(name, Path(sources[0]).name, probe)
+
+
+def _name(source: str) -> str:
+    """Return what the names of the files begin with: the probe's name."""
+    stem = Path(source).stem
+    base, dot, last = stem.rpartition(".")
+    return probe_stem(f"{base if dot and last in REPRESENTATIONS else stem}.exr")

@@ -1,0 +1,1 @@
+"""Files that game engines and viewers load, made from probes and maps."""

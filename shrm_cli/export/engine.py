@@ -1,0 +1,246 @@
+"""What an engine is, and what it is given: light as it wants it, and back come files.
+
+An engine is a subclass of `Engine` in a module of `shrm_cli.export.engines`, with one instance
+called ``ENGINE``, and a row in `vocabulary.ENGINES`. Nothing else knows it.
+"""
+
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.vocabulary import ENGINES, LevelMapping
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Light:
+    """Light as an engine asked for it, in world axes. What is not known is None.
+
+    Attributes
+    ----------
+    name : str
+        What the names of the files begin with.
+    source : str
+        The names of the files that it comes from, for the README.
+    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
+        OpenEXR cubes of the split sum, of the engine's own sizes and roughnesses.
+    roughness : tuple of float
+        The perceptual roughness of each level.
+    irradiance : Irradiance, optional
+        Nine coefficients of the light at most, windowed as was asked for: for harmonics.
+    diffuse : Irradiance, optional
+        As many coefficients as are known: for cubes of E.
+    skybox : ndarray, shape (6 N, N, 3), optional
+        The light itself, averaged over texels.
+    latlong : ndarray, shape (N, 2 N, 3), optional
+        The same as a lat-long, centre +Z, the left quarter +X.
+    table : ndarray, shape (N, N, 2), optional
+        The environment BRDF: scale and bias of f0, N.V across, roughness down from 0.
+    chromaticities : tuple of 8 float, optional
+        The primaries of the light.
+    """
+
+    name: str
+    source: str
+    levels: tuple[Array, ...] = ()
+    roughness: tuple[float, ...] = ()
+    irradiance: Irradiance | None = None
+    diffuse: Irradiance | None = None
+    skybox: Array | None = None
+    latlong: Array | None = None
+    table: Array | None = None
+    chromaticities: tuple[float, ...] | None = None
+
+    def nine(self) -> Array | None:
+        """Return the lighting coefficients L_lm of degrees 0 to 2, shape (9, 3), if known."""
+        return None if self.irradiance is None else self.irradiance.nine()
+
+
+@dataclass(frozen=True)
+class OutputFile:
+    """A file of an export: its name in the folder, and what writes it to a path.
+
+    `write` writes by `files.whole.replacing`, directly or by a writer of ours, so that the file
+    appears whole.
+    """
+
+    name: str
+    write: Callable[[Path], object]
+
+
+@dataclass
+class Package:
+    """The files of an export, and what is said about them.
+
+    Attributes
+    ----------
+    files : list of OutputFile
+    told : list of str
+        What was turned, scaled or packed, one sentence each, for the terminal and the README.
+    loading : list of str
+        Lines of the engine's code that load the files.
+    warnings : list of str
+    facts : dict
+        More for ``--json``.
+    """
+
+    files: list[OutputFile] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+    loading: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    facts: dict[str, object] = field(default_factory=dict)
+
+    def add_bytes(self, name: str, data: bytes) -> None:
+        """Add a file of some bytes."""
+
+        def write(path: Path) -> None:
+            from shrm_cli.files.whole import replacing
+
+            with replacing(path) as temporary:
+                temporary.write_bytes(data)
+
+        self.files.append(OutputFile(name, write))
+
+    def add_text(self, name: str, text: str) -> None:
+        """Add a file of text, in UTF-8 and with Unix's ends of lines."""
+        self.add_bytes(name, text.encode())
+
+    def tell_clipped(self, name: str, chosen: TexelFormat, found: Sequence[Clipped]) -> None:
+        """Add one warning about everything that was clipped in a file, if anything was."""
+        warning = clip_warning(name, chosen, found)
+        if warning is not None:
+            self.warnings.append(warning)
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user asked for. What is None is the engine's to choose.
+
+    Attributes
+    ----------
+    size : int
+        Texels along an edge of level 0, or rows of a lat-long.
+    texels : TexelFormat, optional
+        The packed format; None for engines that have but one.
+    """
+
+    size: int
+    texels: TexelFormat | None = None
+
+
+class Engine(ABC):
+    """An engine or viewer that light is exported for.
+
+    Attributes
+    ----------
+    name, title : str
+        As ``--for`` takes it, and as it is called.
+    default_size : int
+        Texels along an edge of level 0; for engines without levels, rows of the lat-long, where 0
+        is as many as the light has.
+    formats : tuple of str
+        The names of the texel formats that it reads, the default first; empty where there is no
+        choice.
+    mapping : {"linear", "filament"}, optional
+        The `shrm_cli.maps.splitsum.roughness` law of its levels, for messages; None for a law of
+        its own.
+    wants_levels, wants_irradiance, wants_diffuse, wants_latlong : bool
+        Which attributes of `Light` it is given: levels of a split sum, nine coefficients, the
+        irradiance for cubes, the light as a lat-long.
+    default_skybox : int
+        Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
+    takes_skybox, takes_table : bool
+        Whether ``--skybox`` and ``--dfg`` apply.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    default_size: ClassVar[int] = 256
+    formats: ClassVar[tuple[str, ...]] = ()
+    mapping: ClassVar[LevelMapping | None] = None
+    wants_levels: ClassVar[bool] = True
+    wants_irradiance: ClassVar[bool] = True
+    wants_diffuse: ClassVar[bool] = False
+    wants_latlong: ClassVar[bool] = False
+    default_skybox: ClassVar[int] = 0
+    takes_skybox: ClassVar[bool] = False
+    takes_table: ClassVar[bool] = False
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        """Return the texels along an edge of each level, for a level 0 of `size`.
+
+        Raises
+        ------
+        ArgumentError
+            If the engine reads no such size.
+        """
+        raise NotImplementedError(f"{self.name} has no levels")
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        """Return the perceptual roughness of each level, by which the engine looks it up."""
+        raise NotImplementedError(f"{self.name} has no levels")
+
+    @abstractmethod
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        """Make the files of an engine.
+
+        Parameters
+        ----------
+        light : Light
+            All that the engine wants of it, as far as the source knows it. Where a split sum or
+            an irradiance map is exported, the rest is missing; the engine leaves out the files
+            that need it.
+        wishes : Wishes
+
+        Raises
+        ------
+        MapError
+            If a value is not finite.
+        """
+
+
+def engine(name: str) -> Engine:
+    """Return the engine of a name of `vocabulary.ENGINES`."""
+    if name not in ENGINES:
+        raise ArgumentError("engine", f"{name!r} is none of {', '.join(ENGINES)}")
+    found: Engine = importlib.import_module(f"shrm_cli.export.engines.{ENGINES[name]}").ENGINE
+    return found
+
+
+def halving(size: int, least: int, count: int | None = None) -> tuple[int, ...]:
+    """Return sizes that halve from level to level, down to the least.
+
+    Parameters
+    ----------
+    size : int
+        A power of two.
+    least : int
+        The least size of a level.
+    count : int, optional
+        The number of levels; all down to the least by default.
+
+    Raises
+    ------
+    ArgumentError
+        If the size is no power of two, or too small for so many levels.
+    """
+    if size < 1 or size & (size - 1):
+        raise ArgumentError("size", f"{size} is no power of two, which the mips of a cube need")
+    sizes: list[int] = []
+    while size >= least and (count is None or len(sizes) < count):
+        sizes.append(size)
+        size //= 2
+    if not sizes or (count is not None and len(sizes) < count):
+        needed = least if count is None else least << (count - 1)
+        raise ArgumentError("size", f"must be {needed} at least")
+    return tuple(sizes)

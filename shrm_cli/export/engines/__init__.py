@@ -1,0 +1,1 @@
+"""Engines and viewers, one module each; `vocabulary.ENGINES` names them."""

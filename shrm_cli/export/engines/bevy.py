@@ -1,0 +1,63 @@
+"""Bevy: two KTX 2 cubes, one of the levels and one of a white diffuse surface.
+
+Bevy looks cubes up at (x, y, -z), levels at ``r (K - 1)``, and multiplies the diffuse cube with
+the albedo, so that it holds E / pi.
+
+References
+----------
+Bevy, crates/bevy_pbr/src/light_probe/environment_map.wgsl.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file
+from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.turning import mirrored
+from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.vocabulary import LevelMapping
+
+_LEAST = 8
+"""Texels along an edge of the last level: fewer would not show a lobe of roughness 1."""
+_LOOKUP = mirrored(1, 1, -1)
+
+
+class Bevy(Engine):
+    """Bevy's `EnvironmentMapLight`."""
+
+    name = "bevy"
+    title = "Bevy"
+    formats = ("rgb9e5", "rgba16f")
+    mapping: ClassVar[LevelMapping | None] = "linear"
+    wants_irradiance = False
+    wants_diffuse = True
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        return halving(size, _LEAST)
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        return level_roughnesses(len(sizes), "linear")
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        texels = wishes.texels or FORMATS[self.formats[0]]
+        made = Package()
+        if light.levels:
+            ktx2_file(made, f"{light.name}_specular.ktx2", light.levels, texels, _LOOKUP)
+            made.told.append(f"{len(light.levels)} levels of roughness k / {len(light.levels) - 1}")
+        if light.diffuse is not None:
+            cube = diffuse_cube(light.diffuse)
+            ktx2_file(made, f"{light.name}_diffuse.ktx2", [cube], texels, _LOOKUP)
+            made.told.append("the diffuse cube holds E/pi")
+        made.told.append("cubes are mirrored, z to -z, as Bevy looks them up")
+        made.loading += [
+            "// features: ktx2, zstd_rust",
+            "commands.entity(camera).insert(EnvironmentMapLight {",
+            f'    diffuse_map: assets.load("{light.name}_diffuse.ktx2"),',
+            f'    specular_map: assets.load("{light.name}_specular.ktx2"),',
+            "    intensity: 1000.0, ..default() });",
+        ]
+        return made
+
+
+ENGINE = Bevy()

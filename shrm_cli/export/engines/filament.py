@@ -1,0 +1,98 @@
+"""Filament: two KTX 1 cubes and nine coefficients, as its own tool cmgen writes them.
+
+Levels are looked up at ``(K - 1) r (2 - r)``, cubes at the world direction, and the nine
+coefficients are ready for the shader's polynomial, both in a key of the cube and in a text file.
+
+References
+----------
+Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and shaders/src/light_indirect.fs.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.harmonics import filament
+from shrm_cli.export.ktx1 import ktx1_cube
+from shrm_cli.export.pixels import FORMATS, TexelFormat, encoded
+from shrm_cli.export.turning import to_lookup
+from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.vocabulary import LevelMapping
+
+Array = NDArray[np.floating]
+
+_LEAST = 16
+"""Texels along an edge of the last level, as cmgen has them: 256 makes five levels."""
+_NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
+
+
+class Filament(Engine):
+    """Filament and gltfio: `createIblFromKtx1`, `createSkyFromKtx1`."""
+
+    name = "filament"
+    title = "Filament"
+    formats = ("r11g11b10", "rgba16f")
+    mapping: ClassVar[LevelMapping | None] = "filament"
+    default_skybox = 512
+    takes_skybox = True
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        return halving(size, _LEAST)
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        return level_roughnesses(len(sizes), "filament")
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        texels = wishes.texels or FORMATS[self.formats[0]]
+        made = Package()
+        nine = light.nine()
+        metadata = {}
+        if nine is not None:
+            ready = filament(nine)
+            metadata["sh"] = " ".join(f"{value:.9g}" for value in ready.ravel().tolist())
+            made.add_text("sh.txt", sh_text(ready))
+            made.told.append("the nine coefficients make E/pi, with the shader's constants in them")
+        if light.levels:
+            name = f"{light.name}_ibl.ktx"
+            made.add_bytes(name, _cube(made, name, light.levels, texels, metadata))
+            made.told.append("cubes are for lookups at the world direction")
+            made.loading += [
+                f"// {name} as bytes: KTX 1 holds levels and coefficients",
+                "auto* ktx = new image::Ktx1Bundle(bytes, size); filament::math::float3 sh[9];",
+                "ktx->getSphericalHarmonics(sh);",
+                "auto* ibl = IndirectLight::Builder().reflections(ktxreader::Ktx1Reader::"
+                "createTexture(engine, ktx, false)).irradiance(3, sh).build(*engine);",
+            ]
+        if light.skybox is not None:
+            name = f"{light.name}_skybox.ktx"
+            made.add_bytes(name, _cube(made, name, [light.skybox], texels, {}))
+            made.loading.append(f"// {name}: Skybox::Builder().environment(texture).build(*engine)")
+        return made
+
+
+def _cube(
+    made: Package,
+    name: str,
+    levels: Sequence[Array],
+    texels: TexelFormat,
+    metadata: dict[str, str],
+) -> bytes:
+    """Return a KTX 1 file of some levels, and tell what was clipped."""
+    packed = [encoded(to_lookup(cube), texels, f"level {k}") for k, cube in enumerate(levels)]
+    made.tell_clipped(name, texels, [clipped for _, clipped in packed])
+    return ktx1_cube([data for data, _ in packed], levels[0].shape[1], texels, metadata)
+
+
+def sh_text(ready: Array) -> str:
+    """Return cmgen's text of coefficients that are ready for the shader, shape (9, 3)."""
+    lines = [
+        f"({red: .15f}, {green: .15f}, {blue: .15f}); // {name}, irradiance, pre-scaled base"
+        for name, (red, green, blue) in zip(_NAMES, ready.tolist(), strict=True)
+    ]
+    return "\n".join(lines) + "\n"
+
+
+ENGINE = Filament()

@@ -1,0 +1,85 @@
+"""Khronos' glTF-Sample-Viewer, and readers of what its glTF-IBL-Sampler writes.
+
+The viewer's package takes a Radiance panorama alone and filters it itself; its code for filtered
+KTX 2 files is commented out. Other renderers read the sampler's KTX 2 cubes and table: they look
+cubes up at the world direction, and levels at ``r (K - 1)``.
+
+References
+----------
+@khronosgroup/gltf-viewer 1.1, `_loadEnvironmentFromPanorama`, `iblSampler`, `ibl.glsl`.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file
+from shrm_cli.export.engine import Engine, Light, OutputFile, Package, Wishes, halving
+from shrm_cli.export.latlong import add_radiance
+from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.turning import WORLD
+from shrm_cli.files.png import write_png
+from shrm_cli.maps.splitsum.roughness import level_roughnesses
+from shrm_cli.vocabulary import LevelMapping
+
+_LEAST = 16
+"""Texels along an edge of the last level: the viewer leaves out the four smallest mips of 256."""
+
+
+class GltfSampleViewer(Engine):
+    """glTF-Sample-Viewer, and the cubes of glTF-IBL-Sampler."""
+
+    name = "gltf-sample-viewer"
+    title = "glTF-Sample-Viewer"
+    formats = ("rgba16f", "rgb9e5", "r11g11b10")
+    mapping: ClassVar[LevelMapping | None] = "linear"
+    wants_irradiance = False
+    wants_diffuse = True
+    wants_latlong = True
+    takes_table = True
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        return halving(size, _LEAST)
+
+    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
+        return level_roughnesses(len(sizes), "linear")
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        texels = wishes.texels or FORMATS[self.formats[0]]
+        made = Package()
+        if light.latlong is not None:
+            name = f"{light.name}.hdr"
+            add_radiance(made, name, light.latlong)
+            made.told.append("the panorama is right at the viewer's default rotation of 90 degrees")
+            made.loading.append(
+                f'state.environment = await view.createResourceLoader().loadEnvironment("{name}");'
+            )
+        if light.levels:
+            ktx2_file(made, f"{light.name}_ggx.ktx2", light.levels, texels, WORLD)
+        if light.diffuse is not None:
+            cube = diffuse_cube(light.diffuse)
+            ktx2_file(made, f"{light.name}_lambertian.ktx2", [cube], texels, WORLD)
+        if light.levels or light.diffuse is not None:
+            made.told.append(
+                "cubes are for lookups at the world direction, the diffuse one holds E/pi; the "
+                "viewer itself reads the panorama alone"
+            )
+            made.loading.append(
+                "// ggx: textureLod(cube, R, r * (levels - 1)); "
+                "lambertian: albedo * texture(cube, N)"
+            )
+        if light.table is not None:
+            _add_table(made, f"{light.name}_lut_ggx.png", light.table)
+        return made
+
+
+def _add_table(made: Package, name: str, table: np.ndarray) -> None:
+    """Add the environment BRDF as a picture: red is the scale, green the bias, blue is 0."""
+    levels = np.zeros((*table.shape[:2], 3), dtype=np.uint8)
+    levels[..., :2] = np.rint(np.clip(table, 0, 1) * 255)
+    made.files.append(OutputFile(name, lambda path: write_png(path, levels)))
+    made.told.append("the table has N.V across and the roughness down, from 0 in the first row")
+
+
+ENGINE = GltfSampleViewer()

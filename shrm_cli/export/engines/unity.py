@@ -1,0 +1,57 @@
+"""Unity filters a lat-long on import; the nine coefficients are ready for its ambient probe.
+
+Unity's axes are left-handed: its importers of glTF take our x for -x. A lat-long that is imported
+as a cube has +Z in its centre and Unity's +X in the right quarter, which is our lat-long.
+
+References
+----------
+`SHCoefficients` of Unity's package com.unity.render-pipelines.core; Skybox-Panoramic.shader.
+"""
+
+from shrm_cli.export.coefficients import add_coefficients
+from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.harmonics import in_axes, unity
+from shrm_cli.export.latlong import add_exr
+from shrm_cli.export.turning import mirrored
+
+_AXES = mirrored(-1, 1, 1)
+
+
+class Unity(Engine):
+    """Unity's cube textures and `SphericalHarmonicsL2`."""
+
+    name = "unity"
+    title = "Unity"
+    default_size = 0
+    wants_levels = False
+    wants_latlong = True
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        made = Package()
+        if light.latlong is not None:
+            add_exr(made, f"{light.name}_latlong.exr", light.latlong, light)
+            made.told.append(
+                "directions (x, y, z) are Unity's (-x, y, z), as glTF importers have it"
+            )
+            made.loading += [
+                "// Texture Shape: Cube, Mapping: Latitude-Longitude, Convolution Type: Specular",
+                "// (a Skybox/Panoramic material has Unity's +X in its centre: set Rotation to 90)",
+            ]
+        nine = light.nine()
+        if nine is not None:
+            ready = unity(in_axes(nine, _AXES))
+            meaning = "SphericalHarmonicsL2[channel, index]; Evaluate gives E/pi"
+            name = f"{light.name}_sh.json"
+            add_coefficients(made, name, ready, meaning, "Unity: left-handed, Y up, x = -x")
+            made.told.append("the nine coefficients are in Unity's axes and make E/pi")
+            made.loading += [
+                f'var sh = new SphericalHarmonicsL2(); // from {name}: ["red"][i] and so on',
+                "for (int i = 0; i < 9; i++) { sh[0, i] = red[i]; sh[1, i] = green[i]; "
+                "sh[2, i] = blue[i]; }",
+                "RenderSettings.ambientMode = AmbientMode.Custom;",
+                "RenderSettings.ambientProbe = sh;",
+            ]
+        return made
+
+
+ENGINE = Unity()

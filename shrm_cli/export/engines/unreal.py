@@ -1,0 +1,55 @@
+"""Unreal filters a lat-long on import; the nine coefficients are those of its `FSHVectorRGB3`.
+
+Unreal's axes are left-handed with Z up: its importer of glTF exchanges y and z. A lat-long has
+Unreal's -Y in its centre and +X in the right quarter: ours turned by 180 degrees.
+
+References
+----------
+`LookupLongLat` of Unreal's texture compressor, `ConvertVec3` of its glTF importer, and
+`TSHVector<3>::SHBasisFunction`, which has the Condon-Shortley phase.
+"""
+
+import numpy as np
+
+from shrm_cli.export.coefficients import add_coefficients
+from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.harmonics import in_axes, unreal
+from shrm_cli.export.latlong import add_exr, rolled
+
+_AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
+
+
+class Unreal(Engine):
+    """Unreal's cube textures from lat-longs, and `FSHVectorRGB3`."""
+
+    name = "unreal"
+    title = "Unreal"
+    default_size = 0
+    wants_levels = False
+    wants_latlong = True
+
+    def pack(self, light: Light, wishes: Wishes) -> Package:
+        made = Package()
+        if light.latlong is not None:
+            name = f"{light.name}_longlat.exr"
+            add_exr(made, name, rolled(light.latlong, 180), light)
+            made.told.append(
+                "directions (x, y, z) are Unreal's (x, z, y), as glTF importers have it; the "
+                "lat-long is turned by 180 degrees for it"
+            )
+            made.loading += [
+                f"// drag {name} into the content browser: it becomes a Texture Cube",
+                "// SkyLight: Source Type SLS Specified Cubemap, Cubemap: this one",
+            ]
+        nine = light.nine()
+        if nine is not None:
+            name = f"{light.name}_sh.json"
+            meaning = "FSHVectorRGB3 R, G, B .V[index]: radiance, with Condon-Shortley phase"
+            ready = unreal(in_axes(nine, _AXES))
+            add_coefficients(made, name, ready, meaning, "Unreal: left-handed, Z up, (x, z, y)")
+            made.told.append("the nine coefficients are of radiance, in Unreal's axes and basis")
+            made.loading.append(f"// {name}: FSHVectorRGB3 sh; sh.R.V[i] = red[i]; ...")
+        return made
+
+
+ENGINE = Unreal()

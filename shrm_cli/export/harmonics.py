@@ -1,0 +1,65 @@
+"""Our nine lighting coefficients in the conventions of engines.
+
+Ours, L, are of radiance, in real harmonics without Condon-Shortley phase, index l(l+1)+m, that is
+y, z, x for l = 1 and xy, yz, 3zz-1, xz, xx-yy for l = 2, in world axes (see docs/conventions.md).
+Every function takes L, shape (9, 3), in the axes of the engine; `in_axes` changes axes.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.sphere.harmonics import degrees
+from shrm_cli.sphere.rotation import transform_coefficients
+
+Array = NDArray[np.floating]
+
+# The factors of the harmonics: of 1, of x, y and z, of products, of 3 z^2 - 1, of x^2 - y^2.
+_CONSTANT, _LINEAR = np.sqrt(1 / (4 * np.pi)), np.sqrt(3 / (4 * np.pi))
+_MIXED, _ZONAL = np.sqrt(15 / (4 * np.pi)), np.sqrt(5 / (16 * np.pi))
+_NORMS = np.array([_CONSTANT, *[_LINEAR] * 3, _MIXED, _MIXED, _ZONAL, _MIXED, _MIXED / 2])
+_CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])
+
+
+def in_axes(coefficients: ArrayLike, matrix: ArrayLike) -> Array:
+    """Return the coefficients of the same light in an engine's axes.
+
+    Parameters
+    ----------
+    coefficients : array_like, shape (9, 3)
+    matrix : array_like, shape (3, 3)
+        From world axes to those of the engine; it may mirror.
+    """
+    return np.asarray(transform_coefficients(np.asarray(coefficients, dtype=float), matrix))
+
+
+def irradiance_over_pi(coefficients: ArrayLike) -> Array:
+    """Return ``A_l L_lm / pi``, shape (9, 3): harmonics with these make ``E / pi``."""
+    return lambert_factors(2)[degrees(2)][:, None] / np.pi * np.asarray(coefficients)
+
+
+def filament(coefficients: ArrayLike) -> Array:
+    """Return what Filament's shaders multiply with 1, y, z, x, xy, yz, 3zz-1, xz, xx-yy.
+
+    Their sum is ``E / pi``, the light that a white diffuse surface reflects.
+    """
+    return irradiance_over_pi(coefficients) * _NORMS[:, None]
+
+
+def three(coefficients: ArrayLike) -> Array:
+    """Return what three.js' `LightProbe` holds: L itself; its shader multiplies with A_l."""
+    return np.asarray(coefficients, dtype=float)
+
+
+def unity(coefficients: ArrayLike) -> Array:
+    """Return what Unity's `SphericalHarmonicsL2` holds, by its index.
+
+    Its shaders multiply ``(s3, s1, s2, s0 - s6)`` with x, y, z, 1, ``(s4, s5, 3 s6, s7)`` with xy,
+    yz, zz, zx, and s8 with xx-yy: Filament's polynomials, whose sum is E / pi.
+    """
+    return filament(coefficients)
+
+
+def unreal(coefficients: ArrayLike) -> Array:
+    """Return what Unreal's `FSHVectorRGB3` holds: radiance, with the Condon-Shortley phase."""
+    return np.asarray(coefficients, dtype=float) * _CONDON_SHORTLEY[:, None]

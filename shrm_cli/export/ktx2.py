@@ -1,0 +1,145 @@
+"""KTX 2: cubes with mips in Vulkan's formats, compressed by Zstandard where that is installed.
+
+References
+----------
+Khronos, "KTX File Format Specification", version 2.0; "Khronos Data Format Specification",
+version 1.3, section 5 (the basic descriptor) and table 96 (the descriptor of RGB9E5).
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from math import lcm
+
+from shrm_cli import __version__
+from shrm_cli.export.pixels import TexelFormat
+
+_IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
+_FACES = 6
+_ZSTD = 2
+_LEVEL = 18
+"""Zstandard's level; higher ones take seconds, and save next to nothing."""
+
+# Bits of a sample's channel type.
+_EXPONENT, _SIGNED, _FLOAT = 0x20, 0x40, 0x80
+_RED, _GREEN, _BLUE, _ALPHA = 0, 1, 2, 15
+_ONE, _MINUS_ONE = 0x3F800000, 0xBF800000
+"""The bits of the 32-bit floats 1 and -1."""
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """One channel of a texel: where its bits are, what they are, and which numbers 0 and 1 are."""
+
+    channel: int
+    offset: int
+    bits: int
+    lower: int
+    upper: int
+
+    def packed(self) -> bytes:
+        return struct.pack(
+            "<HBB4xII", self.offset, self.bits - 1, self.channel, self.lower, self.upper
+        )
+
+
+def _half(channel: int, offset: int) -> _Sample:
+    return _Sample(channel | _FLOAT | _SIGNED, offset, 16, _MINUS_ONE, _ONE)
+
+
+def _shared(channel: int, offset: int) -> tuple[_Sample, _Sample]:
+    """Return a mantissa, and the exponent that all share: bias 15; 1.0 is 256 2^(16 - 24)."""
+    return (
+        _Sample(channel, offset, 9, 0, 16 << 9 | 256),
+        _Sample(channel | _EXPONENT, 27, 5, 15, 31),
+    )
+
+
+_VULKAN: dict[str, tuple[int, int, tuple[_Sample, ...]]] = {
+    # vkFormat, typeSize, samples
+    "rgba16f": (
+        97, 2, (_half(_RED, 0), _half(_GREEN, 16), _half(_BLUE, 32), _half(_ALPHA, 48)),
+    ),
+    "r11g11b10": (
+        122, 4,
+        (
+            _Sample(_RED | _FLOAT, 0, 11, 0, _ONE),
+            _Sample(_GREEN | _FLOAT, 11, 11, 0, _ONE),
+            _Sample(_BLUE | _FLOAT, 22, 10, 0, _ONE),
+        ),
+    ),
+    "rgb9e5": (123, 4, (*_shared(_RED, 0), *_shared(_GREEN, 9), *_shared(_BLUE, 18))),
+}  # fmt: skip
+
+
+def can_compress() -> bool:
+    """Tell whether the package for Zstandard is installed."""
+    return find_spec("zstandard") is not None
+
+
+def ktx2_cube(levels: Sequence[bytes], size: int, texels: TexelFormat, compress: bool) -> bytes:
+    """Return a KTX 2 file of a cube.
+
+    Parameters
+    ----------
+    levels : sequence of bytes
+        The encoded faces of each mip, in the order +X -X +Y -Y +Z -Z; each mip has half the size
+        of the one before.
+    size : int
+        Texels along an edge of the first mip.
+    texels : TexelFormat
+    compress : bool
+        Whether each mip is compressed by Zstandard, which needs the extra ``export``.
+
+    Returns
+    -------
+    bytes
+    """
+    number, type_size, samples = _VULKAN[texels.name]
+    stored = [_compressed(mip) for mip in levels] if compress else list(levels)
+    descriptor = _descriptor(samples, texels.size)
+    pairs = _pair("KTXwriter", f"shrm {__version__}")
+    head = len(_IDENTIFIER) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
+    header = struct.pack(
+        "<9I", number, type_size, size, size, 0, 0, _FACES, len(levels), _ZSTD if compress else 0
+    )
+    index = struct.pack(
+        "<4I2Q", head, len(descriptor), head + len(descriptor), len(pairs), 0, 0
+    )  # fmt: skip
+    front = _IDENTIFIER + header + index
+    # The smallest mip comes first. What is not compressed begins at a multiple of its texels.
+    step = 1 if compress else lcm(texels.size, 4)
+    at = head + len(descriptor) + len(pairs)
+    places, body = {}, bytearray()
+    for k in reversed(range(len(levels))):
+        body += bytes(-(at + len(body)) % step)
+        places[k] = at + len(body)
+        body += stored[k]
+    entries = b"".join(
+        struct.pack("<3Q", places[k], len(stored[k]), len(levels[k])) for k in range(len(levels))
+    )
+    return front + entries + descriptor + pairs + bytes(body)
+
+
+def _descriptor(samples: Sequence[_Sample], texel_bytes: int) -> bytes:
+    """Return the data format descriptor: linear RGB of BT.709, one texel a block."""
+    block = 24 + 16 * len(samples)
+    model, primaries, linear, flags = 1, 1, 1, 0  # RGBSDA, BT709
+    basic = struct.pack(
+        "<IHH4B4B8B", 0, 2, block, model, primaries, linear, flags, 0, 0, 0, 0,
+        texel_bytes, 0, 0, 0, 0, 0, 0, 0,
+    )  # fmt: skip
+    return struct.pack("<I", 4 + block) + basic + b"".join(each.packed() for each in samples)
+
+
+def _pair(key: str, value: str) -> bytes:
+    both = key.encode() + b"\0" + value.encode() + b"\0"
+    return struct.pack("<I", len(both)) + both + bytes(-len(both) % 4)
+
+
+def _compressed(data: bytes) -> bytes:
+    import zstandard
+
+    found: bytes = zstandard.ZstdCompressor(level=_LEVEL).compress(data)
+    return found

@@ -1,0 +1,130 @@
+"""The levels of a split sum as an engine looks them up: its own sizes, its own roughnesses.
+
+Of a probe they are made so, exactly. The levels of a file are taken where they fit the engine's
+law, and refused where they do not, with the command that makes the right ones.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+from shrm_cli.export.engine import Engine
+from shrm_cli.maps.splitsum.prefilter import make_levels
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.sampling import CubeSampler
+
+Array = NDArray[np.floating]
+
+_SAME = 5e-4
+"""Roughnesses that differ by this much are the same: files name them with few digits."""
+
+
+def levels_of_probe(
+    probe: Probe, engine: Engine, size: int, progress: Progress | None = None
+) -> tuple[tuple[Array, ...], tuple[float, ...]]:
+    """Make an engine's levels of a probe.
+
+    Parameters
+    ----------
+    probe : Probe
+    engine : Engine
+    size : int
+        Texels along an edge of level 0.
+    progress : callable, optional
+        Called with the work done, and in all.
+
+    Returns
+    -------
+    levels : tuple of ndarray, shape (6 N_k, N_k, 3)
+        OpenEXR cubes in world axes. One of roughness 0 is the probe, averaged over texels.
+    roughness : tuple of float
+
+    Raises
+    ------
+    ArgumentError
+        If the engine reads no such size.
+    """
+    sizes = engine.sizes(size)
+    roughness = engine.roughness(sizes)
+    cubes, _ = make_levels(probe, roughness, size, progress=progress, sizes=sizes)
+    return tuple(cubes), roughness
+
+
+def levels_of_map(
+    split: SplitSum, path: str, engine: Engine, size: int | None
+) -> tuple[tuple[Array, ...], tuple[float, ...], list[str]]:
+    """Take the levels of a split sum for an engine.
+
+    Parameters
+    ----------
+    split : SplitSum
+    path : str
+        Its file, for messages.
+    engine : Engine
+    size : int, optional
+        Texels along an edge of level 0, by default those of the file.
+
+    Returns
+    -------
+    levels, roughness
+        As `levels_of_probe` returns them.
+    told : list of str
+        A sentence about levels that were interpolated to the engine's sizes.
+
+    Raises
+    ------
+    MapError
+        If the roughnesses are not the engine's, or level 0 has another size.
+    ArgumentError
+        If the engine reads no such size.
+    """
+    wanted = split.size if size is None else size
+    sizes = engine.sizes(wanted)
+    roughness = engine.roughness(sizes)
+    if len(roughness) != len(split.roughness) or not np.allclose(
+        roughness, split.roughness, rtol=0, atol=_SAME
+    ):
+        raise MapError(
+            f"{path}: its levels have roughness {_listed(split.roughness)}; {engine.title} looks "
+            f"up {_listed(roughness)} at size {wanted}; make it by {_command(engine, wanted)}, or "
+            "export the probe itself"
+        )
+    if split.size != wanted:
+        raise MapError(
+            f"{path}: its level 0 has {split.size} texels along an edge, not {wanted}; make it by "
+            f"{_command(engine, wanted)}, or export the probe itself"
+        )
+    levels, changed = [], []
+    for k, (cube, texels) in enumerate(zip(split.levels, sizes, strict=True)):
+        same = cube.shape[1] == texels and split.sampling == "center"
+        levels.append(cube if same else _interpolated(cube, split, texels))
+        changed += [] if same else [f"{k} (from {cube.shape[1]} to {texels})"]
+    told = [f"levels {', '.join(changed)} were interpolated"] if changed else []
+    return tuple(levels), roughness, told
+
+
+def _interpolated(cube: Array, split: SplitSum, size: int) -> Array:
+    """Return a level with other texels; levels are smooth, so that this hardly changes them."""
+    values = CubeSampler(cube, split.sampling)(cube_directions(size))
+    return np.maximum(values, min(float(cube.min()), 0.0))  # a cubic filter overshoots
+
+
+def _command(engine: Engine, size: int) -> str:
+    """Return the command that makes the levels of an engine."""
+    sizes = engine.sizes(size)
+    if engine.mapping is None:
+        levels = ",".join(f"{value:.6g}" for value in engine.roughness(sizes))
+        return f"shrm prefilter PROBE --to splitsum --levels {levels} --size {size}"
+    return (
+        f"shrm prefilter PROBE --to splitsum --mapping {engine.mapping} --levels {len(sizes)} "
+        f"--size {size}"
+    )
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)

@@ -1,0 +1,296 @@
+"""From a probe, or from maps that were made of it, to the files that an engine loads."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.environment.environment_brdf import environment_table
+from shrm_cli.errors import ArgumentError, MapError, OutputError
+from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.levels import levels_of_map, levels_of_probe
+from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.readme import readme, readme_name
+from shrm_cli.files.whole import keeping, together
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
+from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
+from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import default_size, to_grid
+from shrm_cli.progress import Progress
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.sphere.grid.latlong import LatLong
+
+Array = NDArray[np.floating]
+
+DIFFUSE_ORDER = 64
+"""The order of the irradiance that cubes are made of; what is beyond is below a thousandth."""
+TABLE_SIZE = 256
+"""Texels along both edges of the environment-BRDF table."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is exported: a probe, or a split sum, an irradiance map, or both.
+
+    Attributes
+    ----------
+    name : str
+        What the names of the files begin with.
+    title : str
+        The names of the files it comes from, for the README.
+    probe : Probe, optional
+    split, irradiance : SplitSum, Irradiance, optional
+    path : str
+        The file of the split sum, for messages.
+    """
+
+    name: str
+    title: str
+    probe: Probe | None = None
+    split: SplitSum | None = None
+    irradiance: Irradiance | None = None
+    path: str = ""
+
+    @classmethod
+    def of_maps(cls, name: str, maps: Sequence[tuple[str, Map]]) -> "Source":
+        """Return the source that some maps are, by the paths of their files.
+
+        Raises
+        ------
+        MapError
+            If they are not one split sum, one irradiance map, or one of each.
+        """
+        split = [(path, each) for path, each in maps if isinstance(each, SplitSum)]
+        irradiance = [each for _, each in maps if isinstance(each, Irradiance)]
+        for path, each in maps:
+            if not isinstance(each, SplitSum | Irradiance):
+                raise MapError(
+                    f"{path}: {each.representation} is not what engines read; export its probe, a "
+                    "split sum or an irradiance map"
+                )
+        if len(split) > 1 or len(irradiance) > 1:
+            raise MapError(
+                f"{maps[-1][0]}: a second map of a kind; give one split sum and one irradiance map"
+            )
+        title = " and ".join(Path(path).name for path, _ in maps)
+        return cls(
+            name,
+            title,
+            split=split[0][1] if split else None,
+            irradiance=irradiance[0] if irradiance else None,
+            path=split[0][0] if split else "",
+        )
+
+    def light(self) -> Probe | None:
+        """Return the light itself: the probe, or a split sum's level of roughness 0."""
+        if self.probe is not None or self.split is None or self.split.roughness[0] > 0:
+            return self.probe
+        return Probe.from_array(
+            np.maximum(self.split.levels[0], 0),
+            "openexr",
+            name=self.path,
+            sampling=self.split.sampling,
+            chromaticities=self.split.info.chromaticities,
+        )
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the user asked for; what is None is the engine's to choose.
+
+    Attributes
+    ----------
+    size : int, optional
+        Texels along an edge of level 0, or rows of a lat-long.
+    texels : str, optional
+        The name of a texel format.
+    skybox : int, optional
+        Texels along an edge of the sharp cube; 0 for none.
+    window : str
+        The window of the nine coefficients, as `shrm_cli.maps.irradiance.window` has it.
+    table : bool
+        Whether the environment-BRDF table is wanted.
+    """
+
+    size: int | None = None
+    texels: str | None = None
+    skybox: int | None = None
+    window: str = "none"
+    table: bool = False
+
+
+def export(
+    source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
+) -> Package:
+    """Make the files of an engine.
+
+    Parameters
+    ----------
+    source : Source
+    engine : Engine
+    asked : Asked
+    progress : callable, optional
+        Called with the work done, and in all.
+
+    Returns
+    -------
+    Package
+        All files, the README among them; `write` writes them.
+
+    Raises
+    ------
+    ArgumentError
+        If something is asked for that the engine has not.
+    MapError
+        If the source holds nothing that the engine reads, or does not fit it.
+    """
+    check(engine, asked)
+    light, told, warnings = gather(source, engine, asked, progress)
+    texels = FORMATS[asked.texels] if asked.texels else None
+    if texels is None and engine.formats:
+        texels = FORMATS[engine.formats[0]]
+    size = light.levels[0].shape[1] if light.levels else asked.size or engine.default_size
+    made = engine.pack(light, Wishes(size, texels))
+    if not made.files:
+        raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
+    made.told[:0] = told
+    made.warnings[:0] = warnings
+    made.add_text(readme_name(light.name), readme(engine, light, made))
+    return made
+
+
+def check(engine: Engine, asked: Asked) -> None:
+    """Refuse what an engine has not, before work begins.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    if asked.texels is not None and asked.texels not in engine.formats:
+        known = ", ".join(engine.formats)
+        why = f"{engine.title} reads {known}" if known else f"{engine.title} has one format"
+        raise ArgumentError("format", f"{asked.texels} does not apply; {why}")
+    if asked.skybox and not engine.takes_skybox:
+        raise ArgumentError("skybox", f"does not apply; {engine.title} gets no sharp cube")
+    if asked.window != "none" and not engine.wants_irradiance:
+        raise ArgumentError("window", f"does not apply; {engine.title} gets no coefficients")
+    if asked.table and not engine.takes_table:
+        raise ArgumentError("dfg", f"does not apply; {engine.title} has a table of its own")
+    if asked.size is not None and engine.wants_levels:
+        engine.roughness(engine.sizes(asked.size))
+
+
+def gather(
+    source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
+) -> tuple[Light, list[str], list[str]]:
+    """Make the light that an engine wants, as far as the source knows it.
+
+    Returns
+    -------
+    light : Light
+    told, warnings : list of str
+    """
+    told: list[str] = []
+    warnings: list[str] = []
+    itself = source.light()
+    given = next(each for each in (source.probe, source.split, source.irradiance) if each)
+    primaries = given.chromaticities if isinstance(given, Probe) else given.info.chromaticities
+    light = Light(source.name, source.title, chromaticities=primaries)
+    if engine.wants_levels and source.split is not None:
+        levels, roughness, told = levels_of_map(source.split, source.path, engine, asked.size)
+        light = replace(light, levels=levels, roughness=roughness)
+    elif engine.wants_levels and source.probe is not None:
+        size = asked.size or engine.default_size
+        levels, roughness = levels_of_probe(source.probe, engine, size, progress)
+        light = replace(light, levels=levels, roughness=roughness)
+    if engine.wants_irradiance or engine.wants_diffuse:
+        irradiance, diffuse, lines = _irradiance(source, itself, engine, asked, progress)
+        light = replace(light, irradiance=irradiance, diffuse=diffuse)
+        warnings += lines
+    if itself is not None:
+        light = _with_images(light, itself, engine, asked, progress)
+    if asked.table:
+        light = replace(light, table=environment_table(TABLE_SIZE, progress=progress))
+    return light, told, warnings
+
+
+def _irradiance(
+    source: Source, light: Probe | None, engine: Engine, asked: Asked, progress: Progress | None
+) -> tuple[Irradiance | None, Irradiance | None, list[str]]:
+    """Return nine coefficients, those for cubes, and warnings; None where nothing is known."""
+    if source.irradiance is not None:
+        if asked.window != "none":
+            raise ArgumentError("window", "applies to probes; this irradiance map is finished")
+        return _nine(source.irradiance), source.irradiance, []
+    if light is None:
+        return None, None, []
+    nine = diffuse = None
+    warnings: list[str] = []
+    if engine.wants_irradiance:
+        made = prefilter_irradiance(light, window=asked.window, progress=progress)
+        nine, warnings = made.map, list(made.warnings)
+    if engine.wants_diffuse:
+        diffuse = prefilter_irradiance(light, DIFFUSE_ORDER, progress=progress).map
+    return cast(Irradiance | None, nine), cast(Irradiance | None, diffuse), warnings
+
+
+def _nine(irradiance: Irradiance) -> Irradiance:
+    """Return an irradiance map without the degrees above 2, of which engines know nothing."""
+    if irradiance.order_f <= POLYNOMIAL_ORDER:
+        return irradiance
+    count = (POLYNOMIAL_ORDER + 1) ** 2
+    return replace(irradiance, coefficients=irradiance.coefficients[:count], window=Window())
+
+
+def _with_images(
+    light: Light, probe: Probe, engine: Engine, asked: Asked, progress: Progress | None
+) -> Light:
+    """Add the sharp cube and the lat-long that an engine wants."""
+    edge = engine.default_skybox if asked.skybox is None else asked.skybox
+    if asked.skybox is None:
+        edge = min(edge, default_size(probe, Cube))
+    if engine.takes_skybox and edge:
+        light = replace(light, skybox=to_grid(probe, Cube(edge), progress))
+    if engine.wants_latlong:
+        # Where there are levels, the size is theirs, and the lat-long is as fine as the light.
+        rows = 0 if engine.wants_levels else asked.size or engine.default_size
+        rows = rows or default_size(probe, LatLong)
+        light = replace(light, latlong=to_grid(probe, LatLong(rows), progress))
+    return light
+
+
+def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
+    """Write all files of an export into a folder, or none of them.
+
+    Parameters
+    ----------
+    package : Package
+    folder : path-like
+        It is made if it does not exist; the folder that it lies in must.
+    kept : bool
+        Whether files that exist are replaced by files of the same bytes only.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written, or would replace another one.
+    """
+    paths = [folder / file.name for file in package.files]
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made ({error.strerror}); name another") from error
+    with keeping(*map(str, paths if kept else [])), together():
+        for file, path in zip(package.files, paths, strict=True):
+            file.write(path)
+    return paths

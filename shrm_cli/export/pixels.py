@@ -1,0 +1,182 @@
+"""Packed floating-point texels: RGBA16F, R11F_G11F_B10F and RGB9E5.
+
+All of them are unsigned here, because radiance is. Values are rounded to the nearest that a format
+holds. What it cannot hold is clipped, and counted in a `Clipped`, so that nobody loses a sun
+without a word.
+
+References
+----------
+The Khronos Data Format Specification 1.3, sections 10.2 to 10.4; OpenGL's extensions
+EXT_packed_float and EXT_texture_shared_exponent.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+
+Array = NDArray[np.floating]
+Words = NDArray[np.unsignedinteger]
+
+
+@dataclass(frozen=True)
+class TexelFormat:
+    """A packed format of RGB texels.
+
+    Attributes
+    ----------
+    name : str
+        One of `vocabulary.TEXEL_FORMATS`.
+    title : str
+        The name that graphics interfaces give it.
+    largest : tuple of 3 float
+        The largest finite value of red, green and blue.
+    size : int
+        Bytes of a texel.
+    pack : callable
+        From values within range, shape (..., 3), to words of the machine's byte order: uint32 of
+        shape (...), or uint16 of shape (..., 4).
+    """
+
+    name: str
+    title: str
+    largest: tuple[float, float, float]
+    size: int
+    pack: Callable[[Array], Words]
+
+
+@dataclass(frozen=True)
+class Clipped:
+    """What a format could not hold of one image.
+
+    Attributes
+    ----------
+    what : str
+        The image, such as ``"level 0"``.
+    above, below : int
+        Texels with a channel above the largest value, and with a negative one.
+    most, least : float
+        The largest and the least value that there was.
+    """
+
+    what: str
+    above: int
+    below: int
+    most: float
+    least: float
+
+
+def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clipped]:
+    """Encode an image, little-endian, and tell what was clipped.
+
+    Parameters
+    ----------
+    image : ndarray, shape (..., 3)
+        Linear radiance. The texels are written in the order of the array.
+    chosen : TexelFormat
+    what : str
+        What the image is called in messages.
+
+    Returns
+    -------
+    data : bytes
+    clipped : Clipped
+
+    Raises
+    ------
+    MapError
+        If a value is not finite.
+    """
+    broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
+    if broken:
+        raise MapError(
+            f"{what}: {broken} texels are not finite; read the probe with `fix_nonfinite`, "
+            "or dim it"
+        )
+    largest = np.array(chosen.largest)
+    above = int(np.count_nonzero((image > largest).any(axis=-1)))
+    below = int(np.count_nonzero((image < 0).any(axis=-1)))
+    words = chosen.pack(np.clip(image, 0, largest))
+    little = words.astype(words.dtype.newbyteorder("<"), copy=False)
+    return little.tobytes(), Clipped(what, above, below, float(image.max()), float(image.min()))
+
+
+def clip_warning(file: str, chosen: TexelFormat, found: Iterable[Clipped]) -> str | None:
+    """Return one line about everything that was clipped in a file; None if nothing was."""
+    found = list(found)
+    bright = [each for each in found if each.above]
+    dark = [each for each in found if each.below]
+    parts = []
+    if bright:
+        most = max(each.most for each in bright)
+        where = ", ".join(f"{each.above} of {each.what}" for each in bright)
+        parts.append(
+            f"texels brighter than {chosen.title} holds ({min(chosen.largest):g}) were clipped: "
+            f"{where}, the brightest {most:.6g}; dim them with `clamp`"
+        )
+    if dark:
+        least = min(each.least for each in dark)
+        where = ", ".join(f"{each.below} of {each.what}" for each in dark)
+        parts.append(f"negative texels became 0: {where}, the least {least:.3g}")
+    return f"{file}: {'; '.join(parts)}" if parts else None
+
+
+def _pack_half(values: Array) -> Words:
+    """Pack to RGBA16F with alpha 1: uint16, shape (..., 4)."""
+    # Numpy rounds to the nearest, and values within 65504 do not become infinite.
+    texels = np.ones((*values.shape[:-1], 4), dtype=np.float16)
+    texels[..., :3] = values
+    return texels.view(np.uint16)
+
+
+def _pack_unsigned_floats(values: Array) -> Words:
+    """Pack to R11F_G11F_B10F: red in the lowest 11 bits, green, and blue in the highest 10."""
+    red, green = (_small_float(values[..., k], 6) for k in (0, 1))
+    return red | green << np.uint32(11) | _small_float(values[..., 2], 5) << np.uint32(22)
+
+
+def _small_float(values: Array, mantissa_bits: int) -> NDArray[np.uint32]:
+    """Return floats of 5 bits of exponent, bias 15, and no sign, rounded to the nearest even."""
+    values = np.asarray(values, dtype=float)
+    _, exponent = np.frexp(values)  # a value is below 2^exponent, and half of that at least
+    exponent = np.where(values > 0, exponent, -14)
+    steps = np.exp2(np.maximum(exponent - 1, -14) - mantissa_bits)
+    whole = np.rint(values / steps).astype(np.uint32)
+    # The hidden bit adds one to the exponent; denormal numbers have none. A mantissa that is
+    # rounded up to the next power of two adds one as well, which is right.
+    biased = np.maximum(exponent + 14, 1).astype(np.uint32) - np.uint32(1)
+    return (biased << np.uint32(mantissa_bits)) + whole
+
+
+def _pack_shared_exponent(values: Array) -> Words:
+    """Pack to RGB9E5: three mantissas of 9 bits, red lowest, and the exponent in the highest 5."""
+    values = np.asarray(values, dtype=float)
+    largest = values.max(axis=-1)
+    _, exponent = np.frexp(largest)  # the largest is below 2^exponent
+    shared = np.where(largest > 0, np.maximum(exponent, -15) + 15, 0)
+    # Rounding may carry the largest mantissa to 512, which needs the next exponent.
+    shared += np.rint(largest / np.exp2(shared - 24.0)) > 511
+    mantissas = np.rint(values / np.exp2(shared - 24.0)[..., None]).astype(np.uint32)
+    red, green, blue = (mantissas[..., k] for k in range(3))
+    return (
+        red
+        | green << np.uint32(9)
+        | blue << np.uint32(18)
+        | (shared.astype(np.uint32) << np.uint32(27))
+    )
+
+
+FORMATS = {
+    each.name: each
+    for each in (
+        TexelFormat("rgba16f", "RGBA16F", (65504.0,) * 3, 8, _pack_half),
+        TexelFormat(
+            "r11g11b10", "R11F_G11F_B10F", (65024.0, 65024.0, 64512.0), 4, _pack_unsigned_floats
+        ),
+        TexelFormat("rgb9e5", "RGB9E5", (65408.0,) * 3, 4, _pack_shared_exponent),
+    )
+}
+"""The formats by name."""

@@ -1,0 +1,98 @@
+"""Packed texels: every number that they hold, rounding, and what does not fit."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import MapError
+from shrm_cli.export.pixels import FORMATS, clip_warning, encoded
+from tests.export.readers import decoded, packed_floats, shared_exponent, small_float
+
+
+def words(image, name):
+    data, _ = encoded(np.asarray(image, dtype=float), FORMATS[name], "level 0")
+    return np.frombuffer(data, "<u4")
+
+
+@pytest.mark.parametrize(("mantissa", "channel"), [(6, 0), (6, 1), (5, 2)])
+def test_every_packed_float_keeps_its_bits(mantissa, channel):
+    """All finite numbers of 11 bits, and of 10, go around, and so do their midpoints to even."""
+    bits = np.arange(31 << mantissa)
+    values = np.array([small_float(each, mantissa) for each in bits])
+    image = np.zeros((len(bits), 3))
+    image[:, channel] = values
+    shift = (0, 11, 22)[channel]
+    assert (words(image, "r11g11b10") == bits << shift).all()
+    middle = (values[1:] + values[:-1]) / 2
+    even = np.where(bits[:-1] % 2 == 0, bits[:-1], bits[1:])
+    image = np.zeros((len(middle), 3))
+    image[:, channel] = middle
+    assert (words(image, "r11g11b10") == even << shift).all()
+
+
+def test_packed_floats_are_the_nearest(rng):
+    image = np.exp(rng.uniform(-14, 11, size=(2000, 3)))
+    found = np.array([packed_floats(word) for word in words(image, "r11g11b10").tolist()])
+    for channel, mantissa in ((0, 6), (1, 6), (2, 5)):
+        held = np.array([small_float(each, mantissa) for each in range(31 << mantissa)])
+        nearest = np.abs(held[None] - image[:, channel, None]).min(axis=1)
+        assert np.abs(found[:, channel] - image[:, channel]) == pytest.approx(nearest, abs=0)
+
+
+def test_every_shared_exponent_keeps_its_value():
+    """All mantissas with all exponents, in each channel."""
+    held = np.array([[m * 2.0 ** (e - 24) for m in range(512)] for e in range(32)]).ravel()
+    for channel in range(3):
+        image = np.zeros((len(held), 3))
+        image[:, channel] = held
+        found = np.array([shared_exponent(word) for word in words(image, "rgb9e5").tolist()])
+        assert (found == image).all()
+
+
+def test_shared_exponents_follow_the_extension(rng):
+    """The steps that EXT_texture_shared_exponent gives, one texel at a time."""
+    image = np.exp(rng.uniform(-14, 11, size=(2000, 3)))
+    image[::7, 1] = 0
+    image[::11] *= 511.7 / 512 / image[::11].max(axis=1, keepdims=True) * 2.0**5  # carries over
+    for (red, green, blue), word in zip(image, words(image, "rgb9e5").tolist(), strict=True):
+        largest = max(red, green, blue)
+        exponent = max(-16, int(np.floor(np.log2(largest)))) + 16
+        if int(np.floor(largest / 2.0 ** (exponent - 24) + 0.5)) == 512:
+            exponent += 1
+        assert word >> 27 == exponent
+        for value, found in zip((red, green, blue), shared_exponent(word), strict=True):
+            assert abs(found - value) <= 2.0 ** (exponent - 24) / 2
+
+
+def test_halves_are_the_nearest(rng):
+    image = np.exp(rng.uniform(-18, 11, size=(500, 3)))
+    data, _ = encoded(image, FORMATS["rgba16f"], "level 0")
+    step = 2.0 ** (np.maximum(np.floor(np.log2(image)), -14) - 10)
+    assert (np.abs(decoded(data, "rgba16f") - image) <= step / 2).all()
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_what_does_not_fit_is_clipped_and_counted(name):
+    largest = FORMATS[name].largest
+    image = np.ones((4, 2, 3))
+    image[0, 0] = 1e6
+    image[1, 0, 2] = 70000
+    image[2, 1] = -0.5
+    data, found = encoded(image, FORMATS[name], "level 3")
+    pixels = decoded(data, name).reshape(image.shape)
+    assert pixels[0, 0] == pytest.approx(largest, abs=0)
+    assert pixels[1, 0, 2] == largest[2]
+    assert (pixels[2, 1] == 0).all()
+    assert (found.above, found.below, found.most, found.least) == (2, 1, 1e6, -0.5)
+    text = clip_warning("a.ktx", FORMATS[name], [found])
+    assert text.startswith("a.ktx: texels brighter than")
+    assert "2 of level 3" in text
+    assert "1 of level 3, the least -0.5" in text
+    assert clip_warning("a.ktx", FORMATS[name], [encoded(image[3], FORMATS[name], "")[1]]) is None
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_refused(value):
+    image = np.ones((2, 3))
+    image[1, 1] = value
+    with pytest.raises(MapError, match=r"level 2: 1 texels are not finite; .*fix_nonfinite"):
+        encoded(image, FORMATS["rgb9e5"], "level 2")
