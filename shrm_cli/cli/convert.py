@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,6 +20,14 @@ from shrm_cli.cli.options import (
     representation_options,
 )
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.plain import (
+    plain_name,
+    plain_options,
+    plain_report,
+    plain_rules,
+    write_mips,
+    write_view,
+)
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
@@ -35,6 +43,10 @@ from shrm_cli.vocabulary import (
     SAMPLINGS,
     Precision,
 )
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
+    from shrm_cli.vocabulary import Lookup
 
 _TARGETS = [*REPRESENTATIONS, *LAYOUTS]
 _SAMPLINGS = click.Choice(SAMPLINGS)
@@ -62,6 +74,7 @@ def _converts(option: Option) -> bool:
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
 @representation_options(_converts)
+@plain_options
 @click.option(
     "--size", type=click.IntRange(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
@@ -83,6 +96,11 @@ def convert(
     size: int | None,
     to_orientation: str | None,
     to_sampling: str | None,
+    view: tuple[float, float] | None,
+    by: Lookup | None,
+    roughness: float | None,
+    f0: str | None,
+    mips: bool,
     precision: Precision,
     sampling: str | None,
     as_json: bool,
@@ -96,21 +114,27 @@ def convert(
     from the probe alone, and converted to itself: other precision, other size of irradiance.
     Irradiance and SH exponentials are turned by --yaw, --pitch and --roll, exactly and without
     their probe. Maps and probes are laid out anew. The options from --sampling to --clamp say how a
-    probe is to be read.
+    probe is to be read. For programs that read plain images, --view AZ,EL writes what a map's
+    material reflects to one distant viewer, and --mips the levels of a split sum as mip levels.
 
     \b
       shrm convert probe.microfacet.shrm.exr --to cabral
       shrm convert probe.exr --to hcross --size 256
       shrm convert probe.irradiance.exr --to irradiance --yaw 30 -o turned.exr
+      shrm convert probe.ggx.principal.exr --to latlong --view 30,10 --by normal
+      shrm convert probe.splitsum.exr --to latlong --mips
     """
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
 
-    result_path = output or _default_name(source, target)
+    is_plain = view is not None or mips
+    named = plain_name(source, target, view) if is_plain else _default_name(source, target)
+    result_path = output or named
     reading = make_read_options(sampling, values)
     found = is_map(source)
     of_probes = reading_rules(not found, "to probes; IN is a map")
     of_probes |= dict.fromkeys(TURNS, Applies(True, "to probes and maps"))
+    of_probes |= plain_rules(target, found, view, mips)
     refuse_inapplicable({**_rules(target), **of_probes})
     if not (output or force):
         from shrm_cli.probe.probe import face_paths
@@ -120,6 +144,18 @@ def convert(
     if found:
         given = {name: values[name] for name in given_options() if name in values}
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)
+    if found and is_plain:
+        opened = _turned(source, reading.matrix())
+        if view is not None:
+            result, warnings = write_view(
+                source, opened, result_path, view, by, roughness, f0, size,
+                to_sampling, precision, quiet,  # type: ignore[arg-type]
+            )  # fmt: skip
+        else:
+            result, warnings = write_mips(
+                source, opened, result_path, target, size, to_sampling, precision  # type: ignore[arg-type]
+            )
+    elif found:
         result, warnings = _convert_map(
             source, result_path, target, given, size, to_orientation, to_sampling, precision,
             reading.matrix(),
@@ -165,13 +201,9 @@ def _convert_map(
     turn: Any,
 ) -> tuple[dict[str, Any], list[str]]:
     """Write a map in another representation, or in another layout of the same one, or turned."""
-    import numpy as np
+    from shrm_cli.maps.file import store
 
-    from shrm_cli.maps.file import open_map, store
-
-    found = open_map(source)
-    if not np.array_equal(turn, np.eye(3)):
-        found = found.turned(turn)
+    found = _turned(source, turn)
     is_layout = target not in REPRESENTATIONS
     layout = target if is_layout else "openexr"
     if is_layout and not found.cube_count:
@@ -206,6 +238,16 @@ def _convert_map(
         "precision": stored.pixel_type,
     }
     return result, []
+
+
+def _turned(source: str, turn: Any) -> Map:
+    """Read a map, and turn its light."""
+    import numpy as np
+
+    from shrm_cli.maps.file import open_map
+
+    found = open_map(source)
+    return found if np.array_equal(turn, np.eye(3)) else found.turned(turn)
 
 
 def _convert_probe(
@@ -270,6 +312,8 @@ def _default_name(source: str, target: str) -> str:
 
 
 def _report(result: dict[str, Any]) -> str:
+    if result["kind"] in ("view", "mips"):
+        return plain_report(result)
     if result["kind"] == "probe":
         files = ", ".join(result["files"])
         return (

@@ -16,6 +16,12 @@ DESCRIPTIONS = {
                 "choice",
                 choices=LEVEL_MAPPINGS,
             ),
+            Option(
+                "mips",
+                "splitsum: sizes that halve from level to level, down to one texel.  "
+                "[default: from the orders]",
+                "switch",
+            ),
         ),
         why_no_brdf="a split sum is of GGX",
     )
