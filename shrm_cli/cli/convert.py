@@ -153,7 +153,13 @@ def convert(
             )  # fmt: skip
         else:
             result, warnings = write_mips(
-                source, opened, result_path, target, size, to_sampling, precision  # type: ignore[arg-type]
+                source,
+                opened,
+                result_path,
+                target,
+                size,
+                to_sampling,
+                precision,  # type: ignore[arg-type]
             )
     elif found:
         result, warnings = _convert_map(

@@ -23,6 +23,7 @@ _COMMANDS = {
     "prefilter": "Prefilter a light probe for a BRDF.",
     "batch": "Make maps of many probes.",
     "render": "Render spheres and meshes from maps.",
+    "lookdev": "Show materials under probes, on one sheet.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
     "export": "Make the files that an engine loads.",

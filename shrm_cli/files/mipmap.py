@@ -63,6 +63,8 @@ def _write(
     path: Path, levels: Sequence[Array], pixel_type: PixelType, attributes: Mapping[str, Any]
 ) -> None:
     target = oiio.ImageOutput.create("exr")
+    if target is None:
+        raise OSError(0, oiio.geterror() or "OpenImageIO cannot write it")
     for index, level in enumerate(levels):
         spec = _spec(level, pixel_type, attributes)
         # Calling write_image after a failed open would be a segmentation fault.
@@ -95,7 +97,14 @@ def _check(path: Path, levels: Sequence[Array]) -> None:
     """Raise an error unless all levels are there; on a full disk writing reports none."""
     source = oiio.ImageInput.open(str(path))
     for index, level in enumerate(levels):
-        found = source is not None and source.seek_subimage(0, index)
-        if not found or source.spec().height != len(level) or source.read_image() is None:
+        if source is None or not _holds(source, index, level.shape):
             oiio.geterror()
             raise OSError(0, "it was not written whole; is the disk full?")
+
+
+def _holds(source: Any, index: int, shape: tuple[int, ...]) -> bool:
+    """Whether a level can be read, and has its size."""
+    if not source.seek_subimage(0, index):
+        return False
+    pixels = source.read_image(0, index, 0, 3, oiio.FLOAT)
+    return pixels is not None and pixels.shape == shape
