@@ -46,7 +46,7 @@ from shrm_cli.vocabulary import (
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
-    from shrm_cli.vocabulary import Lookup
+    from shrm_cli.vocabulary import Lookup, Sampling
 
 _TARGETS = [*REPRESENTATIONS, *LAYOUTS]
 _SAMPLINGS = click.Choice(SAMPLINGS)
@@ -95,7 +95,7 @@ def convert(
     force: bool,
     size: int | None,
     to_orientation: str | None,
-    to_sampling: str | None,
+    to_sampling: Sampling | None,
     view: tuple[float, float] | None,
     by: Lookup | None,
     roughness: float | None,
@@ -149,17 +149,11 @@ def convert(
         if view is not None:
             result, warnings = write_view(
                 source, opened, result_path, view, by, roughness, f0, size,
-                to_sampling, precision, quiet,  # type: ignore[arg-type]
+                to_sampling, precision, quiet,
             )  # fmt: skip
         else:
             result, warnings = write_mips(
-                source,
-                opened,
-                result_path,
-                target,
-                size,
-                to_sampling,
-                precision,  # type: ignore[arg-type]
+                source, opened, result_path, target, size, to_sampling, precision
             )
     elif found:
         result, warnings = _convert_map(

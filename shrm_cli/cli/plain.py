@@ -183,6 +183,8 @@ def write_mips(
     attributes = picture_attributes(recipe, [found.info.chromaticities])
     if sampled == "border":
         attributes["envmap"] = "latlong"
+    if precision == "auto" and not found.is_exact_in_half:
+        precision = "float"  # a conversion must not lose precision
     pixels = write_mipmap(path, levels, precision, attributes)
     height, width, _ = levels[0].shape
     result = {

@@ -1,8 +1,9 @@
 """Moving pictures: animated PNG and GIF by Pillow, MP4 by the program ffmpeg.
 
-Pictures are 8-bit sRGB and are taken one after the other, so that they need not be held together.
+Pictures are 8-bit sRGB. MP4 takes them one after the other; Pillow wants all of them at hand.
 """
 
+import contextlib
 import os
 import shutil
 import subprocess
@@ -96,16 +97,15 @@ def _write_by_pillow(
     suffix: str,
 ) -> None:
     library = _pillow(path)
-    images = (library.fromarray(frame) for frame in frames)
+    images = [library.fromarray(frame) for frame in frames]
     if suffix == ".gif":
-        images = (image.quantize(256) for image in images)
+        images = [image.quantize(256) for image in images]
     temporary.touch()  # raises the system's error in its own words
-    first = next(images)
-    first.save(
+    images[0].save(
         temporary,
         format="GIF" if suffix == ".gif" else "PNG",
         save_all=True,
-        append_images=images,
+        append_images=images[1:],
         duration=1000 / rate,
         loop=0,
     )
@@ -145,6 +145,8 @@ def _write_mp4(
             process.stdin.close()
             code = process.wait()
         except BrokenPipeError:  # it has ended, and says why
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
             code = process.wait() or 1
         except BaseException:
             process.kill()

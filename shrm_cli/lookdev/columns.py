@@ -131,7 +131,8 @@ def make_column(
         behind = coarse_probe(probe, background_rows(wanted.size))
     except Exception as error:  # whatever is wrong with one probe must not stop the others
         return Column(path, (Cell(None, error_line(error)),) * count)
-    cells, told = [], [*probe.report.warnings()]
+    cells: list[Cell] = []
+    told: list[str] = []
     stages = Stages(progress, count)
     for spec in wanted.specs:
         try:
@@ -143,4 +144,6 @@ def make_column(
             cells.append(Cell(made.map))
             told += [f"{spec}: {line}" for line in made.warnings]
         stages.done(len(cells), count)
-    return Column(path, tuple(cells), behind, exposure, tuple(told))
+    # What the pixels needed is known when they have been read.
+    warnings = (*probe.report.warnings(), *told)
+    return Column(path, tuple(cells), behind, exposure, warnings)

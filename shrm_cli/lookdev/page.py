@@ -96,6 +96,8 @@ def _section(
             f'<button type="button" title="The probe\'s own exposure" aria-label="Reset the '
             f'exposure of {name}">\u21ba</button></label>'
         )
+    else:
+        lines.append('<div class="none">no picture</div>')
     lines += ["</header>", '<div class="cells">']
     for side, cell in zip(sides, cells, strict=True):
         caption = html.escape(side)
