@@ -246,6 +246,26 @@ def test_lat_longs_of_light_that_is_linear(chain, tmp_path, sampling):
         assert half[0, 0] > 2 > half[1, 0]
 
 
+def test_openimageio_looks_the_light_up_where_it_is(chain, tmp_path):
+    """Its texture system knows environments; wider look-ups take coarser levels, of rougher lobes."""
+    target = str(tmp_path / "e.exr")
+    done("convert", chain, "--to", "latlong", "--mips", "--to-sampling", "border", "-o", target)
+    textures, how = oiio.TextureSystem(), oiio.TextureOpt()
+
+    def seen(toward, spread):
+        toward = tuple(float(each) for each in toward)
+        return np.array(
+            textures.environment(target, how, toward, (spread, 0, 0), (0, spread, 0), 3)
+        )
+
+    for toward in [(0, 0, 1), (1, 0, 0), (0, 1, 0), (0.6, 0.48, 0.64), (-0.6, 0.64, -0.48)]:
+        np.testing.assert_allclose(
+            seen(toward, 0), 2 + np.array(toward) * [1.0, 0.5, -0.7], atol=0.015
+        )
+    sharp, broad = (abs(seen((0.6, 0.48, 0.64), spread) - 2) for spread in (0, 1))
+    assert (broad < 0.95 * sharp).all()
+
+
 def test_other_split_sums_are_no_mip_chains(made, tmp_path):
     source = tmp_path / "s.exr"
     done("prefilter", made / "probe.exr", "--to", "splitsum", "--levels", 3, "-o", source)

@@ -87,6 +87,15 @@ def test_border_pixels_lie_on_the_poles_and_the_seam():
     np.testing.assert_allclose(picture[4, -1], [0, 0, -1], atol=1e-6)
 
 
+def test_the_coordinates_that_the_page_gives_to_compositors():
+    """docs/lookdev.md: u from the left, v from below, of a direction in world axes."""
+    for row, column in PIXELS:
+        x, y, z = direction(row, column, 16)
+        u = 0.5 - math.atan2(x, z) / (2 * math.pi)
+        v = 0.5 + math.asin(y) / math.pi
+        assert (u * 32, (1 - v) * 16) == pytest.approx((column + 0.5, row + 0.5))
+
+
 def test_what_is_looked_up_by_default():
     assert lookup_of(under_random_light()) == "reflection"
     assert lookup_of(under_random_light("lambertian", order_p=0)) == "normal"
