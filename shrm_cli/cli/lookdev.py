@@ -22,6 +22,7 @@ from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.files.inputs import note
+from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
 
 if TYPE_CHECKING:
@@ -37,8 +38,9 @@ if TYPE_CHECKING:
 _FORMS = [each.name for each in descriptions().values() if each.needs_brdf]
 _MAKING = ("eps", "error", "order_f", "order_p", "center", "max_size")
 _ERROR = 0.05
-"""The error of maps where no option says how exact they are. Principal maps of it are made faster
-than SHRMs of the default tolerance, and err less."""
+"""The error of maps where no option says how exact they are. For gold and plastic under three real
+probes such principal maps took .8 to 6 s of a core, SHRMs of the default tolerance 1.7 to 6 s with
+errors of 7 to 24 %, and principal maps of that tolerance 5 to 6 s."""
 _FRAMES = 48
 _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 
@@ -190,7 +192,8 @@ def lookdev(
     height, width = grid.shape
     what = written if suffix == ".html" else f"{width} x {height}, {written}"
     warnings = [f"{each.path}: {line}" for each in columns for line in each.warnings]
-    line = f"{output}: {grid.rows} materials x {grid.columns} probes, {what}"
+    pairs = f"{counted(grid.rows, 'material')} x {counted(grid.columns, 'probe')}"
+    line = f"{output}: {pairs}, {what}"
     conclude(result, [line], [*warnings, *failures], as_json, quiet)
     if failures:
         sys.exit(1)

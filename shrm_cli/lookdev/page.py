@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.files.picture import Picture
 from shrm_cli.lookdev.columns import Column
+from shrm_cli.maps.options import counted
 
 Array = NDArray[np.floating]
 
@@ -55,7 +56,7 @@ def lookdev_page(
         _section(column, head, sides, cells, size)
         for column, head, cells in zip(columns, heads, tiles, strict=True)
     ]
-    title = f"{_counted(len(sides), 'material')}, {_counted(len(heads), 'probe')}"
+    title = f"{counted(len(sides), 'material')}, {counted(len(heads), 'probe')}"
     return "\n".join(
         [
             "<!DOCTYPE html>",
@@ -127,7 +128,3 @@ def _digest(text: str) -> str:
     """Return a text's digest as the policy of a page names it."""
     digest = hashlib.sha256(text.encode("utf-8")).digest()
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -247,7 +247,7 @@ def test_lat_longs_of_light_that_is_linear(chain, tmp_path, sampling):
 
 
 def test_openimageio_looks_the_light_up_where_it_is(chain, tmp_path):
-    """Its texture system knows environments; wider look-ups take coarser levels, of rougher lobes."""
+    """Its texture system knows environments; wide look-ups take coarse levels, of rough lobes."""
     target = str(tmp_path / "e.exr")
     done("convert", chain, "--to", "latlong", "--mips", "--to-sampling", "border", "-o", target)
     textures, how = oiio.TextureSystem(), oiio.TextureOpt()
