@@ -15,6 +15,8 @@ Frame = Literal["global", "local"]
 """The axes of the view in a map: those of the world, or those of each texel's own direction."""
 Sampling = Literal["center", "border"]
 """Where the outermost pixels of an image lie: half a pixel inside its edge, or on the edge."""
+Lookup = Literal["reflection", "normal"]
+"""The direction that a lat-long of a material is over: the mirror direction R, or the normal N."""
 Orientation = Literal["openexr", "gl"]
 """How the faces of a cube are turned: as OpenEXR defines it, or as graphics APIs do."""
 Domain = Literal["frequency", "angular"]
@@ -35,6 +37,7 @@ one that its paper published."""
 CENTERS: tuple[str, ...] = get_args(Center)
 FRAMES: tuple[str, ...] = get_args(Frame)
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
+LOOKUPS: tuple[str, ...] = get_args(Lookup)
 ORIENTATIONS: tuple[str, ...] = get_args(Orientation)
 DOMAINS: tuple[str, ...] = get_args(Domain)
 PRECISIONS: tuple[str, ...] = get_args(Precision)

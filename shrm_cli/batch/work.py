@@ -151,7 +151,7 @@ def _of_file(chunk: Chunk, path: Path, terms: Terms, start: float) -> Result:
 
 def _all_failed(chunk: Chunk, error: Exception, start: float) -> Result:
     """Return the result of a chunk whose probe cannot be used."""
-    line = _line(error)
+    line = error_line(error)
     failed = [failure(job, line, time.perf_counter() - start) for job in chunk.jobs]
     return Result(chunk.probe, failed, error=line)
 
@@ -173,7 +173,7 @@ def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
     try:
         found = _do(job, probe, terms)
     except Exception as error:  # a job that goes wrong must not take the others with it
-        return failure(job, _line(error), time.perf_counter() - start)
+        return failure(job, error_line(error), time.perf_counter() - start)
     return {**_named(job, time.perf_counter() - start), **found}
 
 
@@ -270,7 +270,7 @@ def _named(job: Job, seconds: float) -> Record:
     }
 
 
-def _line(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """Return an error as one line."""
     if isinstance(error, ShrmError):
         return str(error)

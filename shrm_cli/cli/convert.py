@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,6 +21,14 @@ from shrm_cli.cli.options import (
     representation_options,
 )
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.plain import (
+    plain_name,
+    plain_options,
+    plain_report,
+    plain_rules,
+    write_mips,
+    write_view,
+)
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.files.whole import keeping
@@ -37,6 +45,10 @@ from shrm_cli.vocabulary import (
     SAMPLINGS,
     Precision,
 )
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
+    from shrm_cli.vocabulary import Lookup, Sampling
 
 _LAYERS = "layers"
 _TARGETS = [*REPRESENTATIONS, *LAYOUTS, _LAYERS]
@@ -70,6 +82,7 @@ def _converts(option: Option) -> bool:
     help="Order P of the SHRM.  [default: as high as IN has it or determines it]",
 )  # fmt: skip
 @representation_options(_converts)
+@plain_options
 @click.option(
     "--size", type=click.IntRange(1, 8192),
     help="Texels along a face's edge; height of a lat-long or angular map.  [default: as fine]",
@@ -91,7 +104,12 @@ def convert(
     shader: str | None,
     size: int | None,
     to_orientation: str | None,
-    to_sampling: str | None,
+    to_sampling: Sampling | None,
+    view: tuple[float, float] | None,
+    by: Lookup | None,
+    roughness: float | None,
+    f0: str | None,
+    mips: bool,
     precision: Precision,
     sampling: str | None,
     as_json: bool,
@@ -106,21 +124,28 @@ def convert(
     Irradiance and SH exponentials are turned by --yaw, --pitch and --roll, exactly and without
     their probe, and --working brings linear light into other primaries. Maps and probes are laid
     out anew; with --to layers maps become one array of images, for shaders. The options from
-    --sampling to --working say how a probe is to be read.
+    --sampling to --working say how a probe is to be read. For programs that read plain images,
+    --view AZ,EL writes what a map's material reflects to one distant viewer, and --mips the levels
+    of a split sum as mip levels.
 
     \b
       shrm convert probe.microfacet.shrm.exr --to cabral
       shrm convert probe.exr --to hcross --size 256
       shrm convert probe.irradiance.exr --to irradiance --yaw 30 -o turned.exr
+      shrm convert probe.ggx.principal.exr --to latlong --view 30,10 --by normal
+      shrm convert probe.splitsum.exr --to latlong --mips
     """
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
 
-    result_path = output or _default_name(source, target)
+    is_plain = view is not None or mips
+    named = plain_name(source, target, view) if is_plain else _default_name(source, target)
+    result_path = output or named
     reading = make_read_options(sampling, values)
     found = is_map(source)
     of_probes = reading_rules(not found, "to probes; IN is a map")
     of_probes |= dict.fromkeys((*TURNS, *COLORS), Applies(True, "to probes and maps"))
+    of_probes |= plain_rules(target, found, view, mips)
     refuse_inapplicable({**_rules(target), **of_probes})
     if not (output or force):
         from shrm_cli.probe.probe import face_paths
@@ -133,11 +158,24 @@ def convert(
                 f"{source} is no map; make one by shrm prefilter", param_hint="'--to'"
             )
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)
-        _write_layers(source, result_path, precision, reading.matrix(), shader, as_json, quiet)
+        _write_layers(source, result_path, precision, reading, shader, as_json, quiet)
         return
     if found:
         given = {name: values[name] for name in given_options() if name in values}
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)
+    if found and is_plain:
+        opened, notes = _opened(source, reading)
+        if view is not None:
+            result, warnings = write_view(
+                source, opened, result_path, view, by, roughness, f0, size,
+                to_sampling, precision, quiet,
+            )  # fmt: skip
+        else:
+            result, warnings = write_mips(
+                source, opened, result_path, target, size, to_sampling, precision
+            )
+        warnings += notes
+    elif found:
         result, warnings = _convert_map(
             source, result_path, target, given, size, to_orientation, to_sampling, precision,
             reading,
@@ -188,21 +226,9 @@ def _convert_map(
     reading: Any,
 ) -> tuple[dict[str, Any], list[str]]:
     """Write a map in another representation, or in another layout of the same one, or turned."""
-    import numpy as np
+    from shrm_cli.maps.file import store
 
-    from shrm_cli.maps.file import open_map, store
-    from shrm_cli.maps.primaries import declared, in_primaries
-    from shrm_cli.probe.colors import ColorReading
-
-    turn = reading.matrix()
-    found = open_map(source)
-    colors = ColorReading.of(found.info.chromaticities, reading)
-    if reading.primaries is not None:
-        found = declared(found, colors.own)  # type: ignore[arg-type]
-    if not np.array_equal(turn, np.eye(3)):
-        found = found.turned(turn)
-    if reading.working is not None:
-        found = in_primaries(found, colors.chromaticities)  # type: ignore[arg-type]
+    found, notes = _opened(source, reading)
     is_layout = target not in REPRESENTATIONS
     layout = target if is_layout else "openexr"
     if is_layout and not found.cube_count:
@@ -236,28 +262,23 @@ def _convert_map(
         "storage_error": max(stored.error, made.info.storage_error),
         "precision": stored.pixel_type,
     }
-    return result, [f"{source}: {line}" for line in colors.notes]
+    return result, notes
 
 
 def _write_layers(
     source: str,
     path: str,
     precision: Precision,
-    turn: Any,
+    reading: Any,
     shader: str | None,
     as_json: bool,
     quiet: bool,
 ) -> None:
     """Write the textures of a map, and print the code that reads them where it is asked for."""
-    import numpy as np
-
-    from shrm_cli.maps.file import open_map
     from shrm_cli.maps.shader.code import look_up_code
     from shrm_cli.maps.shader.file import write_layers
 
-    made = open_map(source)
-    if not np.array_equal(turn, np.eye(3)):
-        made = made.turned(turn)
+    made, notes = _opened(source, reading)
     code = None if shader is None else look_up_code(made, shader, "layers")
     pixel_type, shapes = write_layers(path, made, precision)
     result = {
@@ -275,7 +296,27 @@ def _write_layers(
         for name, (layers, height, width) in shapes.items()
     ]
     line = f"{path}: textures of {made.representation}, {' and '.join(texts)}, {pixel_type}"
-    conclude(result, [line], [], as_json, quiet, err=code is not None)
+    conclude(result, [line], notes, as_json, quiet, err=code is not None)
+
+
+def _opened(source: str, reading: Any) -> tuple[Map, list[str]]:
+    """Read a map, turn its light and bring it into other primaries; and what to say of those."""
+    import numpy as np
+
+    from shrm_cli.maps.file import open_map
+    from shrm_cli.maps.primaries import declared, in_primaries
+    from shrm_cli.probe.colors import ColorReading
+
+    turn = reading.matrix()
+    found = open_map(source)
+    colors = ColorReading.of(found.info.chromaticities, reading)
+    if reading.primaries is not None:
+        found = declared(found, colors.own)  # type: ignore[arg-type]
+    if not np.array_equal(turn, np.eye(3)):
+        found = found.turned(turn)
+    if reading.working is not None:
+        found = in_primaries(found, colors.chromaticities)  # type: ignore[arg-type]
+    return found, [f"{source}: {line}" for line in colors.notes]
 
 
 def _convert_probe(
@@ -340,6 +381,8 @@ def _default_name(source: str, target: str) -> str:
 
 
 def _report(result: dict[str, Any]) -> str:
+    if result["kind"] in ("view", "mips"):
+        return plain_report(result)
     if result["kind"] == "probe":
         files = ", ".join(result["files"])
         return (

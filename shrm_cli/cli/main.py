@@ -24,6 +24,7 @@ _COMMANDS = {
     "batch": "Make maps of many probes.",
     "render": "Render spheres and meshes from maps.",
     "view": "Show maps in a browser, interactively.",
+    "lookdev": "Show materials under probes, on one sheet.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
     "export": "Make the files that an engine loads.",

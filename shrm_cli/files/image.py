@@ -100,3 +100,32 @@ def probe_attributes(
     if envmap is not None:
         attributes["envmap"] = envmap
     return attributes
+
+
+def without_negative(
+    path: str | os.PathLike[str], images: Sequence[Array]
+) -> tuple[list[Array], list[str]]:
+    """Set negative values to 0, which programs that read plain images do not expect.
+
+    Parameters
+    ----------
+    path : path-like
+        Name of the file that they are for, for the warning.
+    images : sequence of ndarray, shape (H, W, 3)
+
+    Returns
+    -------
+    images : list of ndarray
+    warnings : list of str
+        One, with the number of pixels and the least value, where there were any.
+    """
+    below = sum(int(np.count_nonzero((image < 0).any(axis=-1))) for image in images)
+    if not below:
+        return list(images), []
+    total = sum(image.shape[0] * image.shape[1] for image in images)
+    least = min(float(image.min()) for image in images)
+    line = (
+        f"{os.fspath(path)}: {below:,} of {total:,} pixels were negative (least {least:.3g}) and "
+        "are 0 now; more orders, or `to` principal, leave fewer"
+    )
+    return [np.maximum(image, 0) for image in images], [line]

@@ -18,6 +18,12 @@ DESCRIPTIONS = {
             ),
             SHADER,
             TEXTURES,
+            Option(
+                "mips",
+                "splitsum: sizes that halve from level to level, down to one texel.  "
+                "[default: from the orders]",
+                "switch",
+            ),
         ),
         why_no_brdf="a split sum is of GGX",
     )

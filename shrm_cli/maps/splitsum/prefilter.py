@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.errors import OrderError
+from shrm_cli.errors import ArgumentError, OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
@@ -18,6 +18,7 @@ from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
 from shrm_cli.maps.splitsum.core_sum import sum_core
 from shrm_cli.maps.splitsum.expansion import expand, faded_order, synthesized
+from shrm_cli.maps.splitsum.mips import default_mips, mip_sizes, power_of_two
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS, check_roughnesses, level_roughnesses
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
@@ -73,6 +74,7 @@ def prefilter(
     size: int | None = None,
     sampling: Sampling = "center",
     error: float = 0.0005,
+    mips: bool = False,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for the split sum.
@@ -98,6 +100,9 @@ def prefilter(
         Where the samples of the cubes lie.
     error : float
         Relative RMS error that each level may have, in (0, 1).
+    mips : bool
+        Whether each level is half as large as the one before, as in a mip chain. The first has a
+        power of two of texels then, and by default there are all levels down to one texel.
     progress : callable, optional
         Called with the number of rows read, or of texels integrated, and of all of them.
 
@@ -111,19 +116,26 @@ def prefilter(
         If the error is outside (0, 1).
     MapError
         If levels of these roughnesses, or this number of levels, cannot be made.
+    ArgumentError
+        If a mip chain is asked for whose edge texels lie on the edges.
     ProbeError
         If the probe cannot be read.
     """
     if not 0 < error < 1:
         raise OrderError(f"the error must lie between 0 and 1, not {error:g}")
+    if mips and sampling != "center":
+        raise ArgumentError("mips", "needs texels at their centers, as graphics cards have them")
+    largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
+    if mips and size is None:
+        largest = power_of_two(largest)
     if levels is None:
-        levels = DEFAULT_LEVELS[mapping]
+        levels = default_mips(largest, mapping) if mips else DEFAULT_LEVELS[mapping]
     if isinstance(levels, int):
         roughness = level_roughnesses(levels, mapping)
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
-    largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
-    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress)
+    sizes = mip_sizes(largest, len(roughness)) if mips else None
+    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress, sizes)
     made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
     return Prefiltered(made, _facts(made))
 

@@ -1,0 +1,216 @@
+"""What `shrm convert` makes for programs that read plain images: a material seen from one side as
+a lat-long, and the levels of a split sum as one mip-mapped file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import progress_bar
+from shrm_cli.cli.outputs import map_stem, picture_attributes
+from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
+from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.usage import Applies
+from shrm_cli.vocabulary import LOOKUPS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from shrm_cli.maps.base import Map
+    from shrm_cli.vocabulary import Lookup, Precision, Sampling
+
+_LEAST_ROWS = 256
+"""The least height of a lat-long of a material, where --size does not say it. Seen over the normal,
+or under a dim map of few texels, a material has finer detail than its map."""
+_IMAGES = ("latlong", "openexr")
+"""The layouts of mip-mapped files."""
+
+
+def plain_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of plain images to `shrm convert`."""
+    options = [
+        click.option(
+            "--view", type=AzimuthElevation(),
+            help="With --to latlong, of a map: the light reflected to a distant viewer there, "
+            "degrees, as a plain image.",
+        ),
+        click.option(
+            "--by", type=click.Choice(LOOKUPS),
+            help="With --view, what a pixel's direction is: the mirror direction, or the normal.  "
+            "[default: as the map itself is looked up]",
+        ),
+        roughness_option,
+        f0_option,
+        click.option(
+            "--mips", is_flag=True,
+            help="Of split sums made with --mips, to latlong or openexr: one mip-mapped file.",
+        ),
+    ]  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, Applies]:
+    """Return when the options of plain images apply, and when those of other conversions do not."""
+    seen = view is not None
+    with_view = Applies(seen, "with --view")
+    rules = {
+        "view": Applies(is_map and target == "latlong", "with --to latlong, to maps"),
+        "mips": Applies(
+            is_map and target in _IMAGES and not seen, "to split sums, with --to latlong or openexr"
+        ),
+        **dict.fromkeys(("by", "roughness", "f0"), with_view),
+    }
+    if seen or mips:
+        rules["to_orientation"] = Applies(False, "to cubes; OpenEXR's is written here")
+    if mips and target == "openexr":
+        rules["to_sampling"] = Applies(False, "to lat-longs; cubes have texel centers here")
+        rules["size"] = Applies(False, "to lat-longs; the levels of a cube are copied")
+    return rules
+
+
+def plain_name(source: str, target: str, view: tuple[float, float] | None) -> str:
+    """Return the default name of a plain image."""
+    if view is None:
+        return f"{map_stem(source)}.{target}.mips.exr"
+    azimuth, elevation = view
+    return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"
+
+
+def write_view(
+    source: str,
+    found: Map,
+    path: str,
+    view: tuple[float, float],
+    by: Lookup | None,
+    roughness: float | None,
+    f0: str | None,
+    size: int | None,
+    sampling: Sampling | None,
+    precision: Precision,
+    quiet: bool,
+) -> tuple[dict[str, Any], list[str]]:
+    """Write the light that a map reflects to a distant viewer, as a lat-long.
+
+    Returns
+    -------
+    result : dict
+    warnings : list of str
+
+    Raises
+    ------
+    MapError
+        If the map holds no light.
+    OutputError
+        If the file cannot be written.
+    """
+    from shrm_cli.errors import MapError
+    from shrm_cli.files.image import without_negative, write_image
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.oneview import ignores_views, lookup_of, one_view
+
+    if found.needs_light:
+        raise MapError(
+            f"{source}: a product texture that holds no light; make one with light by shrm "
+            "prefilter PROBE --brdf SPEC --to product"
+        )
+    shown, surface, warnings = shaded_maps([found], [source], roughness, f0)
+    chosen, sampled = by or lookup_of(found), sampling or "center"
+    rows = size or max(2 * found.size, _LEAST_ROWS)
+    with progress_bar("converting", quiet) as progress:
+        picture = one_view(
+            shown[0], Viewer(*view).direction, rows, chosen, ignores_views(found), sampled, progress
+        )
+    (picture,), told = without_negative(path, [picture])
+    said = {"view": list(view), "by": chosen, **surface_values(surface)}
+    attributes = picture_attributes(
+        {"convert": Path(source).name, "to": "latlong", **said}, [found.info.chromaticities]
+    )
+    if sampled == "border":
+        attributes["envmap"] = "latlong"
+    pixels = write_image(path, picture, precision, attributes)
+    result = {
+        "file": path, "kind": "view", "representation": found.representation, **said,
+        "width": 2 * rows, "height": rows, "sampling": sampled, "precision": pixels,
+    }  # fmt: skip
+    return result, [*warnings, *told]
+
+
+def write_mips(
+    source: str,
+    found: Map,
+    path: str,
+    target: str,
+    size: int | None,
+    sampling: Sampling | None,
+    precision: Precision,
+) -> tuple[dict[str, Any], list[str]]:
+    """Write the levels of a split sum as one mip-mapped file.
+
+    Returns
+    -------
+    result : dict
+    warnings : list of str
+
+    Raises
+    ------
+    MapError
+        If the map is no split sum whose levels halve.
+    OutputError
+        If the file cannot be written.
+    """
+    from shrm_cli.errors import MapError
+    from shrm_cli.files.image import without_negative
+    from shrm_cli.files.mipmap import write_mipmap
+    from shrm_cli.maps.splitsum.mips import check_mips, cube_mips, latlong_mips
+    from shrm_cli.maps.splitsum.split_sum import SplitSum
+
+    if not isinstance(found, SplitSum):
+        raise MapError(f"{source}: {found.what}; mip chains are made of split sums")
+    check_mips(found, source)
+    sampled: Sampling = sampling or "center"
+    if target == "openexr":
+        levels = cube_mips(found)
+    else:
+        levels = latlong_mips(found, size or 2 * found.size, sampled)
+    levels, warnings = without_negative(path, levels)
+    roughness = _level_roughness(found.roughness, len(levels))
+    recipe = {"convert": Path(source).name, "to": target, "roughness": roughness}
+    attributes = picture_attributes(recipe, [found.info.chromaticities])
+    if sampled == "border":
+        attributes["envmap"] = "latlong"
+    if precision == "auto" and not found.is_exact_in_half:
+        precision = "float"  # a conversion must not lose precision
+    pixels = write_mipmap(path, levels, precision, attributes)
+    height, width, _ = levels[0].shape
+    result = {
+        "file": path, "kind": "mips", "layout": target, "sampling": sampled, "width": width,
+        "height": height, "levels": len(levels), "roughness": roughness, "precision": pixels,
+    }  # fmt: skip
+    return result, warnings
+
+
+def _level_roughness(known: Sequence[float], count: int) -> list[float]:
+    """Return the roughness of each level of a file; those beyond a split sum's own are its last."""
+    return [round(value, 6) for value in (*known, *[known[-1]] * (count - len(known)))]
+
+
+def plain_report(result: dict[str, Any]) -> str:
+    """Return a line about a plain image."""
+    size = f"{result['width']} x {result['height']}"
+    if result["kind"] == "view":
+        azimuth, elevation = result["view"]
+        what = {"reflection": "mirror direction", "normal": "normal"}[result["by"]]
+        return (
+            f"{result['file']}: lat-long over the {what}, seen from {azimuth:g},{elevation:g}, "
+            f"{size}, {result['precision']}"
+        )
+    listed = ", ".join(f"{value:.3g}" for value in result["roughness"])
+    return (
+        f"{result['file']}: {result['layout']} in {result['levels']} mip levels from {size}, "
+        f"{result['precision']}\n  roughness      {listed}"
+    )

@@ -1,0 +1,149 @@
+"""The columns of a sheet: a probe with its exposure, and a map of it for each material.
+
+A probe is read once, and projected once to each order, for all its maps. What goes wrong with one
+pair, or with one probe, leaves the others alone, as in `shrm batch`.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.batch.work import error_line
+from shrm_cli.color import to_rec709
+from shrm_cli.files.picture import Picture
+from shrm_cli.lookdev.exposure import metered
+from shrm_cli.maps.base import Map
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.coarse import coarse_probe
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.shared import shared
+from shrm_cli.progress import Progress, Stages
+from shrm_cli.render.camera import Viewer, background_rows
+from shrm_cli.render.image import expose
+from shrm_cli.render.sphere import render_background, render_sphere
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is made of every probe.
+
+    Attributes
+    ----------
+    specs : sequence of str
+        The materials.
+    to : str
+        The representation of the maps.
+    arguments : mapping of str to value
+        The other arguments of `shrm_cli.prefilter.prefilter`.
+    size : int
+        Width and height of a cell, pixels.
+    exposure : float, optional
+        Stops; by default each probe has its own, see `metered`.
+    """
+
+    specs: Sequence[str]
+    to: str
+    arguments: Mapping[str, Any]
+    size: int
+    exposure: float | None = None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A material under a probe: its map, or why there is none."""
+
+    map: Map | None
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A probe and its maps.
+
+    Attributes
+    ----------
+    path : str
+    cells : tuple of Cell
+        One for each material.
+    surroundings : Probe, optional
+        What is seen behind the spheres; None if the probe cannot be used.
+    exposure : float
+        Stops.
+    warnings : tuple of str
+        About the probe, and about maps.
+    """
+
+    path: str
+    cells: tuple[Cell, ...]
+    surroundings: Probe | None = None
+    exposure: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    def tiles(self, viewer: Viewer, size: int) -> Iterator[Picture | None]:
+        """Draw the spheres before their surroundings.
+
+        Yields
+        ------
+        ndarray of float32, shape (size, size, 3), or None
+            Linear Rec.709, exposed; None where there is no map.
+        """
+        behind = None
+        if self.surroundings is not None:
+            behind = render_background(self.surroundings, viewer, size)
+        for cell in self.cells:
+            if cell.map is None:
+                yield None
+                continue
+            drawn = expose(render_sphere(cell.map, viewer, size, behind), self.exposure)
+            matrix = to_rec709(cell.map.info.chromaticities)
+            yield drawn if matrix is None else drawn @ matrix.T.astype(np.float32)
+
+
+def make_column(
+    path: str, reading: ReadOptions, wanted: Wanted, progress: Progress | None = None
+) -> Column:
+    """Make the maps of a probe.
+
+    Parameters
+    ----------
+    path : str
+    reading : ReadOptions
+        How the probe is read.
+    wanted : Wanted
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Returns
+    -------
+    Column
+        Where the probe cannot be used, all its cells say why.
+    """
+    count = len(wanted.specs)
+    try:
+        probe = shared(open_probe(path, reading))
+        exposure = metered(probe) if wanted.exposure is None else wanted.exposure
+        behind = coarse_probe(probe, background_rows(wanted.size))
+    except Exception as error:  # whatever is wrong with one probe must not stop the others
+        return Column(path, (Cell(None, error_line(error)),) * count)
+    cells: list[Cell] = []
+    told: list[str] = []
+    stages = Stages(progress, count)
+    for spec in wanted.specs:
+        try:
+            given = {**wanted.arguments, "brdf": spec}
+            made = prefilter_with_facts(probe, wanted.to, given, stages.within)
+        except Exception as error:
+            cells.append(Cell(None, error_line(error)))
+        else:
+            cells.append(Cell(made.map))
+            told += [f"{spec}: {line}" for line in made.warnings]
+        stages.done(len(cells), count)
+    # What the pixels needed is known when they have been read.
+    warnings = (*probe.report.warnings(), *told)
+    return Column(path, tuple(cells), behind, exposure, warnings)

@@ -1,0 +1,130 @@
+"""The page of a sheet: one file, without a network, whose columns can be exposed anew."""
+
+import base64
+import hashlib
+import html
+from collections.abc import Sequence
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.files.picture import Picture
+from shrm_cli.lookdev.columns import Column
+from shrm_cli.maps.options import counted
+
+Array = NDArray[np.floating]
+
+_STOPS = 8
+"""Stops that a slider goes either way."""
+_HALF_MAX = 65504.0
+"""What is brighter is white at every exposure that a slider reaches."""
+
+
+def lookdev_page(
+    columns: Sequence[Column],
+    heads: Sequence[str],
+    sides: Sequence[str],
+    tiles: Sequence[Sequence[Picture | str]],
+    size: int,
+) -> str:
+    """Return a page of a sheet.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+    heads, sides : sequence of str
+        Names of the probes and of the materials.
+    tiles : sequence of sequence of (ndarray or str)
+        For each column the picture of each material, shape (size, size, 3), linear Rec.709 and
+        exposed, or why there is none.
+    size : int
+        Width of a cell, pixels.
+
+    Returns
+    -------
+    str
+        HTML, to be written as UTF-8.
+    """
+    style = f":root {{ --cell: {size}px; }}\n{_asset('page.css')}"
+    script = _asset("page.js")
+    policy = (
+        f"default-src 'none'; script-src {_digest(script)}; style-src {_digest(style)}; "
+        "img-src data:; base-uri 'none'; form-action 'none'"
+    )
+    sections = [
+        _section(column, head, sides, cells, size)
+        for column, head, cells in zip(columns, heads, tiles, strict=True)
+    ]
+    title = f"{counted(len(sides), 'material')}, {counted(len(heads), 'probe')}"
+    return "\n".join(
+        [
+            "<!DOCTYPE html>",
+            '<html lang="en">',
+            "<head>",
+            '<meta charset="utf-8">',
+            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{title} \u2013 shrm</title>",
+            '<link rel="icon" href="data:,">',
+            f"<style>{style}</style>",
+            "</head>",
+            "<body>",
+            f"<h1>{title}</h1>",
+            "<p>Every sphere stands before its own light. A slider exposes its column anew, in "
+            "stops.</p>",
+            "<main>",
+            *sections,
+            "</main>",
+            f"<script>{script}</script>",
+            "</body>",
+            "</html>",
+            "",
+        ]
+    )
+
+
+def _section(
+    column: Column, head: str, sides: Sequence[str], cells: Sequence[Picture | str], size: int
+) -> str:
+    name = html.escape(head)
+    lines = ["<section>", "<header>", f'<h2 title="{html.escape(column.path)}">{name}</h2>']
+    if any(not isinstance(cell, str) for cell in cells):
+        lines.append(
+            f'<label><input type="range" min="-{_STOPS}" max="{_STOPS}" step="0.1" value="0" '
+            f'data-own="{column.exposure:.6g}" aria-label="Exposure of {name}">'
+            "<output></output>"
+            f'<button type="button" title="The probe\'s own exposure" aria-label="Reset the '
+            f'exposure of {name}">\u21ba</button></label>'
+        )
+    else:
+        lines.append('<div class="none">no picture</div>')
+    lines += ["</header>", '<div class="cells">']
+    for side, cell in zip(sides, cells, strict=True):
+        caption = html.escape(side)
+        shown = (
+            f'<div class="failed">{html.escape(cell)}</div>'
+            if isinstance(cell, str)
+            else f'<canvas width="{size}" height="{size}" role="img" '
+            f'aria-label="{caption}, {name}"></canvas>'
+            f'<script type="text/plain">{_halves(cell)}</script>'
+        )
+        title = f"{caption}" if isinstance(cell, str) else f"{caption} \u00b7 {name}"
+        lines.append(f'<figure>{shown}<figcaption title="{title}">{caption}</figcaption></figure>')
+    return "\n".join([*lines, "</div>", "</section>"])
+
+
+def _halves(picture: Picture) -> str:
+    """Return a picture as half floats in base64, little-endian, RGB of row after row."""
+    limited = np.clip(picture, -_HALF_MAX, _HALF_MAX).astype("<f2")
+    return base64.b64encode(limited.tobytes()).decode("ascii")
+
+
+def _asset(name: str) -> str:
+    return resources.files("shrm_cli.lookdev").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _digest(text: str) -> str:
+    """Return a text's digest as the policy of a page names it."""
+    digest = hashlib.sha256(text.encode("utf-8")).digest()
+    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"

@@ -1,0 +1,87 @@
+"""Moving pictures, read by Pillow and by ffprobe."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import OutputError
+from shrm_cli.files.animation import check_animation, write_animation
+
+Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+
+
+def frames(count, height=20, width=34):
+    """Frames that differ: a bright column that moves over a ramp."""
+    ramp = np.linspace(0, 200, width).astype(np.uint8)
+    for k in range(count):
+        frame = np.repeat(np.repeat(ramp[None, :, None], height, axis=0), 3, axis=2)
+        frame[:, 3 * k : 3 * k + 3] = 255, 60, 0
+        yield frame
+
+
+@pytest.mark.parametrize("suffix", [".apng", ".gif"])
+def test_pillow_reads_all_frames(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    write_animation(path, frames(7), 10)
+    with Image.open(path) as found:
+        assert (found.n_frames, found.size, found.info["loop"]) == (7, (34, 20), 0)
+        for k, expected in enumerate(frames(7)):
+            found.seek(k)
+            assert found.info["duration"] == 100
+            pixels = np.asarray(found.convert("RGB")).astype(int)
+            assert np.abs(pixels - expected).max() <= (0 if suffix == ".apng" else 4)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.skipif(shutil.which("ffprobe") is None, reason="ffmpeg is not installed")
+@pytest.mark.parametrize("size", [(20, 34), (21, 35)])
+def test_ffprobe_reads_all_frames(tmp_path, size):
+    path = tmp_path / "a.mp4"
+    write_animation(path, frames(7, *size), 12)
+    said = subprocess.run(
+        ["ffprobe", "-v", "error", "-count_frames", "-show_streams", "-of", "json", path],
+        capture_output=True, check=True,
+    )  # fmt: skip
+    (stream,) = json.loads(said.stdout)["streams"]
+    assert stream["nb_read_frames"] == "7"
+    assert (stream["width"], stream["height"]) == (-(-size[1] // 2) * 2, -(-size[0] // 2) * 2)
+    assert (stream["r_frame_rate"], stream["color_space"]) == ("12/1", "bt709")
+    raw = subprocess.run(
+        ["ffmpeg", "-v", "error", "-i", path, "-vf", "scale=in_color_matrix=bt709",
+         "-f", "rawvideo", "-pix_fmt", "rgb24", "-"],
+        capture_output=True, check=True,
+    ).stdout  # fmt: skip
+    first = np.frombuffer(raw, np.uint8)[: stream["width"] * stream["height"] * 3]
+    first = first.reshape(stream["height"], stream["width"], 3).astype(int)
+    grey = first[4:16, 8:30]  # away from the coloured column, which has half the resolution
+    expected = next(iter(frames(1, *size)))[4:16, 8:30]
+    assert np.abs(grey - expected).mean() < 4
+    before = path.read_bytes()
+    write_animation(path, frames(7, *size), 12)
+    assert path.read_bytes() == before
+
+
+def test_what_is_missing_is_said_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(OutputError, match=r"ffmpeg, which is not installed.*\.gif"):
+        check_animation(tmp_path / "a.mp4")
+    monkeypatch.setitem(__import__("sys").modules, "PIL", None)
+    with pytest.raises(OutputError, match=r"Pillow.*shrm\[lookdev\]"):
+        check_animation(tmp_path / "a.gif")
+    with pytest.raises(OutputError, match="name such a file"):
+        write_animation(tmp_path / "a.avi", frames(1), 10)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_program_that_fails_leaves_nothing(tmp_path, monkeypatch):
+    broken = tmp_path / "bin" / "ffmpeg"
+    broken.parent.mkdir()
+    broken.write_text("#!/bin/sh\necho no such encoder >&2\nexit 3\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("PATH", str(broken.parent))
+    with pytest.raises(OutputError, match=r"ffmpeg failed \(no such encoder\)"):
+        write_animation(tmp_path / "a.mp4", frames(2000), 10)
+    assert [each.name for each in tmp_path.iterdir()] == ["bin"]
