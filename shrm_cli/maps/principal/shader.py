@@ -48,8 +48,8 @@ def source(made: PrincipalMap, textures: str) -> Source:
 def _numbers(lobes: Sequence[Lobe], rows: int, entries: int) -> Array:
     """Return the rows of all lobes, one below the other, shape (1, rows, entries + 1, 3).
 
-    A row is a function g_j, times the albedo. Its last texel is the cosine and the sine of the
-    angle j, and the degree p of the bundle, which has p + 1 rows.
+    A row is a function g_j, times the albedo. Its last texel is the tangent of half the angle
+    j, and the degree p of the bundle, which has p + 1 rows.
     """
     result = np.zeros((rows, entries + 1, 3))
     row = 0
@@ -60,9 +60,8 @@ def _numbers(lobes: Sequence[Lobe], rows: int, entries: int) -> Array:
             angles, inverse = plane_rule(degree)
             place, bundle = slice(row, row + degree + 1), functions[first : first + degree + 1]
             result[place, : functions.shape[1]] = np.einsum("qj,qec->jec", inverse, bundle)
-            result[place, entries, 0] = np.cos(angles)
-            result[place, entries, 1] = np.sin(angles)
-            result[place, entries, 2] = degree
+            result[place, entries, 0] = np.tan(angles / 2)
+            result[place, entries, 1] = degree
             row, first = row + degree + 1, first + degree + 1
     return result[None]
 
@@ -87,7 +86,8 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
     speech, entries = words.language, lobe.functions.shape[1]
     step = speech.number((entries - 1) / lobe.span)
     low, high = (words.cell("0", "row + j", each) for each in ("entry", "entry + 1"))
-    in_plane = speech.combined(["rule.x", "rule.y"], ["c", "across"])
+    tangent = words.cell("0", "row + j", str(about))
+    in_plane = speech.combined(["(2.0 * near - 1.0)", "(2.0 * near * t)"], ["c", "across"])
     upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
     return [
         f"vec3 shrm_lobe{number}(vec3 n, vec3 v)",
@@ -99,19 +99,20 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
         f"length({speech.add('v', 'c')}));",
         f"    float position = min(angle * {step}, {float(entries - 1)});",
         f"    int entry = int(min(position, {float(entries - 2)}));",
-        "    float part = position - float(entry), norm;",
+        "    float part = position - float(entry), norm, t, near;",
         f"    vec3 place = {words.place(number, 'c')}, sum = vec3(0.0, 0.0, 0.0);",
-        "    vec3 rule, pair, weight, cosine, sine;",
+        "    vec3 pair, weight, cosine, sine;",
         f"    int row = {row}, cube = 0, p, m, j;",
         f"    across = {speech.scale('(1.0 / max(length(across), 1e-6))', 'across')};",
         f"    while (row < {row + len(lobe.functions)}) {{",
-        f"        p = int({words.cell('0', 'row', str(about))}.z + 0.5);",
+        f"        p = int({words.cell('0', 'row', str(about))}.y + 0.5);",
         "        norm = sqrt(float(2 * p + 1)) * 0.282094791773878143;",
         "        for (m = 0; m <= p; ++m) {",
         "            cosine = vec3(0.0, 0.0, 0.0);",
         "            sine = cosine;",
         "            for (j = 0; j <= p; ++j) {",
-        f"                rule = {words.cell('0', 'row + j', str(about))};",
+        f"                t = {tangent}.x;",
+        "                near = 1.0 / (1.0 + t * t);",
         f"                weight = mix({low}, {high}, part);",
         f"                pair = shrm_pair({in_plane}, p, m);",
         f"                {speech.grow('cosine', speech.scale('(norm * pair.x)', 'weight'))}",
