@@ -5,7 +5,8 @@ m_k, the harmonics y_k of directions d_j in the plane of the view, and the funct
 words of `principal.plane_rule`. The code sums over j first, ``sum_k m_k sum_j g_j y_k(d_j)``, so
 that it looks up each cube once and needs no arrays, which GPUs keep in slow memory. The table holds
 the ``g_j = sum_q inverse[q, j] f_q``, which are functions of the angle of the view as the f_q are.
-All is in loops over what the table says: compilers take minutes over 50 cubes that are written out.
+All is in loops over what the table says, because compilers take seconds over 50 cubes that are
+written out, and much longer on a busy machine.
 """
 
 from collections.abc import Sequence

@@ -130,7 +130,7 @@ def test_code_compiles(tmp_path, language, textures, name):
 
 
 def test_more_principal_cubes_are_no_longer_code():
-    """Drivers took minutes over 50 cubes that were written out one by one."""
+    """A browser took seconds to compile 50 cubes that were written out one by one."""
     texts = []
     for degrees in [(1, 0), (12, 6, 5, 4, 3, 2, 1, 1, 0, 0)]:
         made = PrincipalMap((cases.lobe(0, degrees=degrees),), make_info(4, 3))
