@@ -198,7 +198,10 @@ def plane_rule(degree: int) -> tuple[Array, Array]:
     """
     # Spread over half a turn, they tell all orders well apart: rounding of the cubes grows fivefold
     # at degree 12, where it would grow a hundred thousand times with angles over a quarter turn.
-    angles = np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)
+    even = np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)
+    # Shaders are given the tangents of half the angles, and this makes them exact there: the sum
+    # over the angles would be wrong by ten roundings of 32-bit floats at degree 12.
+    angles = 2 * np.arctan(np.tan(even / 2).astype(np.float32).astype(float))
     table = legendre_table(degree, np.cos(angles))
     functions = np.stack([table[q, degree - q] for q in range(degree + 1)], axis=1)
     return angles, np.linalg.inv(functions)

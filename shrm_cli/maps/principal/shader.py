@@ -1,4 +1,13 @@
-"""Maps of principal functions as source code: cubes times the BRDF's own functions of the view."""
+"""Maps of principal functions as source code: cubes times the BRDF's own functions of the view.
+
+The light of a bundle of degree p is ``sum_q f_q sum_j inverse[q, j] sum_k y_k(d_j) m_k``: its cubes
+m_k, the harmonics y_k of directions d_j in the plane of the view, and the functions f_q, in the
+words of `principal.plane_rule`. The code sums over j first, ``sum_k m_k sum_j g_j y_k(d_j)``, so
+that it looks up each cube once and needs no arrays, which GPUs keep in slow memory. The table holds
+the ``g_j = sum_q inverse[q, j] f_q``, which are functions of the angle of the view as the f_q are.
+All is in loops over what the table says, because compilers take seconds over 50 cubes that are
+written out, and much longer on a busy machine.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -7,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, plane_rule
-from shrm_cli.maps.shader.harmonics import band
+from shrm_cli.maps.shader.harmonics import pair_function
 from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
 
 Array = NDArray[np.floating]
@@ -26,47 +35,62 @@ def source(made: PrincipalMap, textures: str) -> Source:
     rows = sum(len(lobe.functions) for lobe in made.lobes)
     return Source(
         "The light of a probe as a BRDF reflects it, by the BRDF's own functions of the view.",
-        partial(_functions, made.lobes),
+        partial(_functions, made.lobes, entries),
         [lobe.cubes for lobe in made.lobes],
         made.sampling,
         Table(
-            (1, rows, entries),
+            (1, rows, entries + 1),
             partial(_numbers, made.lobes, rows, entries),
-            "a function in each row, over the angle of the view",
+            "a function of the angle of the view in each row, then what it is for",
         ),
     )
 
 
 def _numbers(lobes: Sequence[Lobe], rows: int, entries: int) -> Array:
-    """Return the functions of all lobes, times the albedo, one below the other."""
-    result = np.zeros((1, rows, entries, 3))
-    first = 0
+    """Return the rows of all lobes, one below the other, shape (1, rows, entries + 1, 3).
+
+    A row is a function g_j, times the albedo. Its last texel is the tangent of half the angle
+    j, and the degree p of the bundle, which has p + 1 rows.
+    """
+    result = np.zeros((rows, entries + 1, 3))
+    row = 0
     for lobe in lobes:
         functions = lobe.functions if lobe.albedo is None else lobe.functions * lobe.albedo
-        result[0, first : first + len(functions), : functions.shape[1]] = functions
-        first += len(functions)
-    return result
+        first = 0
+        for degree in lobe.degrees:
+            angles, inverse = plane_rule(degree)
+            place, bundle = slice(row, row + degree + 1), functions[first : first + degree + 1]
+            result[place, : functions.shape[1]] = np.einsum("qj,qec->jec", inverse, bundle)
+            result[place, entries, 0] = np.tan(angles / 2)
+            result[place, entries, 1] = degree
+            row, first = row + degree + 1, first + degree + 1
+    return result[None]
 
 
-def _functions(lobes: Sequence[Lobe], words: Words) -> list[str]:
+def _functions(lobes: Sequence[Lobe], entries: int, words: Words) -> list[str]:
     """Write the functions of all lobes, and their sum."""
-    lines = tangent_function([lobe.center for lobe in lobes])
-    for degree in sorted({p for lobe in lobes for p in lobe.degrees if p}):
-        lines += band(degree, words.language)
+    lines = [*tangent_function([lobe.center for lobe in lobes]), *pair_function()]
     total, row = "", 0
     for number, lobe in enumerate(lobes):
-        lines += _lobe(number, lobe, row, words)
+        lines += _lobe(number, lobe, row, entries, words)
         call = f"shrm_lobe{number}(n, v)"
         total = words.language.add(total, call) if total else call
         row += len(lobe.functions)
     return [*lines, f"vec3 shrm_radiance(vec3 n, vec3 v) {{ return {total}; }}"]
 
 
-def _lobe(number: int, lobe: Lobe, row: int, words: Words) -> list[str]:
-    """Write the function of a lobe, whose functions begin in some row of the table."""
+def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[str]:
+    """Write the function of a lobe.
+
+    Its rows of the table begin with `row`; what they are for is in the column `about`.
+    """
     speech, entries = words.language, lobe.functions.shape[1]
     step = speech.number((entries - 1) / lobe.span)
-    lines = [
+    low, high = (words.cell("0", "row + j", each) for each in ("entry", "entry + 1"))
+    tangent = words.cell("0", "row + j", str(about))
+    in_plane = speech.combined(["(2.0 * near - 1.0)", "(2.0 * near * t)"], ["c", "across"])
+    upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
+    return [
         f"vec3 shrm_lobe{number}(vec3 n, vec3 v)",
         "{",
         f"    vec3 c = {central_direction(lobe.center, speech)};",
@@ -76,51 +100,35 @@ def _lobe(number: int, lobe: Lobe, row: int, words: Words) -> list[str]:
         f"length({speech.add('v', 'c')}));",
         f"    float position = min(angle * {step}, {float(entries - 1)});",
         f"    int entry = int(min(position, {float(entries - 2)}));",
-        "    float part = position - float(entry);",
+        "    float part = position - float(entry), norm, t, near;",
         f"    vec3 place = {words.place(number, 'c')}, sum = vec3(0.0, 0.0, 0.0);",
+        "    vec3 pair, weight, cosine, sine;",
+        f"    int row = {row}, cube = 0, p, m, j;",
         f"    across = {speech.scale('(1.0 / max(length(across), 1e-6))', 'across')};",
-    ]
-    cube = 0
-    for degree in lobe.degrees:
-        lines += _bundle(number, degree, cube, row, words)
-        cube, row = cube + 2 * degree + 1, row + degree + 1
-    return [*lines, "    return sum;", "}"]
-
-
-def _bundle(number: int, degree: int, cube: int, row: int, words: Words) -> list[str]:
-    """Write what one bundle adds to the sum."""
-    speech, count = words.language, 2 * degree + 1
-    angles, inverse = plane_rule(degree)
-
-    def function(q: int) -> str:
-        low, high = (words.cell("0", str(row + q), each) for each in ("entry", "entry + 1"))
-        return f"mix({low}, {high}, part)"
-
-    if not degree:  # the harmonic is a constant, which the rule takes away again
-        constant = speech.number(float(inverse[0, 0]) / np.sqrt(4 * np.pi))
-        light = speech.scale(constant, words.cube(number, "place", str(cube)))
-        return [f"    {speech.grow('sum', speech.times(light, function(0)))}"]
-    lines = [
-        "    {",
-        f"        float y[{count}];",
-        f"        vec3 m[{count}], h[{degree + 1}];",
-        "        int k;",
-        # A loop, because compilers take long over many look-ups.
-        f"        for (k = 0; k < {count}; ++k) {{",
-        f"            m[k] = {words.cube(number, 'place', f'{cube} + k')};",
+        f"    while (row < {row + len(lobe.functions)}) {{",
+        f"        p = int({words.cell('0', 'row', str(about))}.y + 0.5);",
+        "        norm = sqrt(float(2 * p + 1)) * 0.282094791773878143;",
+        "        for (m = 0; m <= p; ++m) {",
+        "            cosine = vec3(0.0, 0.0, 0.0);",
+        "            sine = cosine;",
+        "            for (j = 0; j <= p; ++j) {",
+        f"                t = {tangent}.x;",
+        "                near = 1.0 / (1.0 + t * t);",
+        f"                weight = mix({low}, {high}, part);",
+        f"                pair = shrm_pair({in_plane}, p, m);",
+        f"                {speech.grow('cosine', speech.scale('(norm * pair.x)', 'weight'))}",
+        f"                {speech.grow('sine', speech.scale('(norm * pair.y)', 'weight'))}",
+        "            }",
+        f"            {speech.grow('sum', speech.times('cosine', upper))}",
+        "            if (m > 0) {",
+        f"                {speech.grow('sum', speech.times('sine', lower))}",
+        "            }",
+        "            norm *= float(2 * m + 1) * sqrt((m == 0 ? 2.0 : 1.0) / "
+        "float(max((p + m + 1) * (p - m), 1)));",
         "        }",
+        "        cube += 2 * p + 1;",
+        "        row += p + 1;",
+        "    }",
+        "    return sum;",
+        "}",
     ]
-    for j, angle in enumerate(angles.tolist()):
-        factors = [speech.number(float(each)) for each in (np.cos(angle), np.sin(angle))]
-        terms = speech.combined(
-            [f"y[{k}]" for k in range(count)], [f"m[{k}]" for k in range(count)]
-        )
-        lines += [
-            f"        shrm_band{degree}({speech.combined(factors, ['c', 'across'])}, y);",
-            f"        h[{j}] = {terms};",
-        ]
-    for q in range(degree + 1):
-        factors = [speech.number(float(each)) for each in inverse[q]]
-        order = speech.combined(factors, [f"h[{j}]" for j in range(degree + 1)])
-        lines.append(f"        {speech.grow('sum', speech.times(order, function(q)))}")
-    return [*lines, "    }"]

@@ -2,14 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.polynomial import legendre, polynomial
-from numpy.typing import NDArray
-
-from shrm_cli.maps.shader.language import Language
-
-Array = NDArray[np.floating]
-
 
 def harmonic_loop(order: int, direction: str, body: Callable[[str, str], list[str]]) -> list[str]:
     """Write a block that visits all real harmonics up to an order, without an array of them.
@@ -60,39 +52,30 @@ def harmonic_loop(order: int, direction: str, body: Callable[[str, str], list[st
     ]
 
 
-def band(degree: int, language: Language) -> list[str]:
-    """Write the function ``shrm_bandL`` of all real harmonics of one degree above 0."""
-    number, count = language.number, 2 * degree + 1
-    lines = [
-        f"void shrm_band{degree}(vec3 d, out float y[{count}])",
+def pair_function() -> list[str]:
+    """Write the function ``shrm_pair(d, p, m)`` of the real harmonics m and -m of a degree p.
+
+    They are x and y of its value, but for their norm, which is 1/sqrt(4 pi) where p = m = 0, grows
+    by sqrt(2p + 1), and from m to m + 1 by (2m + 1) / sqrt((p + m + 1) (p - m)); from m = 0 to 1 by
+    sqrt(2) more. The recurrence is that of the derivatives of Legendre polynomials, ``(l + 1 - m)
+    P_(l+1) = (2l + 1) z P_l - (l + m) P_(l-1)``, over the first one, which is a constant. It has no
+    cancellation, unlike the polynomials in z.
+    """
+    return [
+        "vec3 shrm_pair(vec3 d, int p, int m)",
         "{",
-        "    float a0 = 1.0, b0 = 0.0;",
+        "    float a = 1.0, b = 0.0, value = 1.0, low = 0.0, next;",
+        "    int l;",
+        "    for (l = 0; l < m; ++l) {",
+        "        next = d.x * a - d.y * b;",
+        "        b = d.x * b + d.y * a;",
+        "        a = next;",
+        "    }",
+        "    for (l = m; l < p; ++l) {",
+        "        next = (float(2 * l + 1) * d.z * value - float(l + m) * low) / float(l + 1 - m);",
+        "        low = value;",
+        "        value = next;",
+        "    }",
+        "    return vec3(value * a, value * b, 0.0);",
+        "}",
     ]
-    for m in range(1, degree + 1):
-        lines.append(
-            f"    float a{m} = d.x * a{m - 1} - d.y * b{m - 1}, "
-            f"b{m} = d.x * b{m - 1} + d.y * a{m - 1};"
-        )
-    lines += [
-        f"    float p{m} = {_horner(_profile(degree, m), number)};" for m in range(degree + 1)
-    ]
-    lines += [f"    y[{degree + m}] = p{m} * a{m};" for m in range(degree + 1)]
-    lines += [f"    y[{degree - m}] = p{m} * b{m};" for m in range(1, degree + 1)]
-    return [*lines, "}"]
-
-
-def _profile(degree: int, m: int) -> Array:
-    """Return the polynomial in z of a real harmonic, without its part in x and y."""
-    series = legendre.leg2poly([0.0] * degree + [1.0])
-    factor = (2 * degree + 1) / (4 * np.pi) * (2 if m else 1)
-    for k in range(degree - m + 1, degree + m + 1):
-        factor /= k
-    return np.asarray(np.sqrt(factor) * polynomial.polyder(series, m))
-
-
-def _horner(coefficients: Array, number: Callable[[float], str]) -> str:
-    """Write a polynomial in d.z."""
-    text = ""
-    for value in coefficients[::-1].tolist():
-        text = f"({text}) * d.z + {number(value)}" if text else number(value)
-    return text

@@ -134,6 +134,7 @@ FORMS = {
         (lobe(1, "normal", (2, 0), 8, albedo=False), lobe(2, degrees=(6,)), lobe(3, "tangent")),
         make_info(4, 3),
     ),
+    "principal fine": lambda: PrincipalMap((lobe(5, degrees=(12, 2, 2)),), make_info(4, 3)),
     "principal border": lambda: PrincipalMap((lobe(4, size=5),), make_info(4, 3), "border"),
     "shrm": lambda: make_shrm(4, 3, 6),
     "shrm normal": lambda: make_shrm(4, 2, 5, "normal", seed=2, sampling="border"),

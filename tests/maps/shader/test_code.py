@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.packing import pack
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -126,6 +127,15 @@ def test_code_compiles(tmp_path, language, textures, name):
     assert (
         compiled(tmp_path, language, code, HEADS[language, textures], call_of(made, language)) == []
     )
+
+
+def test_more_principal_cubes_are_no_longer_code():
+    """A browser took seconds to compile 50 cubes that were written out one by one."""
+    texts = []
+    for degrees in [(1, 0), (12, 6, 5, 4, 3, 2, 1, 1, 0, 0)]:
+        made = PrincipalMap((cases.lobe(0, degrees=degrees),), make_info(4, 3))
+        texts.append(look_up_code(made, "glsl", "layers").partition("*/")[2])
+    assert len(texts[1]) == pytest.approx(len(texts[0]), rel=0.02)
 
 
 def test_the_compiler_refuses_what_is_wrong(tmp_path):
