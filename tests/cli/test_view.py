@@ -4,13 +4,20 @@ import json
 import re
 import urllib.error
 import urllib.request
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from shrm_cli.maps import file as map_file
-from tests.cli.helpers import assert_refused, done, run, snapshot, start, write_exr
+from tests.cli.helpers import MAIN, assert_refused, done, run, snapshot, start, write_exr
 from tests.maps.shader import cases
+
+# A shell without job control starts processes with SIGINT ignored; a terminal does not.
+TERMINAL = f"""
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+{MAIN}"""
 
 
 @pytest.fixture
@@ -117,8 +124,17 @@ def test_maps_that_shaders_cannot_show(folder):
     assert_refused(result, 1, "sharp.exr", "17", "shrm convert")
 
 
+@contextmanager
+def ended(child):
+    """End a server whatever happens, which nobody would wait for otherwise."""
+    try:
+        yield
+    finally:
+        child.kill()
+
+
 def test_it_serves_this_machine_alone_until_it_is_interrupted(folder):
-    with start("view", "glossy.exr", "--no-open", "--quiet") as child:
+    with start("view", "glossy.exr", "--no-open", "--quiet", code=TERMINAL) as child, ended(child):
         url = child.stdout.readline().strip()
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", url)
         with urllib.request.urlopen(url) as answer:
@@ -130,5 +146,5 @@ def test_it_serves_this_machine_alone_until_it_is_interrupted(folder):
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 urllib.request.urlopen(refused)
         child.send_signal(2)
-        _, err = child.communicate(timeout=30)
+        _, err = child.communicate(timeout=60)
     assert (child.returncode, err.strip()) == (130, "Error: interrupted")
