@@ -20,10 +20,11 @@ from shrm_cli.cli.options import (
     representation_options,
 )
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
-from shrm_cli.maps.options import Option, all_options, listing, owners
+from shrm_cli.maps.options import SHADER, Option, all_options, counted, listing, owners
 from shrm_cli.maps.registry import descriptions
 from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import (
@@ -36,7 +37,8 @@ from shrm_cli.vocabulary import (
     Precision,
 )
 
-_TARGETS = [*REPRESENTATIONS, *LAYOUTS]
+_LAYERS = "layers"
+_TARGETS = [*REPRESENTATIONS, *LAYOUTS, _LAYERS]
 _SAMPLINGS = click.Choice(SAMPLINGS)
 
 
@@ -49,7 +51,12 @@ def _converts(option: Option) -> bool:
 @click.argument("source", metavar="IN", type=click.Path())
 @click.option(
     "--to", "target", type=click.Choice(_TARGETS), required=True,
-    help="Representation (of a map), or layout of the images (of a map or a probe).",
+    help="Representation (of a map), layout of the images (of a map or a probe), or layers, the "
+    "textures that --shader reads.",
+)  # fmt: skip
+@click.option(
+    "--shader", type=click.Choice(SHADER.choices),
+    help="Of --to layers: print the code that looks the map up in them, too.",
 )  # fmt: skip
 @click.option("-o", "--output", type=click.Path(), help="File to write.  [default: IN.TO.exr]")
 @force_option
@@ -80,6 +87,7 @@ def convert(
     target: str,
     output: str | None,
     force: bool,
+    shader: str | None,
     size: int | None,
     to_orientation: str | None,
     to_sampling: str | None,
@@ -95,7 +103,8 @@ def convert(
     maps, and what the fit leaves is told. What engines use (irradiance, splitsum, she) is made
     from the probe alone, and converted to itself: other precision, other size of irradiance.
     Irradiance and SH exponentials are turned by --yaw, --pitch and --roll, exactly and without
-    their probe. Maps and probes are laid out anew. The options from --sampling to --clamp say how a
+    their probe. Maps and probes are laid out anew; with --to layers as one array of images, for
+    shaders. The options from --sampling to --clamp say how a
     probe is to be read.
 
     \b
@@ -117,6 +126,14 @@ def convert(
 
         names = face_paths(result_path) if target == "faces" else [result_path]
         click.get_current_context().with_resource(keeping(*names))
+    if target == _LAYERS:
+        if not found:
+            raise click.BadParameter(
+                f"{source} is no map; make one by shrm prefilter", param_hint="'--to'"
+            )
+        check_outputs([result_path], files=[source], suffixes=CONTAINERS)
+        _write_layers(source, result_path, precision, reading.matrix(), shader, as_json, quiet)
+        return
     if found:
         given = {name: values[name] for name in given_options() if name in values}
         check_outputs([result_path], files=[source], suffixes=CONTAINERS)
@@ -146,6 +163,11 @@ def _rules(target: str) -> dict[str, Applies]:
     rules = {
         "frame": Applies(target == "shrm", "with --to shrm"),
         "order_p": Applies(target in of_brdf, f"with --to {listing(of_brdf, 'or')}"),
+        "shader": Applies(target == _LAYERS, f"with --to {_LAYERS}"),
+        **dict.fromkeys(
+            ("size", "to_orientation", "to_sampling"),
+            Applies(target != _LAYERS, f"to all but --to {_LAYERS}"),
+        ),
     }
     for option in filter(_converts, all_options(known).values()):
         of = owners(known, option.name)
@@ -206,6 +228,45 @@ def _convert_map(
         "precision": stored.pixel_type,
     }
     return result, []
+
+
+def _write_layers(
+    source: str,
+    path: str,
+    precision: Precision,
+    turn: Any,
+    shader: str | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Write the textures of a map, and print the code that reads them where it is asked for."""
+    import numpy as np
+
+    from shrm_cli.maps.file import open_map
+    from shrm_cli.maps.shader.code import look_up_code
+    from shrm_cli.maps.shader.file import write_layers
+
+    made = open_map(source)
+    if not np.array_equal(turn, np.eye(3)):
+        made = made.turned(turn)
+    code = None if shader is None else look_up_code(made, shader, "layers")
+    pixel_type, shapes = write_layers(path, made, precision)
+    result = {
+        "file": path,
+        "kind": "layers",
+        "representation": made.representation,
+        "textures": {name: list(shape) for name, shape in shapes.items()},
+        "precision": pixel_type,
+        **({} if code is None else {"shader": code}),
+    }
+    if code is not None and not as_json:
+        echo(code.rstrip("\n"))
+    texts = [
+        f"{name} of {counted(layers, 'layer')} of {width} x {height} texels"
+        for name, (layers, height, width) in shapes.items()
+    ]
+    line = f"{path}: textures of {made.representation}, {' and '.join(texts)}, {pixel_type}"
+    conclude(result, [line], [], as_json, quiet, err=code is not None)
 
 
 def _convert_probe(

@@ -23,6 +23,7 @@ _COMMANDS = {
     "prefilter": "Prefilter a light probe for a BRDF.",
     "batch": "Make maps of many probes.",
     "render": "Render spheres and meshes from maps.",
+    "view": "Show maps in a browser, interactively.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
     "reference": "Render the correct sphere, by brute force.",

@@ -24,7 +24,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.usage import Applies, refuse_inapplicable, renamed
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
@@ -124,6 +124,7 @@ def prefilter(
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import store
+    from shrm_cli.maps.shader.code import look_up_code
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
@@ -143,11 +144,9 @@ def prefilter(
         keep_other_map(target, to, source, given, precision)
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
-    printed = {
-        name: registry.module(to, "report").printed(made.map, value)
-        for name, value in prints.items()
-        if value is not None
-    }
+    printed = {}
+    if prints["shader"] is not None:
+        printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"])
     stored = store(target, made.map, precision)
     result = {"file": os.fspath(target), **made.summary(), "storage_error": stored.error}
     result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
@@ -175,6 +174,8 @@ def _rules_of_printing(to: str) -> dict[str, Applies]:
     for name in _PRINTS:
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
         rules[name] = Applies(to in of, f"with --to {listing(of, 'or')}")
+    if rules["textures"].holds:
+        rules["textures"] = Applies("shader" in given_options(), "with --shader")
     return rules
 
 

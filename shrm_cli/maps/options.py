@@ -263,12 +263,22 @@ SHARED = {
 
 SHADER = Option(
     "shader",
-    "irradiance, principal: print code that uses the map; c is for irradiance only.",
+    "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0); "
+    "shrm_irradiance(n) of irradiance.",
     "choice",
     choices=("glsl", "hlsl", "c"),
     prints=True,
 )
-"""The argument of representations that shaders can use by code alone."""
+"""The argument of representations that shaders can use."""
+TEXTURES = Option(
+    "textures",
+    "What the code reads: arrays of cube maps (GLSL 4, HLSL), or the 2D arrays that shrm convert "
+    "--to layers writes, which fit WebGL2 and C.  [default: cube-array; layers for c]",
+    "choice",
+    choices=("cube-array", "layers"),
+    prints=True,
+)
+"""The argument that says where the code of `SHADER` finds cubes."""
 
 WINDOW = Option(
     "window",

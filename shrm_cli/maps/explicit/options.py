@@ -4,7 +4,14 @@ All explicit maps of the vocabulary share one description, to which each adds op
 This module loads no numpy.
 """
 
-from shrm_cli.maps.options import BRDF_ARGUMENTS, CUBE_ARGUMENTS, Option, Representation
+from shrm_cli.maps.options import (
+    BRDF_ARGUMENTS,
+    CUBE_ARGUMENTS,
+    SHADER,
+    TEXTURES,
+    Option,
+    Representation,
+)
 from shrm_cli.vocabulary import REPRESENTATIONS
 
 _TAKES = (BRDF_ARGUMENTS | CUBE_ARGUMENTS) - {"frame"}
@@ -29,7 +36,9 @@ _TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "li
 _OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
 
 DESCRIPTIONS = {
-    name: Representation(name, _TITLES.get(name, name), _TAKES, _OWN.get(name, ()))
+    name: Representation(
+        name, _TITLES.get(name, name), _TAKES, (*_OWN.get(name, ()), SHADER, TEXTURES)
+    )
     for name, module in REPRESENTATIONS.items()
     if module.startswith("explicit.")
 }

@@ -268,7 +268,7 @@ class Irradiance(LightMap):
         if self.order_f > POLYNOMIAL_ORDER:
             raise MapError(
                 f"an irradiance map of order F = {self.order_f} is no quadratic polynomial of the "
-                "normal; matrices and shaders need `order_f` 2 or less"
+                "normal; matrices need `order_f` 2 or less"
             )
         result = np.zeros(((POLYNOMIAL_ORDER + 1) ** 2, 3))
         result[: len(self.coefficients)] = self.coefficients

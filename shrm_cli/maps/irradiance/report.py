@@ -1,11 +1,8 @@
 """The lines that `shrm prefilter` prints about an irradiance map. This module loads no numpy."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shrm_cli.maps.options import counted
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.irradiance.irradiance import Irradiance
 
 
 def report(result: dict[str, Any]) -> list[str]:
@@ -34,10 +31,3 @@ def report(result: dict[str, Any]) -> list[str]:
         f"{window['energy_lost']:.2%} of the energy, changes {window['change']:.2%} (RMS)",
         f"{least}, {result['minimum_without_window']:.4g} without the window",
     ]
-
-
-def printed(made: "Irradiance", shader: str) -> str:
-    """Return the code that ``--shader`` asks for, with the map's numbers in it."""
-    from shrm_cli.maps.irradiance.shader import irradiance_snippet
-
-    return irradiance_snippet(made, shader)

@@ -1,25 +1,39 @@
-"""Irradiance as source code: the quadratic polynomial of the normal, with its numbers in place.
+"""Irradiance as source code, with its numbers in place: the quadratic polynomial of the normal.
+
+Above order 2 it is a sum over harmonics.
 
 Eq. 4.16 is one of chapter 4 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward
 and Inverse Rendering" (2002).
 """
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.irradiance.irradiance import Irradiance, matrix_constants
+from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, matrix_constants
+from shrm_cli.maps.shader.harmonics import harmonic_loop
+from shrm_cli.maps.shader.language import Language, harmless
 
 Array = NDArray[np.floating]
 
-LANGUAGES = ("glsl", "hlsl", "c")
-
-_FLOAT_MAX = float(np.finfo(np.float32).max)
-_MOST_NAME = 100
-"""The most characters of a probe's name or digest in the code's comment."""
+_MOST_ORDER = 16
+"""The largest order whose coefficients the code holds, 289 colours. Degree 16 of E has a thousandth
+of the light's own."""
+_POLYNOMIAL = [
+    " * Ramamoorthi and Hanrahan 2001, An Efficient Representation for Irradiance",
+    " * Environment Maps: the quadratic polynomial of the normal. */",
+]
+_C_OF_SUM = [
+    "static void shrm_irradiance(const double normal[3], double irradiance[3])",
+    "{",
+    "    const vec3 sum = shrm_sum(vec3(normal[0], normal[1], normal[2]));",
+    "    irradiance[0] = sum.x;",
+    "    irradiance[1] = sum.y;",
+    "    irradiance[2] = sum.z;",
+    "}",
+]
 
 
 def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
@@ -28,7 +42,8 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     Parameters
     ----------
     irradiance : Irradiance
-        A map of order 2 at most.
+        A map of order 16 at most. Up to order 2 the code is the quadratic polynomial of eq. 4.16;
+        above it sums the harmonics of the even degrees.
     language : {"glsl", "hlsl", "c"}
         The code in C is C89, which later standards and C++ take too. It computes in double
         precision.
@@ -41,16 +56,42 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     Raises
     ------
     MapError
-        If the language is unknown, the map's order is above 2, or a number does not fit into the
+        If the language is unknown, the map's order is above 16, or a number does not fit into the
         language's type.
     """
-    if language not in LANGUAGES:
-        raise MapError(f"shader language {language!r}: take one of {', '.join(LANGUAGES)}")
+    speech = Language(language)
+    if irradiance.order_f > POLYNOMIAL_ORDER:
+        return "\n".join([*_comment(irradiance), *_sum(irradiance, speech)]) + "\n"
     terms = _terms(irradiance)
-    if language != "c" and max(abs(rgb).max() for _, rgb in terms) > _FLOAT_MAX:
-        raise MapError(f"a coefficient is beyond the 32-bit floats of {language}; dim the light")
+    for _, rgb in terms:
+        speech.check(rgb)
     lines = _comment(irradiance) + (_c(terms) if language == "c" else _shader(terms, language))
     return "\n".join(lines) + "\n"
+
+
+def _sum(irradiance: Irradiance, speech: Language) -> list[str]:
+    """Write the function as a sum over the harmonics, of which those of high odd degrees are 0."""
+    if irradiance.order_f > _MOST_ORDER:
+        raise MapError(
+            f"code for irradiance holds the coefficients of orders up to {_MOST_ORDER}, not "
+            f"{irradiance.order_f}; lower `order_f`"
+        )
+
+    def add(index: str, value: str) -> list[str]:
+        return [speech.grow("sum", speech.scale(value, f"shrm_series[{index}]"))]
+
+    loop = harmonic_loop(irradiance.order_f, "normal", add)
+    name = "shrm_sum" if speech.is_c else "shrm_irradiance"
+    lines = [
+        *speech.colors("shrm_series", irradiance.series),
+        f"vec3 {name}(vec3 normal)",
+        "{",
+        "    vec3 sum = vec3(0.0, 0.0, 0.0);",
+        *loop,
+        "    return sum;",
+        "}",
+    ]
+    return speech.translated([*lines, *(_C_OF_SUM if speech.is_c else [])])
 
 
 def _terms(irradiance: Irradiance) -> list[tuple[str, Array]]:
@@ -81,14 +122,8 @@ def _comment(irradiance: Irradiance) -> list[str]:
         f" * Probe: {harmless(info.probe) or 'unknown'}",
         f" * SHA-256: {harmless(info.probe_sha256) or 'unknown'}",
         f" * Order: {irradiance.order_f}; window: {window.name}{width}",
-        " * Ramamoorthi and Hanrahan 2001, An Efficient Representation for Irradiance",
-        " * Environment Maps: the quadratic polynomial of the normal. */",
+        *(_POLYNOMIAL if irradiance.order_f <= POLYNOMIAL_ORDER else [" */"]),
     ]
-
-
-def harmless(text: str) -> str:
-    """Replace characters that could end a comment, start one, or continue a line."""
-    return re.sub(r"[^A-Za-z0-9 ._+,()-]", "_", text)[:_MOST_NAME]
 
 
 def _shader(terms: Sequence[tuple[str, Array]], language: str) -> list[str]:

@@ -1,6 +1,13 @@
 """The options of `shrm prefilter --to principal`. This module loads no numpy."""
 
-from shrm_cli.maps.options import BRDF_ARGUMENTS, CUBE_ARGUMENTS, SHADER, Option, Representation
+from shrm_cli.maps.options import (
+    BRDF_ARGUMENTS,
+    CUBE_ARGUMENTS,
+    SHADER,
+    TEXTURES,
+    Option,
+    Representation,
+)
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
 DESCRIPTIONS = {
@@ -24,6 +31,7 @@ DESCRIPTIONS = {
                 "switch",
             ),
             SHADER,
+            TEXTURES,
         ),
     )
 }

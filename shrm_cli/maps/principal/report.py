@@ -16,10 +16,3 @@ def report(result: dict[str, Any]) -> list[str]:
     size, maps = result["size"], result["maps"]
     what = f"principal functions, 6 x {size} x {size} texels of {maps} maps"
     return [what, *error_lines(result, "resampling")]
-
-
-def printed(made: Any, language: str) -> str:
-    """Return the code that looks the map up."""
-    from shrm_cli.maps.principal.shader import look_up_code
-
-    return look_up_code(made, language)

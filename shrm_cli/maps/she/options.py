@@ -1,6 +1,6 @@
 """The options of `shrm prefilter --to she`. This module loads no numpy."""
 
-from shrm_cli.maps.options import Option, Representation
+from shrm_cli.maps.options import SHADER, TEXTURES, Option, Representation
 from shrm_cli.vocabulary import (
     DEFAULT_FACTOR_ORDERS,
     DEFAULT_FITTED_ROUGHNESS,
@@ -43,6 +43,8 @@ DESCRIPTIONS = {
                 "choice",
                 choices=LAWS,
             ),
+            SHADER,
+            TEXTURES,
         ),
         why_no_brdf="an SH exponential is of GGX",
     )

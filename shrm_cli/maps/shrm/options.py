@@ -1,6 +1,13 @@
 """The options of `shrm prefilter --to shrm`. This module loads no numpy."""
 
-from shrm_cli.maps.options import BRDF_ARGUMENTS, CUBE_ARGUMENTS, Option, Representation
+from shrm_cli.maps.options import (
+    BRDF_ARGUMENTS,
+    CUBE_ARGUMENTS,
+    SHADER,
+    TEXTURES,
+    Option,
+    Representation,
+)
 
 DESCRIPTIONS = {
     "shrm": Representation(
@@ -21,6 +28,8 @@ DESCRIPTIONS = {
                 "components",
                 converts=True,
             ),
+            SHADER,
+            TEXTURES,
         ),
     )
 }

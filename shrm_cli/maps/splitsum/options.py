@@ -1,6 +1,6 @@
 """The options of `shrm prefilter --to splitsum`. This module loads no numpy."""
 
-from shrm_cli.maps.options import CUBE_ARGUMENTS, Option, Representation
+from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, TEXTURES, Option, Representation
 from shrm_cli.vocabulary import LEVEL_MAPPINGS
 
 DESCRIPTIONS = {
@@ -16,6 +16,8 @@ DESCRIPTIONS = {
                 "choice",
                 choices=LEVEL_MAPPINGS,
             ),
+            SHADER,
+            TEXTURES,
         ),
         why_no_brdf="a split sum is of GGX",
     )

@@ -1,0 +1,302 @@
+"""Writing the code of a map in a language, with the textures that it reads laid out in some way."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.maps import registry
+from shrm_cli.maps.shader.language import Language, harmless
+from shrm_cli.maps.shader.pages import Pages, Run, arrange
+from shrm_cli.maps.shader.source import Source, Table, Words
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
+
+_MOST_SAMPLERS = 15
+"""The most arrays of cubes; a table may be one more sampler, of the 16 that all devices have."""
+
+# Functions of the layout `layers`, in GLSL. A place is column and row in the face with its rim,
+# from 0.5 to size + 1.5, and the number of the face.
+_PLACE = """\
+vec3 shrm_place(vec3 d, float size)
+{
+    float x = abs(d.x), y = abs(d.y), z = abs(d.z);
+    float s, t, most, face;
+    if (x >= y && x >= z) {
+        most = x;
+        face = d.x > 0.0 ? 0.0 : 1.0;
+        s = d.x > 0.0 ? d.z : -d.z;
+        t = -d.y;
+    } else if (y >= z) {
+        most = y;
+        face = d.y > 0.0 ? 2.0 : 3.0;
+        s = d.x;
+        t = d.y > 0.0 ? -d.z : d.z;
+    } else {
+        most = z;
+        face = d.z > 0.0 ? 4.0 : 5.0;
+        s = d.z > 0.0 ? -d.x : d.x;
+        t = -d.y;
+    }
+    return vec3(s / most * SCALE + 0.5 * (size + 1.0), t / most * SCALE + 0.5 * (size + 1.0), face);
+}
+vec3 shrm_filtered(vec3 place, int layer, int left, int top, int edge)
+{
+    int column = int(place.x), row = int(place.y), face = int(place.z);
+    int x = left + face / 2 * edge + column, y = top + face % 2 * edge + row;
+    float across = place.x - float(column), down = place.y - float(row);
+    return mix(
+        mix(shrm_texel(x, y, layer), shrm_texel(x + 1, y, layer), across),
+        mix(shrm_texel(x, y + 1, layer), shrm_texel(x + 1, y + 1, layer), across), down);
+}"""
+# How the texel of an array is read, and how the array is declared.
+_TEXEL = {
+    "glsl": (
+        "uniform highp sampler2DArray {name};",
+        "texelFetch({name}, ivec3(x, y, layer), 0).rgb",
+    ),
+    "hlsl": ("Texture2DArray {name};", "{name}.Load(int4(x, y, layer, 0)).rgb"),
+    "c": (
+        "static const float *{name};",
+        "shrm_vec({name}[at], {name}[at + 1], {name}[at + 2])",
+    ),
+}
+_CUBES = {
+    "glsl": (
+        "uniform samplerCubeArray {name};",
+        "textureLod({name}, vec4(d, float(cube)), 0.0).rgb",
+    ),
+    "hlsl": (
+        "TextureCubeArray {name};",
+        "{name}.SampleLevel(shrm_sampler, float4(d, cube), 0).rgb",
+    ),
+}
+_VERSIONS = {
+    ("glsl", "layers"): "GLSL 3.30, and GLSL ES 3.00 (WebGL2)",
+    ("glsl", "cube-array"): "GLSL 4.00",
+    ("hlsl", "layers"): "HLSL, shader model 4",
+    ("hlsl", "cube-array"): "HLSL, shader model 5",
+    ("c", "layers"): "C89",
+}
+
+
+def look_up_code(made: "Map", language: str, textures: str | None = None) -> str:
+    """Write the function of a map for a shader or a program.
+
+    It is ``shrm_radiance(n, v)``, ``shrm_radiance(n, v, roughness, f0)`` for light of any GGX
+    surface, and ``shrm_irradiance(normal)`` for irradiance. All names begin with ``shrm_``.
+
+    Parameters
+    ----------
+    made : Map
+    language : {"glsl", "hlsl", "c"}
+    textures : {"cube-array", "layers"}, optional
+        Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
+        wants them, or from the arrays of images that `packing.pack` returns. Code in C reads the
+        latter; for the other languages, arrays of cube maps are the default.
+
+    Returns
+    -------
+    str
+        The code; its last line ends with a newline too.
+
+    Raises
+    ------
+    MapError, ArgumentError
+        If the language is unknown or cannot read such textures, or the map does not fit into them.
+    """
+    speech = Language(language)
+    if made.representation == "irradiance":
+        return str(registry.module("irradiance", "shader").irradiance_snippet(made, language))
+    chosen = textures or ("layers" if speech.is_c else "cube-array")
+    if (language, chosen) not in _VERSIONS:
+        raise ArgumentError("textures", f"{language} reads no cube-array; take layers")
+    source = source_of(made, chosen)
+    write = _with_layers if chosen == "layers" else _with_cube_arrays
+    head, words, comment = write(source, speech)
+    lines = [
+        *_comment(made, source, _VERSIONS[language, chosen], comment),
+        *speech.translated([*head, *source.functions(words)]),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def source_of(made: "Map", textures: str) -> Source:
+    """Return what the shader of a map consists of; the cubes may depend on where they are read."""
+    found: Source = registry.module(made.representation, "shader").source(made, textures)
+    return found
+
+
+def _comment(made: "Map", source: Source, version: str, textures: Sequence[str]) -> list[str]:
+    """Write the comment that says what the code is, and what it reads."""
+    lines = [
+        source.title,
+        "World axes: right-handed, +Y up; n and v are unit, v points to the viewer. Linear RGB.",
+        f"Probe: {harmless(made.info.probe) or 'unknown'}",
+        f"Language: {version}.",
+        *textures,
+    ]
+    return [f"{'/*' if k == 0 else ' *'} {line}" for k, line in enumerate(lines)] + [" */"]
+
+
+# ---- one array of images -------------------------------------------------------------------------
+
+
+def _with_layers(source: Source, language: Language) -> tuple[list[str], Words, list[str]]:
+    """Return declarations, words and comment for textures that are arrays of images."""
+    lines: list[str] = []
+    comment: list[str] = []
+    cube = _nothing
+    if source.stacks:
+        pages = arrange([(stack.shape[2], stack.shape[1]) for stack in source.stacks])
+        width, height = pages.width, pages.height
+        lines += _array("shrm_layers", "shrm_texel", width, height, language)
+        # Border-sampled faces hold their edges, and so end half a texel further in.
+        scale = "0.5 * max(size - 1.0, 1.0)" if source.sampling == "border" else "0.5 * size"
+        lines += _PLACE.replace("SCALE", scale).split("\n")
+        cube = partial(_filtered, pages)
+        comment = _about_layers(pages)
+    if source.table is not None:
+        comment += _declare_table(source.table, language, lines)
+    words = Words(
+        language,
+        lambda stack, d: f"shrm_place({d}, {language.number(float(_size(source, stack)))})",
+        cube,
+    )
+    return lines, words, comment
+
+
+def _array(name: str, function: str, width: int, height: int, language: Language) -> list[str]:
+    """Write the declaration of an array of images, and the function that reads a texel of it."""
+    declared, texel = (text.format(name=name) for text in _TEXEL[language.name])
+    index = f"    int at = 3 * ((layer * {height} + y) * {width} + x);"
+    return [
+        declared,
+        f"vec3 {function}(int x, int y, int layer)",
+        "{",
+        *([index] if language.is_c else []),
+        f"    return {texel};",
+        "}",
+    ]
+
+
+def _declare_table(table: Table, language: Language, lines: list[str]) -> list[str]:
+    """Add what declares a table that is a texture to lines of code, and return the comment."""
+    layers, height, width = table.shape
+    lines += _array("shrm_table", "shrm_cell", width, height, language)
+    return [
+        f"shrm_table: {table.about}.",
+        f"It has {layers} x {height} x {width} texels, RGB floats.",
+    ]
+
+
+def _table_in_code(table: Table, language: Language) -> list[str]:
+    """Write a table as an array of constants.
+
+    A single function reads it, because compilers copy the array to wherever it is indexed.
+    """
+    numbers = table.make()
+    _, height, width, _ = numbers.shape
+    return [
+        *language.colors("shrm_table", numbers.reshape(-1, 3)),
+        "vec3 shrm_cell(int x, int y, int layer)",
+        "{",
+        f"    return shrm_table[(layer * {height} + y) * {width} + x];",
+        "}",
+    ]
+
+
+def _filtered(pages: Pages, stack: int, place: str, index: str) -> str:
+    """Write the look-up of a cube of a stack."""
+    run = pages.runs[stack]
+    layer, left, top = _corner(run, index)
+    return f"shrm_filtered({place}, {layer}, {left}, {top}, {run.edge})"
+
+
+def _corner(run: Run, index: str) -> tuple[str, str, str]:
+    """Write what `Run.corner` computes."""
+    if run.count == 1:
+        return str(run.layer), str(run.left), str(run.top)
+    cells, columns = run.columns * run.rows, run.columns
+    if cells == 1:
+        return f"{run.layer} + {index}", str(run.left), str(run.top)
+    return (
+        f"{run.layer} + ({index}) / {cells}",
+        f"({index}) % {cells} % {columns} * {3 * run.edge}",
+        f"({index}) % {cells} / {columns} * {2 * run.edge}",
+    )
+
+
+def _about_layers(pages: Pages) -> list[str]:
+    """Write what the comment says of the array of cubes."""
+    return [
+        f"shrm_layers: {pages.layers} layers of {pages.width} x {pages.height} texels, RGB; shrm",
+        "convert MAP --to layers writes them. A cube is 3 x 2 faces (+X +Y +Z above -X -Y -Z) in",
+        "OpenEXR's orientation, each with a rim of one texel of the faces beside it. The code",
+        "filters by itself, so that the texture needs no filter.",
+    ]
+
+
+# ---- arrays of cube maps -------------------------------------------------------------------------
+
+
+def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Words, list[str]]:
+    """Return declarations, words and comment for textures that are arrays of cube maps."""
+    if source.stacks and source.sampling == "border":
+        raise MapError(
+            "graphics hardware samples cubes at texel centres; make the map with `sampling` center "
+            "or take the textures layers"
+        )
+    sizes = sorted({stack.shape[1] for stack in source.stacks}, reverse=True)
+    if len(sizes) > _MOST_SAMPLERS:
+        raise ArgumentError(
+            "textures", f"{len(sizes)} sizes of cubes take more than 16 samplers; take layers"
+        )
+    lines: list[str] = []
+    comment: list[str] = []
+    if sizes and language.name == "hlsl":
+        lines.append("SamplerState shrm_sampler;")
+    first: list[int] = []
+    held = dict.fromkeys(sizes, 0)
+    for stack in source.stacks:
+        first.append(held[stack.shape[1]])
+        held[stack.shape[1]] += stack.shape[2]
+    for number, (size, count) in enumerate(held.items()):
+        declared, texel = (t.format(name=_name(number)) for t in _CUBES[language.name])
+        lines += [declared, f"vec3 shrm_look{number}(vec3 d, int cube) {{ return {texel}; }}"]
+        comment.append(f"{_name(number)}: {count} cubes of 6 x {size} x {size} texels.")
+    if sizes:
+        comment += [
+            "Cubes are in the order of the file's channels and parts; turn their faces as the API",
+            "wants them (shrm convert MAP --to openexr --to-orientation gl), and filter linearly.",
+        ]
+    if source.table is not None and source.table.in_code:
+        lines += _table_in_code(source.table, language)
+    elif source.table is not None:
+        comment += _declare_table(source.table, language, lines)
+    words = Words(
+        language,
+        lambda stack, d: d,
+        lambda stack, place, index: (
+            f"shrm_look{sizes.index(_size(source, stack))}({place}, "
+            f"{_shifted(first[stack], index)})"
+        ),
+    )
+    return lines, words, comment
+
+
+def _name(number: int) -> str:
+    return f"shrm_cubes{number or ''}"
+
+
+def _shifted(first: int, index: str) -> str:
+    return f"{first} + {index}" if first else index
+
+
+def _size(source: Source, stack: int) -> int:
+    return int(source.stacks[stack].shape[1])
+
+
+def _nothing(*texts: object) -> str:
+    raise AssertionError("the form has no such texture")

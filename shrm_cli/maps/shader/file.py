@@ -1,0 +1,58 @@
+"""Files of the textures that the code of a map reads, for programs that load images."""
+
+import os
+from typing import TYPE_CHECKING
+
+from shrm_cli.errors import MapError
+from shrm_cli.files.parts import Part, write_parts
+from shrm_cli.maps.shader.language import harmless
+from shrm_cli.maps.shader.packing import pack
+from shrm_cli.maps.stored import image_channels
+from shrm_cli.vocabulary import Precision
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
+
+
+def write_layers(
+    path: str | os.PathLike[str], made: "Map", precision: Precision = "auto"
+) -> tuple[str, dict[str, tuple[int, ...]]]:
+    """Write the textures of a map, each layer as a part, whole or not at all.
+
+    The part of layer 3 of ``shrm_table`` is called ``shrm_table.003``. The file is no map, and
+    is written as 32-bit floats unless `precision` is half, which costs tables some digits.
+
+    Parameters
+    ----------
+    path : path-like
+    made : Map
+    precision : {"auto", "half", "float"}
+
+    Returns
+    -------
+    pixel_type : {"half", "float"}
+    shapes : dict of str to tuple of 3 int
+        Layers, height and width of each texture by its name.
+
+    Raises
+    ------
+    MapError
+        If the map has no textures.
+    OutputError
+        If the file cannot be written.
+    """
+    textures = pack(made)
+    if not textures:
+        raise MapError(f"{made.what} has no textures: its code holds all numbers")
+    about = {
+        "shrm:textures": "layers",
+        "shrm:of": made.representation,
+        "shrm:probe": harmless(made.info.probe),
+    }
+    parts = [
+        Part(image_channels(layer), {"name": f"{texture.name}.{number:03d}", **about})
+        for texture in textures
+        for number, layer in enumerate(texture.values)
+    ]
+    pixel_type = write_parts(path, parts, "float" if precision == "auto" else precision)
+    return pixel_type, {texture.name: texture.values.shape[:3] for texture in textures}

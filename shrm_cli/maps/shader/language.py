@@ -1,0 +1,190 @@
+"""What the languages of the code differ in, so that each form writes its functions once.
+
+The functions are written in GLSL that is C89 as well, apart from a few words: declarations come
+first in each block, and arithmetic of vectors is written by the methods of `Language`. `translated`
+changes the words.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError
+
+Array = NDArray[np.floating]
+
+_FLOAT_MAX = float(np.finfo(np.float32).max)
+_MOST_NAME = 100
+"""The most characters of a probe's name or digest in the code's comment."""
+
+# What C lacks of GLSL; each function may use those before it.
+_C_HEAD = ["#include <math.h>", "typedef struct { double x, y, z; } shrm_vec3;"]
+_C_FUNCTIONS = """\
+static shrm_vec3 shrm_vec(double x, double y, double z)
+{
+    shrm_vec3 r;
+    r.x = x;
+    r.y = y;
+    r.z = z;
+    return r;
+}
+
+static shrm_vec3 shrm_add(shrm_vec3 a, shrm_vec3 b)
+{
+    return shrm_vec(a.x + b.x, a.y + b.y, a.z + b.z);
+}
+
+static shrm_vec3 shrm_scale(double s, shrm_vec3 a) { return shrm_vec(s * a.x, s * a.y, s * a.z); }
+
+static shrm_vec3 shrm_times(shrm_vec3 a, shrm_vec3 b)
+{
+    return shrm_vec(a.x * b.x, a.y * b.y, a.z * b.z);
+}
+
+static shrm_vec3 shrm_mix(shrm_vec3 a, shrm_vec3 b, double t)
+{
+    return shrm_add(shrm_scale(1 - t, a), shrm_scale(t, b));
+}
+
+static double shrm_dot(shrm_vec3 a, shrm_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static double shrm_length(shrm_vec3 a) { return sqrt(shrm_dot(a, a)); }
+
+static double shrm_min(double a, double b) { return a < b ? a : b; }
+
+static double shrm_max(double a, double b) { return a < b ? b : a; }"""
+
+# Patterns of words in GLSL, and what stands for them.
+_WORDS: dict[str, list[tuple[str, str]]] = {
+    "glsl": [],
+    "hlsl": [
+        (r"\bvec3\b", "float3"),
+        (r"\bmix\(", "lerp("),
+        (r"\batan\(", "atan2("),
+    ],
+    "c": [
+        (r"\bvec3\(", "shrm_vec("),
+        (r"\bvec3\b", "shrm_vec3"),
+        (r"\bint\(", "(int)("),
+        (r"\bfloat\(", "(double)("),
+        (r"\bout float\b", "double"),
+        (r"\bfloat\b(?! \*)", "double"),
+        (r"\batan\(", "atan2("),
+        (r"\babs\(", "fabs("),
+        (r"\b(dot|length|min|max|mix)\(", r"shrm_\1("),
+        (r"^(double|shrm_vec3|void) shrm_", r"static \1 shrm_"),
+    ],
+}
+LANGUAGES = tuple(_WORDS)
+
+
+@dataclass(frozen=True)
+class Language:
+    """A language that code is written in.
+
+    Attributes
+    ----------
+    name : {"glsl", "hlsl", "c"}
+
+    Raises
+    ------
+    MapError
+        If there is no such language.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        if self.name not in LANGUAGES:
+            raise MapError(f"shader language {self.name!r}: take one of {', '.join(LANGUAGES)}")
+
+    @property
+    def is_c(self) -> bool:
+        return self.name == "c"
+
+    def add(self, a: str, b: str) -> str:
+        """Write the sum of two vectors."""
+        return f"shrm_add({a}, {b})" if self.is_c else f"({a} + {b})"
+
+    def scale(self, factor: str, vector: str) -> str:
+        """Write a vector times a number; both must be words, calls or in brackets."""
+        return f"shrm_scale({factor}, {vector})" if self.is_c else f"{factor} * {vector}"
+
+    def minus(self, a: str, b: str) -> str:
+        """Write the difference of two vectors."""
+        return f"shrm_add({a}, shrm_scale(-1.0, {b}))" if self.is_c else f"({a} - {b})"
+
+    def times(self, a: str, b: str) -> str:
+        """Write the product of two colours, channel by channel."""
+        return f"shrm_times({a}, {b})" if self.is_c else f"{a} * {b}"
+
+    def grow(self, name: str, by: str) -> str:
+        """Write the statement that adds a vector to a variable."""
+        return f"{name} = shrm_add({name}, {by});" if self.is_c else f"{name} += {by};"
+
+    def combined(self, factors: Sequence[str], vectors: Sequence[str]) -> str:
+        """Write the sum of vectors times numbers."""
+        parts = [self.scale(*pair) for pair in zip(factors, vectors, strict=True)]
+        text = parts[0]
+        for part in parts[1:]:
+            text = self.add(text, part)
+        return text
+
+    def colors(self, name: str, rows: Array) -> list[str]:
+        """Write a constant array of colours.
+
+        Parameters
+        ----------
+        name : str
+        rows : ndarray, shape (n, 3)
+
+        Raises
+        ------
+        MapError
+            If a number is beyond the 32-bit floats of shaders.
+        """
+        self.check(rows)
+        texts = [", ".join(map(self.number, row)) for row in rows.tolist()]
+        head, last, values = {
+            "glsl": (f"const vec3 {name}[{len(rows)}] = vec3[{len(rows)}](", ");", "vec3({})"),
+            "hlsl": (f"static const vec3 {name}[{len(rows)}] = {{", "};", "vec3({})"),
+            "c": (f"static const vec3 {name}[{len(rows)}] = {{", "};", "{{{}}}"),
+        }[self.name]
+        inside = [f"    {values.format(text)}," for text in texts]
+        return [head, *inside[:-1], inside[-1].rstrip(","), last]
+
+    def check(self, values: Array) -> None:
+        """Refuse numbers that are not finite in the type of the language."""
+        most = np.inf if self.is_c else _FLOAT_MAX
+        if not np.all(np.isfinite(values)) or np.abs(values).max(initial=0.0) > most:
+            raise MapError(f"a number is beyond the 32-bit floats of {self.name}; dim the light")
+
+    def number(self, value: float) -> str:
+        """Write a number with a decimal point, in brackets where it is negative."""
+        text = f"{value:.{17 if self.is_c else 9}g}"
+        if not set(text) & set(".e"):
+            text += ".0"
+        return f"({text})" if text.startswith("-") else text
+
+    def translated(self, lines: Sequence[str]) -> list[str]:
+        """Return lines of GLSL, whose vectors' arithmetic this class wrote, in the language.
+
+        In C they begin with those functions of GLSL that they use.
+        """
+        text = "\n".join(lines)
+        for pattern, word in _WORDS[self.name]:
+            text = re.sub(pattern, word, text, flags=re.MULTILINE)
+        if not self.is_c:
+            return text.split("\n")
+        for function in reversed(_C_FUNCTIONS.split("\n\n")):
+            if re.findall(r"shrm_\w+\(", function)[0] in text:
+                text = f"{function}\n{text}"
+        return [*_C_HEAD, *text.split("\n")]
+
+
+def harmless(text: str) -> str:
+    """Replace characters that could end a comment, start one, or continue a line."""
+    return re.sub(r"[^A-Za-z0-9 ._+,()-]", "_", text)[:_MOST_NAME]

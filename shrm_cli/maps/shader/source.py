@@ -1,0 +1,140 @@
+"""What the shader of a form consists of: the cubes it looks up, its table, and its functions."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.environment.environment_brdf import moments_table
+from shrm_cli.maps.shader.language import Language
+from shrm_cli.vocabulary import Sampling
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Words:
+    """How the functions of a form read cubes and the table in some language and layout.
+
+    Attributes
+    ----------
+    language : Language
+    place : callable
+        Given the number of a stack and the name of a direction, writes the place of the direction
+        in the cubes of that stack, a vec3.
+    cube : callable
+        Given the number of a stack, the name of a place and the text of a cube's number, writes
+        the filtered colour of the cube.
+    """
+
+    language: Language
+    place: Callable[[int, str], str]
+    cube: Callable[[int, str, str], str]
+
+    def cell(self, layer: str, row: str, column: str) -> str:
+        """Write the entry of the table, a vec3."""
+        return f"shrm_cell({column}, {row}, {layer})"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers that functions look up, entry by entry.
+
+    Attributes
+    ----------
+    shape : tuple of 3 int
+        Layers, rows and columns.
+    make : callable
+        Returns the numbers, shape (layers, rows, columns, 3).
+    about : str
+        What they are, for the comment.
+    in_code : bool
+        Whether the table has one layer and is so small that the code can hold it.
+    """
+
+    shape: tuple[int, int, int]
+    make: Callable[[], Array]
+    about: str
+    in_code: bool = True
+
+
+@dataclass(frozen=True)
+class Source:
+    """The shader of a map, whatever the language.
+
+    Attributes
+    ----------
+    title : str
+        The line of the comment that says what the code is.
+    functions : callable
+        Given `Words`, returns lines of GLSL as `Language.translated` takes it, with the function
+        ``shrm_radiance``.
+    stacks : sequence of ndarray, shape (6N, N, K, 3)
+        Cubes in OpenEXR's orientation, which are filtered in world axes.
+    sampling : {"center", "border"}
+        Where the edge texels of the cubes lie.
+    table : Table, optional
+    """
+
+    title: str
+    functions: Callable[[Words], list[str]]
+    stacks: Sequence[Array] = ()
+    sampling: Sampling = "center"
+    table: Table | None = None
+
+
+def central_direction(center: str, language: Language) -> str:
+    """Write the central direction of a point with the normal n that is seen from v."""
+    if center == "reflection":
+        return language.minus(language.scale("2.0 * dot(n, v)", "n"), "v")
+    return "n" if center == "normal" else "shrm_tangent(n)"
+
+
+def tangent_function(centers: Sequence[str]) -> list[str]:
+    """Write the function of the tangent, where a map is looked up by it."""
+    if "tangent" not in centers:
+        return []
+    return [
+        "/* The horizontal tangent. Return the mesh's own, where it has one. */",
+        "vec3 shrm_tangent(vec3 n)",
+        "{",
+        "    float across = sqrt(n.x * n.x + n.z * n.z);",
+        "    if (across < 1e-12) {",
+        "        return vec3(1.0, 0.0, 0.0);",
+        "    }",
+        "    return vec3(n.z / across, 0.0, -n.x / across);",
+        "}",
+    ]
+
+
+TABLE_SIZE = 128
+"""Texels along an edge of the tables of GGX, as `shrm dfg` makes them by default."""
+
+
+@lru_cache(1)
+def ggx_moments() -> Array:
+    """Return `moments_table`, shape (128, 128, 6); it takes a second, so that it is kept."""
+    return moments_table(TABLE_SIZE)
+
+
+def bilinear_table(table: Table, words: Words) -> list[str]:
+    """Write the function that filters a table, whose entries are at texel centres of 0 .. 1."""
+    _, rows, columns = table.shape
+    cells = [
+        words.cell("layer", row, column)
+        for row in ("row", "row + 1")
+        for column in ("column", "column + 1")
+    ]
+    return [
+        "vec3 shrm_between(float x, float y, int layer)",
+        "{",
+        f"    float across = min(max(x * {columns}.0 - 0.5, 0.0), {columns - 1}.0);",
+        f"    float down = min(max(y * {rows}.0 - 0.5, 0.0), {rows - 1}.0);",
+        f"    int column = int(min(across, {columns - 2}.0)), row = int(min(down, {rows - 2}.0));",
+        f"    vec3 above = mix({cells[0]}, {cells[1]}, across - float(column));",
+        f"    vec3 below = mix({cells[2]}, {cells[3]}, across - float(column));",
+        "    return mix(above, below, down - float(row));",
+        "}",
+    ]

@@ -1,0 +1,113 @@
+"""Split sums as source code: two levels mixed, times a number from the environment-BRDF's table."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.maps.shader.language import Language
+from shrm_cli.maps.shader.source import (
+    TABLE_SIZE,
+    Source,
+    Table,
+    Words,
+    bilinear_table,
+    central_direction,
+    ggx_moments,
+)
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+
+Array = NDArray[np.floating]
+
+_POSITIONS: dict[str, tuple[str, Callable[[float], float]]] = {
+    "linear": ("roughness", lambda r: r),
+    "filament": ("roughness * (2.0 - roughness)", lambda r: r * (2 - r)),
+    "unreal": ("log(max(roughness, 1e-6))", math.log),
+}
+"""What grows by the same amount from each level to the next, in code and as a function."""
+
+
+def source(made: SplitSum, textures: str) -> Source:
+    """Return what the shader of a split sum consists of; each level is a stack of one cube.
+
+    Parameters
+    ----------
+    made : SplitSum
+    textures : {"cube-array", "layers"}
+        Cubes are the same in both.
+    """
+    table = Table(
+        (1, TABLE_SIZE, TABLE_SIZE),
+        _environment_brdf,
+        "shrm dfg; R = scale and G = bias of f0, N.V along x, roughness down",
+        in_code=False,
+    )
+    return Source(
+        "The light of a probe as GGX of any roughness reflects it: a split sum.",
+        partial(_functions, made, table),
+        [level[:, :, None] for level in made.levels],
+        made.sampling,
+        table,
+    )
+
+
+def _environment_brdf() -> Array:
+    """Return the table of scale and bias, shape (1, N, N, 3)."""
+    total, bias = ggx_moments()[..., 0], ggx_moments()[..., 3]
+    return np.stack([total - bias, bias, np.zeros_like(bias)], axis=-1)[None]
+
+
+def _functions(made: SplitSum, table: Table, words: Words) -> list[str]:
+    """Write the look-up of the light, and the radiance."""
+    speech = words.language
+    scaled = speech.add(speech.scale("dfg.x", "f0"), "vec3(dfg.y, dfg.y, dfg.y)")
+    return [
+        *_level(made, words),
+        "vec3 shrm_light(vec3 d, float roughness)",
+        "{",
+        *_mixture(made, speech),
+        "}",
+        *bilinear_table(table, words),
+        "vec3 shrm_radiance(vec3 n, vec3 v, float roughness, vec3 f0)",
+        "{",
+        f"    vec3 r = {central_direction('reflection', speech)};",
+        "    vec3 dfg = shrm_between(dot(n, v), roughness, 0);",
+        f"    return {speech.times('shrm_light(r, roughness)', scaled)};",
+        "}",
+    ]
+
+
+def _level(made: SplitSum, words: Words) -> list[str]:
+    """Write the function that looks up a level; beyond the last it is the last."""
+    lines = ["vec3 shrm_level(vec3 d, int level)", "{"]
+    *others, last = [
+        f"return {words.cube(level, words.place(level, 'd'), '0')};"
+        for level in range(len(made.levels))
+    ]
+    for level, look_up in enumerate(others or [last]):
+        lines += [f"    if (level == {level}) {{", f"        {look_up}", "    }"]
+    return [*lines, f"    {last}", "}"]
+
+
+def _mixture(made: SplitSum, speech: Language) -> list[str]:
+    """Write the choice of two levels, and their mixture; a single level is both."""
+    position, function = _POSITIONS[made.mapping]
+    starts = [speech.number(float(function(each))) for each in made.roughness]
+    if len(starts) == 1:
+        starts.append(speech.number(float(function(made.roughness[0])) + 1.0))
+    lines = [
+        f"    float x = {position}, low = {starts[0]}, high = {starts[1]};",
+        "    int level = 0;",
+    ]
+    for level in range(1, len(starts) - 1):
+        lines += [
+            f"    if (x > {starts[level]}) {{",
+            f"        level = {level};",
+            f"        low = {starts[level]};",
+            f"        high = {starts[level + 1]};",
+            "    }",
+        ]
+    share = "min(max((x - low) / (high - low), 0.0), 1.0)"
+    return [*lines, f"    return mix(shrm_level(d, level), shrm_level(d, level + 1), {share});"]

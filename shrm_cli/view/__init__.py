@@ -1,0 +1,1 @@
+"""Pages that show maps in a browser, interactively, without any network."""

@@ -1,0 +1,199 @@
+// Pictures of a map, or of the truth, on a sphere or a mesh.
+
+var SAMPLES = 16; // Frames whose mean makes the edges of a mesh smooth, once nothing moves.
+var SPHERE_SHAPE = 0;
+
+function Renderer(gl, scene, blocks) {
+  this.gl = gl;
+  this.scene = scene;
+  this.blocks = blocks;
+  this.programs = {};
+  this.mapTextures = {};
+  this.truthTextures = {};
+  this.meshes = {};
+  this.sky = scene.sky ? makeTexture(gl, scene.sky, blocks[scene.sky.block]) : null;
+  this.nothing = makeTexture(
+    gl, { format: "rgb16f", width: 1, height: 1, depth: 0 }, new Uint16Array(4).buffer
+  );
+  gl.bindVertexArray(null);
+}
+
+// ---- what is uploaded when it is first shown ----------------------------------------------------
+
+Renderer.prototype.program = function (key, vertex, fragment) {
+  if (!this.programs[key]) this.programs[key] = makeProgram(this.gl, vertex, fragment());
+  return this.programs[key];
+};
+
+Renderer.prototype.texturesOf = function (number) {
+  var self = this;
+  if (!this.mapTextures[number]) {
+    var made = {};
+    this.scene.maps[number].textures.forEach(function (each) {
+      made[each.name] = makeTexture(self.gl, each, self.blocks[each.block]);
+    });
+    this.mapTextures[number] = made;
+  }
+  return this.mapTextures[number];
+};
+
+Renderer.prototype.truthTexture = function (number) {
+  var truth = this.scene.truths[number];
+  if (!this.truthTextures[number])
+    this.truthTextures[number] = makeTexture(this.gl, truth.picture, this.blocks[truth.picture.block]);
+  return this.truthTextures[number];
+};
+
+Renderer.prototype.meshOf = function (number) {
+  if (this.meshes[number]) return this.meshes[number];
+  var gl = this.gl, shape = this.scene.shapes[number];
+  var buffer = function (kind, block) {
+    gl.bindBuffer(kind, gl.createBuffer());
+    gl.bufferData(kind, block, gl.STATIC_DRAW);
+  };
+  var made = { array: gl.createVertexArray(), count: 3 * shape.triangles };
+  made.type = shape.wide ? gl.UNSIGNED_INT : gl.UNSIGNED_SHORT;
+  gl.bindVertexArray(made.array);
+  buffer(gl.ARRAY_BUFFER, this.blocks[shape.positions]);
+  gl.enableVertexAttribArray(0);
+  gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+  buffer(gl.ARRAY_BUFFER, this.blocks[shape.normals]);
+  gl.enableVertexAttribArray(1);
+  gl.vertexAttribPointer(1, 4, gl.SHORT, true, 0, 0); // the fourth number keeps them aligned
+  buffer(gl.ELEMENT_ARRAY_BUFFER, this.blocks[shape.indices]);
+  gl.bindVertexArray(null);
+  this.meshes[number] = made;
+  return made;
+};
+
+function shownCode(map) {
+  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v) { return " + map.call + "; }\n";
+}
+
+// ---- drawing ------------------------------------------------------------------------------------
+
+// The uniforms of every picture of a state, at some size.
+Renderer.prototype.common = function (state, width, height) {
+  var isSphere = state.shape === SPHERE_SHAPE;
+  var fov = isSphere ? SPHERE_FOV : MESH_FOV;
+  return {
+    view_size: [width, height],
+    view_axes: cameraAxes(state.view.azimuth, state.view.elevation),
+    view_focal: focalLength(width, height, fov, state.view.zoom),
+    view_radius: sphereRadius(width, height, state.view.zoom),
+    view_distance: this.scene.shapes[state.shape].distance || 1,
+    view_roughness: state.roughness,
+    view_f0: state.f0,
+    view_has_sky: state.background === "probe" && this.sky !== null,
+  };
+};
+
+Renderer.prototype.textures = function (more) {
+  return Object.assign({ view_sky: this.sky || this.nothing }, more);
+};
+
+// Draw what stands on one side into a target. `side` is {kind: "map"|"truth", number}, and `shift`
+// says where in the pixels the samples of a mesh lie, [0, 0] in the middle.
+Renderer.prototype.draw = function (target, side, state, shift) {
+  var gl = this.gl;
+  var values = this.common(state, target.width, target.height);
+  values.view_shift = shift || [0, 0];
+  gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
+  gl.viewport(0, 0, target.width, target.height);
+  gl.disable(gl.BLEND);
+  if (state.shape === SPHERE_SHAPE) this.drawSphere(side, values);
+  else this.drawMesh(side, state, values);
+};
+
+Renderer.prototype.drawSphere = function (side, values) {
+  var scene = this.scene, isTruth = side.kind === "truth";
+  var program = this.program(isTruth ? "truth" : "sphere " + side.number, FULL_SCREEN, function () {
+    var seen = isTruth ? SEEN_TRUTH : shownCode(scene.maps[side.number]) + SEEN_MAP;
+    return HEAD + COMMON + seen + SPHERE;
+  });
+  var own = isTruth ? { view_truth: this.truthTexture(side.number) } : this.texturesOf(side.number);
+  this.fill(program, values, this.textures(own));
+};
+
+Renderer.prototype.drawMesh = function (side, state, values) {
+  var gl = this.gl, scene = this.scene, mesh = this.meshOf(state.shape);
+  var behind = this.program("behind", FULL_SCREEN, function () {
+    return HEAD + COMMON + BEHIND;
+  });
+  gl.clear(gl.DEPTH_BUFFER_BIT);
+  this.fill(behind, values, this.textures({}));
+  if (side.kind === "truth") return; // no truth of meshes is known
+  var program = this.program("mesh " + side.number, MESH_VERTEX, function () {
+    return HEAD + COMMON + shownCode(scene.maps[side.number]) + MESH;
+  });
+  gl.useProgram(program.program);
+  setUniforms(gl, program, values);
+  bindTextures(gl, program, this.textures(this.texturesOf(side.number)));
+  gl.enable(gl.DEPTH_TEST);
+  gl.bindVertexArray(mesh.array);
+  gl.drawElements(gl.TRIANGLES, mesh.count, mesh.type, 0);
+  gl.bindVertexArray(null);
+  gl.disable(gl.DEPTH_TEST);
+};
+
+// Draw a program over all pixels.
+Renderer.prototype.fill = function (program, values, textures) {
+  var gl = this.gl;
+  gl.useProgram(program.program);
+  setUniforms(gl, program, values);
+  bindTextures(gl, program, textures);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+};
+
+// ---- sides --------------------------------------------------------------------------------------
+
+// The pictures of one side of the screen: one that is drawn, and two that hold means of samples.
+function Side(renderer) {
+  this.renderer = renderer;
+  this.targets = [];
+  this.samples = 0;
+  this.mean = 0;
+}
+
+Side.prototype.resize = function (width, height) {
+  var gl = this.renderer.gl, old = this.targets[0];
+  if (old && old.width === width && old.height === height) return;
+  this.targets.forEach(function (each) {
+    freeTarget(gl, each);
+  });
+  this.targets = [makeTarget(gl, width, height)];
+};
+
+// The picture to show: the last one that was drawn, or the mean of several.
+Side.prototype.picture = function () {
+  return this.targets[this.mean];
+};
+
+Side.prototype.start = function (shown, state) {
+  this.renderer.draw(this.targets[0], shown, state, [0, 0]);
+  this.samples = 1;
+  this.mean = 0;
+};
+
+// Add a sample to the mean; whether there are more to come. Spheres need none.
+Side.prototype.refine = function (shown, state, samples) {
+  var gl = this.renderer.gl, first = this.targets[0];
+  if (state.shape === SPHERE_SHAPE || this.samples >= samples) return false;
+  while (this.targets.length < 3) this.targets.push(makeTarget(gl, first.width, first.height));
+  // The first sample is the middle of the pixel; the mean begins anew with the grid's own.
+  var k = this.samples - 1, count = SAMPLES - 1;
+  var shift = [((k + 0.5) * 0.5698403) % 1 - 0.5, (k + 0.5) / count - 0.5];
+  this.renderer.draw(first, shown, state, shift);
+  var next = this.mean === 1 ? 2 : 1;
+  var program = this.renderer.program("mean", FULL_SCREEN, function () {
+    return MEAN;
+  });
+  gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets[next].frame);
+  var before = this.mean === 0 ? this.renderer.nothing : this.targets[this.mean];
+  this.renderer.fill(
+    program, { view_weight: 1 / this.samples }, { view_before: before, view_sample: first }
+  );
+  this.mean = next;
+  this.samples += 1;
+  return this.samples < samples;
+};

@@ -1,0 +1,107 @@
+"""Maps as the page draws them: the code of a shader, its textures, and what is said of them."""
+
+import re
+from typing import Any
+
+from shrm_cli.errors import MapError
+from shrm_cli.maps import registry
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.provenance import spec_of
+from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.packing import pack
+from shrm_cli.view.blocks import Blocks
+
+_LAYERS = "shrm_layers"
+"""The texture of light, for which half precision will do; tables of numbers stay 32 bits."""
+
+
+def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, Any]:
+    """Describe a map for the page, and keep its textures.
+
+    Parameters
+    ----------
+    made : Map
+    name : str
+        What the page calls the map.
+    file : str
+        The name of its file, without a folder.
+    blocks : Blocks
+        Its textures are added to these.
+
+    Returns
+    -------
+    dict
+        What `viewer.js` knows of a map.
+
+    Raises
+    ------
+    MapError
+        If shaders have no words for the map.
+    """
+    if made.needs_light or made.representation == "product":
+        raise MapError(
+            f"{file}: pages do not show product textures; draw it with `shrm render`, or make an "
+            "SHRM of the BRDF by `shrm prefilter`"
+        )
+    try:
+        code = look_up_code(made, "glsl", "layers")
+        textures = pack(made)
+    except MapError as error:
+        raise MapError(
+            f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
+        ) from error
+    return {
+        "name": name,
+        "file": file,
+        "code": code,
+        "call": _call(made),
+        "surface": made.needs_surface,
+        "roughness": list(made.roughness_range),
+        "textures": [
+            {
+                "name": each.name,
+                **blocks.texture(each.values, f"{file}: {each.name}", each.name == _LAYERS),
+            }
+            for each in textures
+        ],
+        "facts": _facts(made),
+    }
+
+
+def _call(made: Map) -> str:
+    """Return the expression of the radiance at a normal n and a view v."""
+    if isinstance(made, Irradiance):
+        return "shrm_irradiance(n) * 0.3183098861837907"
+    surface = ", view_roughness, view_f0" if made.needs_surface else ""
+    return f"shrm_radiance(n, v{surface})"
+
+
+def _facts(made: Map) -> list[tuple[str, str]]:
+    """Return what the page says of a map, as pairs of a word and a value."""
+    info, summary = made.info, made.summary()
+    facts = [("form", registry.description(made.representation).title)]
+    if not made.needs_surface and not isinstance(made, Irradiance):
+        facts.append(("BRDF", _spaced(spec_of(info.brdf))))
+    facts.append(("probe", info.probe or "unknown"))
+    if made.cube_count:
+        facts.append(("cubes", f"{made.cube_count} of 6 \u00d7 {made.size}\u00b2"))
+    orders = f"F = {info.order_carried}"
+    facts.append(("orders", orders if not info.order_p else f"{orders}, P = {info.order_p}"))
+    if made.needs_surface:
+        low, high = made.roughness_range
+        facts.append(("roughness", f"{low:.3g} \u2026 {high:.3g}"))
+    for word, key in (
+        ("predicted error", "predicted_error"),
+        ("added by form", "added_error"),
+        ("by bilinear", "filter_error"),
+    ):
+        value = summary.get(key) or 0.0
+        if value > 0:
+            facts.append((word, f"{value:.2%}"))
+    return facts
+
+
+def _spaced(spec: str) -> str:
+    """Return a specification with places to break lines at."""
+    return re.sub(r"([,+:])", "\\1\u200b", spec)

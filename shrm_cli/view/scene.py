@@ -1,0 +1,254 @@
+"""Everything that a page shows, as a description in JSON and blocks of bytes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shrm_cli.brdf.base import Brdf, Color
+from shrm_cli.brdf.metals import METALS
+from shrm_cli.errors import ArgumentError, BrdfError, MapError
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
+from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import default_size, to_grid
+from shrm_cli.progress import Progress
+from shrm_cli.render.shading import reflectance
+from shrm_cli.sphere.grid.latlong import LatLong
+from shrm_cli.view.blocks import Blocks
+from shrm_cli.view.forms import described_map
+from shrm_cli.view.shapes import described_shapes
+from shrm_cli.view.truth import source_rows, truth_facts, truth_pictures
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
+
+SKY_ROWS = 512
+"""The most rows of the probe behind the shape."""
+_LEAST_SKY_ROWS = 64
+"""The fewest rows that a probe is reduced to so that the page is small enough."""
+MOST_VIEWS = 8
+"""The most views that the truth is computed for."""
+TRUTH_SIZE = 128
+"""Pixels along the edge of a picture of the truth, where no other number is asked for."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """What the page shows first.
+
+    Attributes
+    ----------
+    views : sequence of (float, float)
+        Azimuth and elevation of the first view, and of further ones that get a truth, degrees.
+    exposure : float, optional
+        Stops; by default the page finds what suits the first map.
+    roughness : float
+        Perceptual roughness of the GGX surface that maps of light alone are shown as.
+    f0 : tuple of 3 float
+        Its reflectance at normal incidence.
+    """
+
+    views: Sequence[tuple[float, float]] = ((0.0, 0.0),)
+    exposure: float | None = None
+    roughness: float = DEFAULT_ROUGHNESS
+    f0: Color = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """How the truth is computed.
+
+    Attributes
+    ----------
+    brdf : Brdf, optional
+        By default the one of all maps.
+    size : int
+        Pixels along the edge of its pictures; 0 for no truth.
+    rows : int, optional
+        Of the lat-long that the probe is averaged down to; what the BRDF's lobe needs by default.
+    """
+
+    brdf: Brdf | None = None
+    size: int = TRUTH_SIZE
+    rows: int | None = None
+
+
+@dataclass
+class Scene:
+    """What a page shows.
+
+    Attributes
+    ----------
+    description : dict
+        What JSON can hold; `start.js` reads it.
+    blocks : Blocks
+        The bytes of textures and triangles.
+    remarks : list of str
+        What was changed or left out, a line each.
+    """
+
+    description: dict[str, Any]
+    blocks: Blocks
+    remarks: list[str] = field(default_factory=list)
+
+
+def make_scene(
+    maps: Sequence[Map],
+    files: Sequence[str],
+    probe: Probe | None = None,
+    mesh: Mesh | None = None,
+    start: Start | None = None,
+    truth: Truth | None = None,
+    max_size: int | None = None,
+    progress: Progress | None = None,
+) -> Scene:
+    """Put together what a page shows.
+
+    Parameters
+    ----------
+    maps : sequence of Map
+    files : sequence of str
+        The names of the maps' files.
+    probe : Probe, optional
+        It is shown behind the shape, and the truth is computed of it.
+    mesh : Mesh, optional
+        A shape to show the maps on, in world axes.
+    start : Start, optional
+    truth : Truth, optional
+    max_size : int, optional
+        The most bytes of the blocks, in base64. The probe behind the shape gets fewer rows to keep
+        it. By default there is no limit.
+    progress : callable, optional
+        Called with the points of the truth that are done and their number.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    MapError
+        If a map cannot be shown, or the page would be too large.
+    ProbeError, BrdfError, MeshError
+        If the probe, the BRDF of the truth or the mesh cannot be used.
+    """
+    start, truth = start or Start(), truth or Truth()
+    if not maps:
+        raise ArgumentError("maps", "are none; name one at least")
+    if not 1 <= len(start.views) <= MOST_VIEWS:
+        raise ArgumentError("view", f"is given {len(start.views)} times; give 1 to {MOST_VIEWS}")
+    blocks, names = Blocks(), _names(files)
+    described = [
+        described_map(each, name, Path(file).name, blocks)
+        for each, name, file in zip(maps, names, files, strict=True)
+    ]
+    description: dict[str, Any] = {
+        "title": ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else ""),
+        "file": names[0],
+        "maps": described,
+        "shapes": described_shapes(mesh, blocks),
+        "start": {
+            "view": list(start.views[0]),
+            "shape": 0,
+            "exposure": start.exposure,
+            "roughness": start.roughness,
+            "f0": list(start.f0),
+        },
+        "metals": _metals(maps[0].info.chromaticities),
+        "sky": None,
+        "truths": [],
+        "truth_facts": [],
+    }
+    scene = Scene(description, blocks, blocks.remarks)
+    if probe is not None:
+        if truth.size:
+            _add_truth(scene, maps, files, probe, start, truth, progress)
+        _add_sky(scene, probe, max_size)
+    if max_size is not None and blocks.encoded_bytes > max_size:
+        raise MapError(
+            f"the page would hold {_megabytes(blocks.encoded_bytes)} of data, more than "
+            f"{_megabytes(max_size)}; leave `output` out to serve it, raise `max_size`, or make "
+            "smaller maps by `shrm convert`"
+        )
+    description["notes"] = scene.remarks
+    return scene
+
+
+def _add_truth(
+    scene: Scene,
+    maps: Sequence[Map],
+    files: Sequence[str],
+    probe: Probe,
+    start: Start,
+    truth: Truth,
+    progress: Progress | None,
+) -> None:
+    """Add pictures of the truth, if the maps are of one BRDF."""
+    shown = [each.shaded(start.roughness, start.f0) for each in maps]
+    brdf = truth.brdf
+    if brdf is None:
+        infos = {file: each.info for file, each in zip(files, shown, strict=True)}
+        try:
+            brdf = common_brdf(infos)
+        except BrdfError as error:
+            scene.remarks.append(f"no truth: {error}")
+            return
+    rows = truth.rows or source_rows(brdf)
+    spec = spec_of(record_of(brdf))
+    pictures = truth_pictures(probe, brdf, start.views, truth.size, rows, progress)
+    for view, picture in zip(start.views, pictures, strict=True):
+        scene.description["truths"].append(
+            {
+                "view": list(view),
+                "roughness": start.roughness,
+                "f0": list(start.f0),
+                "picture": scene.blocks.texture(picture, "the truth", is_half=False),
+            }
+        )
+    name = Path(probe.name).name
+    scene.description["truth_facts"] = truth_facts(name, spec, truth.size, rows)
+
+
+def _add_sky(scene: Scene, probe: Probe, max_size: int | None) -> None:
+    """Add the probe as a lat-long of at most `SKY_ROWS` rows, fewer where the page is small."""
+    rows = wanted = min(default_size(probe, LatLong), SKY_ROWS)
+    if max_size is not None:
+        left = max_size - scene.blocks.encoded_bytes
+        while rows > _LEAST_SKY_ROWS and 16 * rows**2 > left:
+            rows //= 2
+    if rows < wanted:
+        scene.remarks.append(f"the probe behind the shape has {rows} rows, not {wanted}")
+    name = Path(probe.name).name
+    image = to_grid(probe, LatLong(rows))
+    scene.description["sky"] = {
+        "name": name,
+        "file": name,
+        **scene.blocks.texture(image, f"{name} behind the shape"),
+    }
+
+
+def _names(files: Sequence[str]) -> list[str]:
+    """Return the files' names without folders and suffixes, numbered where two are the same."""
+    names: list[str] = []
+    for file in files:
+        name = Path(file).name
+        stem = name[:-4] if name.lower().endswith(".exr") else name
+        count, unique = 1, stem
+        while unique in names:
+            count += 1
+            unique = f"{stem} ({count})"
+        names.append(unique)
+    return names
+
+
+def _metals(primaries: tuple[float, ...] | None) -> list[dict[str, Any]]:
+    """Return colours to choose from for f0, in the primaries of the light."""
+    known: list[tuple[str, Color]] = [("White, 1", (1.0,) * 3), ("Dielectric, 0.04", (0.04,) * 3)]
+    known += [(name.capitalize(), reflectance(name, primaries)) for name in sorted(METALS)]
+    return [{"name": name, "f0": [float(x) for x in np.clip(f0, 0, 1)]} for name, f0 in known]
+
+
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:.3g} MB"

@@ -1,0 +1,134 @@
+"""`shrm view`: the page it writes, and what it refuses; tests/web opens pages in a browser."""
+
+import json
+import re
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+from shrm_cli.maps import file as map_file
+from tests.cli.helpers import assert_refused, done, run, snapshot, start, write_exr
+from tests.maps.shader import cases
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a small map of light, one of a BRDF, a product texture, and a probe."""
+    monkeypatch.chdir(tmp_path)
+    light = np.ones((8, 16, 3), dtype=np.float32) + np.arange(16)[None, :, None] / 8
+    write_exr("probe.exr", light.astype(np.float32))
+    done("prefilter", "probe.exr", "--brdf", "phong:exponent=4", "-o", "glossy.exr", "--quiet")
+    done("prefilter", "probe.exr", "--to", "splitsum", "--levels", "2", "--size", "8", "-o",
+         "light.exr", "--quiet")  # fmt: skip
+    return tmp_path
+
+
+def written(name):
+    """The text of a page, and the description of its scene."""
+    with open(name, encoding="utf-8") as file:
+        text = file.read()
+    found = re.search(r'<script type="application/json" class="shrm-scene">(.*?)</script>', text)
+    return text, json.loads(found[1])
+
+
+def test_a_page_is_one_file_without_addresses(folder):
+    shown = ["glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth"]
+    out = done("view", *shown, "-o", "a.html")
+    assert re.match(r"a\.html: .* MB, opens in a browser without a network", out)
+    text, scene = written("a.html")
+    assert not re.search(r"https?:|[\"'(]//|\bsrc=|@import|url\(", text)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
+    assert policy.startswith("default-src 'none';")
+    assert "connect-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert len(re.findall("<script>", text)) == 1
+    assert [each["name"] for each in scene["maps"]] == ["glossy", "light"]
+    assert scene["truths"] == []
+    assert (scene["sky"]["width"], scene["sky"]["height"]) == (16, 8)
+    assert len(re.findall('class="shrm-block"', text)) == len(scene["blocks"])
+    done("view", *shown, "-o", "b.html")
+    assert (folder / "a.html").read_bytes() == (folder / "b.html").read_bytes()
+
+
+def test_the_truth_of_several_views(folder):
+    options = ["--view", "10,20", "--view", "-30,0", "--truth-size", "16", "--source-height", "8"]
+    shown = ["glossy.exr", "--probe", "probe.exr", *options]
+    out = json.loads(done("view", *shown, "-o", "a.html", "--json"))
+    assert (out["truths"], out["views"]) == (2, [[10, 20], [-30, 0]])
+    _, scene = written("a.html")
+    assert [each["view"] for each in scene["truths"]] == [[10, 20], [-30, 0]]
+    assert scene["start"]["view"] == [10, 20]
+    assert ["probe", "probe.exr, 8 rows"] in scene["truth_facts"]
+
+
+def test_maps_of_different_brdfs_have_no_truth(folder):
+    result = run("view", "glossy.exr", "light.exr", "--probe", "probe.exr", "-o", "a.html")
+    assert result.code == 0
+    assert result.err.startswith("Warning: no truth: light.exr: its BRDF is ggx")
+    assert written("a.html")[1]["truths"] == []
+
+
+def test_a_small_page_has_a_small_probe_and_no_smaller_maps(folder):
+    light = np.ones((256, 512, 3), dtype=np.float32)
+    write_exr("large.exr", light)
+    common = ["view", "glossy.exr", "--probe", "large.exr", "--no-truth", "-o", "a.html"]
+    result = run(*common, "--max-size", "1MB")
+    assert result.code == 0
+    assert "the probe behind the shape has 128 rows, not 256" in result.err
+    (folder / "a.html").unlink()
+    refused = run("view", "glossy.exr", "-o", "a.html", "--max-size", "1000")
+    assert_refused(refused, 1, "--output", "--max-size", "shrm convert")
+    assert not (folder / "a.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "part"),
+    [
+        (["glossy.exr", "-o", "a.png"], 1, "a.png"),
+        (["glossy.exr", "-o", "no/folder/a.html"], 1, "a.html"),
+        (["glossy.exr", "-o", "glossy.exr"], 1, "glossy.exr"),
+        (["probe.exr", "-o", "a.html"], 1, "probe.exr"),
+        (["missing.exr", "-o", "a.html"], 1, "missing.exr"),
+        (["glossy.exr", "--mesh", "missing.obj", "-o", "a.html"], 1, "missing.obj"),
+        (["glossy.exr", "--roughness", "0.3", "-o", "a.html"], 2, "--roughness"),
+        (["glossy.exr", "--no-truth", "-o", "a.html"], 2, "--no-truth"),
+        (["glossy.exr", "--brdf", "phong", "-o", "a.html"], 2, "--brdf"),
+        (["glossy.exr", "--yaw", "3", "-o", "a.html"], 2, "--yaw"),
+        (["glossy.exr", "--max-size", "3MB"], 2, "--max-size"),
+        (["glossy.exr", "--no-open", "-o", "a.html"], 2, "--no-open"),
+        (["glossy.exr", "-o", "a.html", *["--view", "0,0"] * 9], 2, "--view"),
+        ([], 2, "MAP"),
+    ],
+)
+def test_what_is_refused(folder, arguments, code, part):
+    before = snapshot(folder)
+    assert_refused(run("view", *arguments), code, part)
+    assert snapshot(folder) == before
+
+
+def test_maps_that_shaders_cannot_show(folder):
+    done("product", "ward", "--order", "2", "--size", "8", "-o", "p.exr")
+    result = run("view", "p.exr", "-o", "a.html")
+    assert_refused(result, 1, "p.exr", "product textures", "shrm render")
+    map_file.save("sharp.exr", cases.irradiance(17))
+    result = run("view", "sharp.exr", "-o", "a.html")
+    assert_refused(result, 1, "sharp.exr", "17", "shrm convert")
+
+
+def test_it_serves_this_machine_alone_until_it_is_interrupted(folder):
+    with start("view", "glossy.exr", "--no-open", "--quiet") as child:
+        url = child.stdout.readline().strip()
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", url)
+        with urllib.request.urlopen(url) as answer:
+            assert "connect-src 'self'" in answer.read().decode()
+        with urllib.request.urlopen(f"{url}0.bin") as answer:
+            assert len(answer.read()) > 100
+        stranger = urllib.request.Request(url, headers={"Host": "evil.example:80"})
+        for refused in (stranger, f"{url}../glossy.exr", f"{url}99.bin"):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(refused)
+        child.send_signal(2)
+        _, err = child.communicate(timeout=30)
+    assert (child.returncode, err.strip()) == (130, "Error: interrupted")

