@@ -37,6 +37,7 @@ STOPS = [
     {"render"},
     {"view"},
     {"analysis"},
+    {"report"},
     {"cli"},
     {"__main__"},
 ]

@@ -24,6 +24,7 @@ _COMMANDS = {
     "batch": "Make maps of many probes.",
     "render": "Render spheres and meshes from maps.",
     "view": "Show maps in a browser, interactively.",
+    "report": "Report on a probe and its maps: a page to send.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
     "reference": "Render the correct sphere, by brute force.",
