@@ -141,7 +141,7 @@ def report(
         measured = measure_maps(light, plan, progress)
     context = click.get_current_context()
     command = shlex.join(["shrm", "report", *context.meta["shrm.words"]])
-    look = Look(exposure, not no_view, max_page, command, _options(context))
+    look = Look(exposure, not no_view, max_page, command, _options(context), flags)
     with progress_bar("drawing", quiet) as progress:
         made = report_page(measured, statistics, look, progress)
     text = made.text.encode("utf-8", "replace")

@@ -1,6 +1,6 @@
 """What a report says about a material: its maps beside the truth, in pictures and numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,11 @@ def exposure_of(material: Material) -> float:
 
 
 def material_part(
-    material: Material, count: int, exposure: float | None, view: Part, flipped: bool
+    material: Material,
+    count: int,
+    exposure: float | None,
+    view: Part,
+    worded: Callable[[str], str] = str,
 ) -> Html:
     """Return the part of a page about a material.
 
@@ -42,8 +46,8 @@ def material_part(
         Stops of its pictures; what suits the truth by default.
     view : Part
         The interactive view.
-    flipped : bool
-        Whether HDR-FLIP could be measured.
+    worded : callable
+        How messages of the library, which name its arguments in backticks, are shown.
     """
     stops = exposure_of(material) if exposure is None else exposure
     assert material.comparison is not None
@@ -55,9 +59,9 @@ def material_part(
             ["Map", "Orders", "Texels", "Predicted", "Filtering", *row_titles()],
             [_row(material, index, each) for index, each in enumerate(made)],
         ),
-        [_remarks(each) for each in made],
+        [_remarks(each, worded) for each in made],
         tag("h3", f"Beside the truth, at {words.stops(stops)}"),
-        [_pictures(material, index, stops, flipped) for index in range(len(made))],
+        [_pictures(material, index, stops) for index in range(len(made))],
         tag(
             "p.quiet",
             f"The truth is a brute-force sum over the probe at {material.rows} rows, which took "
@@ -100,19 +104,21 @@ def _row(material: Material, index: int, made: Made) -> list[Part]:
         made.form,
         orders,
         f"{said['size']} \u00d7 {said['maps']}" if said.get("size") else "\u2013",
-        words.percent(said.get("predicted_error")),
-        words.percent(said.get("filter_error")),
+        words.known_percent(said.get("predicted_error")),
+        words.known_percent(said.get("filter_error")),
         *number_cells(material, index),
     ]
 
 
-def _remarks(made: Made) -> Part:
+def _remarks(made: Made, worded: Callable[[str], str]) -> Html:
     lines: list[tuple[Part, Part]] = [(heading, text) for heading, text in made.notes]
-    warnings = [tag("p.warning", tag("b", f"{made.form}: "), line) for line in made.warnings]
+    warnings = [
+        tag("p.warning", tag("b", f"{made.form}: "), worded(line)) for line in made.warnings
+    ]
     return joined(*warnings, facts(lines) if lines else "")
 
 
-def _pictures(material: Material, index: int, stops: float, flipped: bool) -> Html:
+def _pictures(material: Material, index: int, stops: float) -> Html:
     """Show the truth, the map, the difference and FLIP in all views."""
     assert material.comparison is not None
     comparison, name = material.comparison, material.maps[index].form
@@ -167,7 +173,7 @@ def _pictures(material: Material, index: int, stops: float, flipped: bool) -> Ht
             f" HDR-FLIP is the largest over {at.number} exposures, "
             f"{words.stops(at.start)} to {words.stops(at.stop)} in the first view."
         )
-    elif not flipped:
+    elif not flips:
         words_of_flip = (
             " HDR-FLIP was not measured: flip-evaluator is not installed, or it was left out."
         )

@@ -1,7 +1,7 @@
 """The page of `shrm report`: a probe and its maps, for somebody who has neither."""
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,9 +13,8 @@ from shrm_cli.analysis.probe_statistics import ProbeStatistics
 from shrm_cli.errors import OutputError, ShrmError
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.progress import Progress
-from shrm_cli.render.flip import can_flip
 from shrm_cli.report import words
-from shrm_cli.report.markup import Html, Part, details, facts, joined, table, tag, whole_page
+from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
 from shrm_cli.report.material_part import (
     exposure_of,
     material_part,
@@ -33,6 +32,8 @@ _LEAST_VIEW = 10**6
 _MARKUP = 1.15
 """How much larger a framed view is than its data, with a script and style of 80 kB."""
 _OWN = 100_000
+_TRUTH_SIZE = 96
+"""The most points along the edge of the truth in a view, which takes as long as a picture."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,9 @@ class Look:
     command : str
         The command line that made it, for readers.
     options : mapping of str to value
-        All options that differ from their defaults, or all, for readers.
+        All options, for readers.
+    worded : callable
+        How messages of the library, which name its arguments in backticks, are shown.
     """
 
     exposure: float | None = None
@@ -58,6 +61,7 @@ class Look:
     max_bytes: int = 32 * 10**6
     command: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
+    worded: Callable[[str], str] = str
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,7 @@ def report_page(
     seen = preview(measured.probe)
     first = probe_part(measured.probe, statistics, seen)
     parts = [
-        material_part(each, count, look.exposure, _Place(count), can_flip() and measured.plan.flips)
+        material_part(each, count, look.exposure, _Place(count), look.worded)
         for count, each in enumerate(measured.materials, start=1)
     ]
     remarks: list[str] = []
@@ -128,7 +132,7 @@ def report_page(
     text = whole_page(
         f"{name} \u2013 shrm report",
         _head(measured, name),
-        _overview(measured),
+        _overview(measured, look),
         first,
         whole,
         _making(measured, look),
@@ -155,13 +159,13 @@ def _head(measured: Measured, name: str) -> Html:
     return tag("header", tag("p.kind", "Light probe report"), tag("h1", name), tag("nav", links))
 
 
-def _overview(measured: Measured) -> Html:
+def _overview(measured: Measured, look: Look) -> Html:
     """Return one row for each map, and what failed."""
     failed = [
-        tag("p.failure", tag("b", tag("code", name), " failed: "), why)
+        tag("p.failure", tag("b", tag("code", name), " failed: "), look.worded(why))
         for name, why in measured.failures
     ]
-    warned = [tag("p.warning", line) for line in measured.warnings]
+    warned = [tag("p.warning", look.worded(line)) for line in measured.warnings]
     if not measured.materials:
         return joined(*failed, *warned)
     rows = [
@@ -189,7 +193,7 @@ def _view(
     given: dict[str, Any] = {"views": measured.plan.views[:1], "exposure": exposure}
     if surface is not None:
         given |= {"roughness": surface[0], "f0": surface[1]}
-    truth = Truth(material.brdf, measured.plan.size, material.rows)
+    truth = Truth(material.brdf, min(measured.plan.size, _TRUTH_SIZE), material.rows)
     try:
         scene = make_scene(
             [each.map for each in material.maps],
@@ -234,11 +238,10 @@ def _making(measured: Measured, look: Look) -> Html:
         "section",
         tag("h2", "How it was made", id="made"),
         tag("pre", look.command) if look.command else "",
-        facts(versions),
+        facts([*versions, ("Probe", tag("code", f"sha256 {probe.digest()}"))]),
         details("All options", table(["Option", "Value"], said, texts=2)) if said else "",
         details("Each map", *[_recipe(*each, views) for each in names_of(measured.materials)]),
         _meanings(),
-        facts([("Probe", words.base_name(probe.name)), ("SHA-256", tag("code", probe.digest()))]),
     )
 
 
@@ -256,19 +259,21 @@ def _recipe(material: Material, index: int, made: Made, views: str) -> Html:
 
 
 def _meanings() -> Html:
-    return facts([
-        ("Predicted", "relative RMS error of the reflected light over all orientations and views, "
-                      "by Parseval's theorem, before anything is rendered"),
-        ("Filtering", "what bilinear look-ups on a GPU add to it, predicted"),
-        ("RMS", "of the difference to the truth over the spheres shown, relative to the truth's; "
-                "a few bright pixels decide it"),
-        ("Median, 95 %", "of the relative error of the luminance over the pixels"),
-        ("> 5 %", "the share of pixels whose luminance is wrong by more than that"),
-        ("Negative", "the share of pixels with less than no light"),
-        ("FLIP", "mean HDR-FLIP, 0 to 1: what an observer sees when flipping between the two"),
-        ("File", "as written, half precision unless said otherwise"),
-        ("Time", "of making the map, on the machine that wrote this page"),
-    ])  # fmt: skip
+    rows = [
+        ("Predicted", "Relative RMS error of the reflected light over all orientations and views, "
+                      "by Parseval's theorem, before anything is rendered. Of split sums and SH "
+                      "exponentials it leaves out the model itself."),
+        ("Filtering", "What bilinear look-ups on a GPU add to it, predicted."),
+        ("RMS", "Of the difference to the truth over the spheres shown, relative to the truth's. "
+                "A few bright pixels decide it."),
+        ("Median, 95 %", "Of the relative error of the luminance over the pixels."),
+        ("> 5 %", "The share of pixels whose luminance is wrong by more than that."),
+        ("Negative", "The share of pixels with less than no light."),
+        ("FLIP", "Mean HDR-FLIP, 0 to 1: what an observer sees when flipping between the two."),
+        ("File", "As written, in half precision unless said otherwise."),
+        ("Time", "Of making the map, on the machine that wrote this page."),
+    ]  # fmt: skip
+    return joined(tag("h3", "What the numbers mean"), table(["Number", "Meaning"], rows, texts=2))
 
 
 def _text(value: Any) -> str:

@@ -73,7 +73,7 @@ def probe_part(probe: Probe, found: ProbeStatistics, seen: Preview) -> Html:
         tag("div.pair", _plain(probe, found, seen), _false_colors(found, seen)),
         facts(_numbers(probe, found, seen)),
         _lamps(found),
-        _smooth(probe, seen.exposure),
+        _smooth(probe),
     )
 
 
@@ -95,10 +95,9 @@ def _marks(found: ProbeStatistics) -> Html | str:
         x, y = 360 * (0.5 - azimuth / 360) % 360, 90 - elevation
         radius = max(np.degrees(lamp.radius) * 1.5, 5.0)
         beside = x + radius + 2 if x < 320 else x - radius - 9
-        for kind in ("under", "over"):
-            ring = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:.1f}"}
-            marks.append(tag(f"circle.{kind}", **ring))
-            marks.append(tag(f"text.{kind}", str(count), x=f"{beside:.1f}", y=f"{y + 4:.1f}"))
+        ring = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:.1f}"}
+        marks += [tag("circle.under", **ring), tag("circle.over", **ring)]
+        marks.append(tag("text", str(count), x=f"{beside:.1f}", y=f"{y + 4:.1f}"))
     if not marks:
         return ""
     return tag("svg", marks, viewBox="0 0 360 180", aria_hidden="true")
@@ -161,7 +160,7 @@ def _lamps(found: ProbeStatistics) -> Html | str:
     return joined(tag("h3", "Brightest lamps"), table(titles, rows, texts=2))
 
 
-def _smooth(probe: Probe, exposure: float) -> Html:
+def _smooth(probe: Probe) -> Html:
     """Show the irradiance, and the light of nine coefficients, with their numbers."""
     order = min(_IRRADIANCE_ORDER, probe.grid.resolved_order)
     light = project(probe, order).coefficients
@@ -169,6 +168,8 @@ def _smooth(probe: Probe, exposure: float) -> Html:
     basis = real_harmonics(order, directions)
     factors = lambert_factors(order)[degrees(order), None]
     white = basis @ (factors * light) / np.pi
+    luminance = white @ xyz_matrix(probe.chromaticities)[1]
+    exposure = suitable_exposure(luminance, _areas(len(white)))
     low = min(2, order)
     nine = basis[..., : (low + 1) ** 2] @ light[: (low + 1) ** 2]
 
@@ -193,7 +194,9 @@ def _smooth(probe: Probe, exposure: float) -> Html:
         tag(
             "div.pair",
             shown(
-                white, "Irradiance over pi", "A white surface facing each direction: E / \u03c0."
+                white,
+                "Irradiance over pi",
+                f"A white surface at {words.stops(exposure)}: E / \u03c0.",
             ),
             shown(nine, "Light of order 2", of_nine, "."),
         ),

@@ -17,6 +17,11 @@ def percent(value: float | None) -> str:
     return f"{share:.{digits}f} %" if abs(share) >= 5e-4 else "< 0.001 %"
 
 
+def known_percent(value: float | None) -> str:
+    """Return a share that need not be known."""
+    return "\u2013" if value is None else percent(value)
+
+
 def storage(count: int) -> str:
     """Return an amount of bytes in a readable unit."""
     for unit, size in (("MB", 10**6), ("kB", 10**3)):
