@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _VIEWS = ("0,0", "120,20", "240,-20")
 _MAX_PAGE = 32 * 10**6
 _SUFFIXES = (".html", ".htm")
-_OF_PAGE = ("views", "picture_size", "truth_height", "exposure", "no_flip", "no_view", "max_page")
+_OF_PAGE = ("angles", "picture_size", "truth_height", "exposure", "no_flip", "no_view", "max_page")
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to"],
@@ -71,7 +71,7 @@ class _Report(command_with_headings(_HEADINGS)):  # type: ignore[misc]
 @shared_options("domain", "source_height", "frame", "size", "max_size")
 @click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
 @click.option(
-    "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS,
+    "--view", "angles", type=AzimuthElevation(), multiple=True, default=_VIEWS,
     help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation. May be given "
     f"several times.  [default: {' '.join(_VIEWS)}]",
 )  # fmt: skip
@@ -103,7 +103,7 @@ def report(
     brdfs: tuple[str, ...],
     to: tuple[str, ...],
     output: str,
-    views: tuple[tuple[float, float], ...],
+    angles: tuple[tuple[float, float], ...],
     picture_size: int,
     truth_height: int | None,
     exposure: float | None,
@@ -134,7 +134,7 @@ def report(
     light = open_probe(probe, make_read_options(sampling, values))
     check_outputs([output], specs=brdfs, suffixes=_SUFFIXES)
     arguments = {name: value for name, value in values.items() if value is not None}
-    plan = Plan(brdfs, to, arguments, views, picture_size, truth_height, not no_flip)
+    plan = Plan(brdfs, to, arguments, angles, picture_size, truth_height, not no_flip)
     plan.recipes()  # refuses what no probe could make, before long work
     statistics = probe_statistics(light)
     with progress_bar("measuring", quiet) as progress:

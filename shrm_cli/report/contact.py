@@ -11,7 +11,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.errors import MapError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
@@ -121,12 +121,13 @@ def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Con
 
     Raises
     ------
-    ArgumentError
+    MapError
         If there is no map, or there are more than `MOST_MAPS`.
     """
     if not 1 <= len(files) <= MOST_MAPS:
-        raise ArgumentError(
-            "maps", f"are {len(files)}; name 1 to {MOST_MAPS}, or folders that hold so many"
+        raise MapError(
+            f"{len(files):,} maps are there to be shown; name 1 to {MOST_MAPS:,} of them, or "
+            "folders that hold so many"
         )
     found = Contacts()
     for done, file in enumerate(files, start=1):
@@ -149,7 +150,7 @@ def _drawn(file: str) -> Thumbnail:
     else:
         shown = opened
     if opened.needs_light:
-        raise ArgumentError("map", "holds no light of its own, so that there is nothing to draw")
+        raise MapError(f"{file}: holds no light of its own, so that there is nothing to draw")
     picture = np.nan_to_num(render_sphere(shown, _VIEWER, SIZE))
     seconds = time.perf_counter() - start
     return Thumbnail(file, opened.representation, info, size, picture, seconds)
@@ -187,10 +188,10 @@ def contact_page(
     head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in columns])
     total = sum(each.bytes for each in contacts.maps)
     what = (
-        f"{len(contacts.maps):,} maps of {len(rows):,} probes, {words.storage(total)}. Each picture "
-        f"is a sphere seen from azimuth {_VIEWER.azimuth:g}\u00b0, elevation "
-        f"{_VIEWER.elevation:g}\u00b0, at one exposure a row; the number in percent is the predicted "
-        "RMS error of the reflected light."
+        f"{len(contacts.maps):,} maps of {len(rows):,} probes, {words.storage(total)}. Each "
+        f"picture is a sphere seen from azimuth {_VIEWER.azimuth:g}\u00b0, elevation "
+        f"{_VIEWER.elevation:g}\u00b0, at one exposure a row; the number in percent is the "
+        "predicted RMS error of the reflected light."
     )
     return whole_page(
         title,
