@@ -1,6 +1,7 @@
 """What a report says about a material: its maps beside the truth, in pictures and numbers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,11 +104,18 @@ def _row(material: Material, index: int, made: Made) -> list[Part]:
     return [
         made.form,
         orders,
-        f"{said['size']} \u00d7 {said['maps']}" if said.get("size") else "\u2013",
+        _texels(said),
         words.known_percent(said.get("predicted_error")),
         words.known_percent(said.get("filter_error")),
         *number_cells(material, index),
     ]
+
+
+def _texels(said: Mapping[str, Any]) -> str:
+    """Return the edge of a map's cubes and, where there are several, their number."""
+    if not said.get("size"):
+        return "\u2013"
+    return " \u00d7 ".join(str(said[key]) for key in ("size", "maps") if key in said)
 
 
 def _remarks(made: Made, worded: Callable[[str], str]) -> Html:

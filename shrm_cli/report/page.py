@@ -10,8 +10,9 @@ import OpenEXR
 
 from shrm_cli import __version__
 from shrm_cli.analysis.probe_statistics import ProbeStatistics
-from shrm_cli.errors import OutputError, ShrmError
+from shrm_cli.errors import MapError, OutputError, ShrmError
 from shrm_cli.files.openimageio import oiio
+from shrm_cli.maps.base import Map
 from shrm_cli.progress import Progress
 from shrm_cli.report import words
 from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
@@ -32,6 +33,10 @@ _LEAST_VIEW = 10**6
 _MARKUP = 1.15
 """How much larger a framed view is than its data, with a script and style of 80 kB."""
 _OWN = 100_000
+_SKY = 500_000
+"""What is left for the probe and the truth in a view."""
+_LEAST_EDGE = 16
+"""Maps with fewer texels along an edge are not made smaller for a view."""
 _TRUTH_SIZE = 96
 """The most points along the edge of the truth in a view, which takes as long as a picture."""
 
@@ -194,14 +199,11 @@ def _view(
     if surface is not None:
         given |= {"roughness": surface[0], "f0": surface[1]}
     truth = Truth(material.brdf, min(measured.plan.size, _TRUTH_SIZE), material.rows)
+    limit, files = int((room - _OWN) / _MARKUP), [each.file for each in material.maps]
     try:
+        maps, halved = _fitting(material, files, limit - _SKY)
         scene = make_scene(
-            [each.map for each in material.maps],
-            [each.file for each in material.maps],
-            measured.probe,
-            start=Start(**given),
-            truth=truth,
-            max_size=int((room - _OWN) / _MARKUP),
+            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit
         )
         text = view_page(scene)
     except ShrmError as error:
@@ -210,7 +212,43 @@ def _view(
         "iframe", srcdoc=text, sandbox="allow-scripts allow-downloads", loading="lazy",
         title=f"Interactive view of {material.spec}",
     )  # fmt: skip
-    return joined(tag("h3.view-heading", "To turn and compare"), tag("div.view", frame))
+    note: Html | str = ""
+    if halved > 1:
+        remarks.append(
+            f"the view of {material.spec} has maps of 1/{halved} of their size; raise `max_page`"
+        )
+        note = tag(
+            "p.quiet",
+            f"So that the page stays small, the maps of this view have 1/{halved} of their texels "
+            "along an edge, and are less sharp than those that were measured.",
+        )
+    return joined(tag("h3.view-heading", "To turn and compare"), tag("div.view", frame), note)
+
+
+def _fitting(material: Material, files: list[str], limit: int) -> tuple[list[Map], int]:
+    """Return the maps of a material with as many texels as a view has room for.
+
+    Returns
+    -------
+    maps : list of Map
+    halved : int
+        By what the edges of the cubes were divided.
+
+    Raises
+    ------
+    MapError
+        If even small ones are too large.
+    """
+    maps = [each.map for each in material.maps]
+    for halved in (1, 2, 4, 8):
+        try:
+            make_scene(maps, files, max_size=limit)
+            return maps, halved
+        except MapError:
+            if halved == 8 or min(each.size for each in maps) < _LEAST_EDGE:
+                raise
+        maps = [each.resampled(each.size // 2) for each in maps]
+    raise AssertionError("unreachable")
 
 
 def _left_out(material: Material, why: str, remarks: list[str]) -> Html:

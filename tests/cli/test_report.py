@@ -49,7 +49,7 @@ def read(name):
 
 
 def assert_self_contained(page):
-    """No script of its own, no handler, no address outside the page; links only within or beside."""
+    """No script of its own, no handler, no address outside the page but links to files beside."""
     allowed = {"html", "head", "meta", "title", "link", "style", "body", "main", "header", "nav"}
     allowed |= {"section", "h1", "h2", "h3", "p", "b", "a", "code", "pre", "div", "span", "br"}
     allowed |= {"table", "thead", "tbody", "tr", "th", "td", "dl", "dt", "dd", "details"}
@@ -249,7 +249,7 @@ def test_contact_sheets_have_a_row_for_each_probe(folder):
     out = json.loads(done("contact", "build", "-o", "build/index.html", "--json"))
     names = ["mapsother4.exr", "mapsprobe4.exr", "mapsprobe8.exr"]
     assert out["maps"] == [f"build/below/{name}" for name in names]
-    text, page = read("build/index.html")
+    _, page = read("build/index.html")
     assert_self_contained(page)
     assert len(page.all("tr")) == 3
     assert len(page.all("td")) == 4
@@ -268,8 +268,6 @@ def test_batches_have_contact_sheets(folder):
     result = run("batch", "probe.exr", "note.exr", "--brdf", "phong", "--jobs", "1", "--contact",
                  "all.html", "--quiet")  # fmt: skip
     assert result.code == 1
-    text, page = read("all.html")
-    assert [each["href"] for each in page.all("a")] == ["./probe.phong.principal.exr"] or [
-        each["href"] for each in page.all("a")
-    ] == ["./probe.phong.shrm.exr"]
+    _, page = read("all.html")
+    assert [each["href"] for each in page.all("a")] == ["./probe.phong.shrm.exr"]
     assert "note.phong.shrm.exr" in page.texts
