@@ -188,7 +188,8 @@ def contact_page(
     head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in columns])
     total = sum(each.bytes for each in contacts.maps)
     what = (
-        f"{len(contacts.maps):,} maps of {len(rows):,} probes, {words.storage(total)}. Each "
+        f"{words.counted(len(contacts.maps), 'map')} of {words.counted(len(rows), 'probe')}, "
+        f"{words.storage(total)}. Each "
         f"picture is a sphere seen from azimuth {_VIEWER.azimuth:g}\u00b0, elevation "
         f"{_VIEWER.elevation:g}\u00b0, at one exposure a row; the number in percent is the "
         "predicted RMS error of the reflected light."

@@ -170,9 +170,7 @@ def _pictures(material: Material, index: int, stops: float) -> Html:
         tag("div.column", tag("div.heading", heading), tag("div.stack", images))
         for heading, images in columns
     ]
-    views = ";  ".join(
-        f"{each.azimuth:g}\u00b0, {each.elevation:g}\u00b0" for each in comparison.viewers
-    )
+    views = "; ".join(words.angles(each.azimuth, each.elevation, 0) for each in comparison.viewers)
     known = next((each for each in flips if each is not None), None)
     words_of_flip = ""
     if known is not None:

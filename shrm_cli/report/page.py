@@ -181,7 +181,11 @@ def _overview(measured: Measured, look: Look) -> Html:
         *failed,
         *warned,
         table(["Material", "Map", *row_titles()], rows, texts=2),
-        tag("p.quiet", "Errors beside a brute-force integral; what they mean is said at the end."),
+        tag(
+            "p.quiet",
+            "Errors beside a brute-force integral. ",
+            tag("a", "What they mean", href="#meanings"),
+        ),
     )
 
 
@@ -311,7 +315,10 @@ def _meanings() -> Html:
         ("File", "As written, in half precision unless said otherwise."),
         ("Time", "Of making the map, on the machine that wrote this page."),
     ]  # fmt: skip
-    return joined(tag("h3", "What the numbers mean"), table(["Number", "Meaning"], rows, texts=2))
+    return joined(
+        tag("h3", "What the numbers mean", id="meanings"),
+        table(["Number", "Meaning"], rows, texts=2),
+    )
 
 
 def _text(value: Any) -> str:

@@ -26,8 +26,10 @@ _ROWS, _SMOOTH_ROWS = 288, 96
 """Rows of the pictures of the probe, and of those of smooth light."""
 _IRRADIANCE_ORDER = 16
 """Degrees of the irradiance: those above add less than 1e-4."""
-_STOPS = 14.0
-"""The most stops that false colours tell apart."""
+_SHARES = (0.01, 0.998)
+"""Shares of the pixels between whose luminances false colours lie; a sun is beyond them."""
+_LEAST_STOPS = 4.0
+"""The fewest stops that false colours span."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def _marks(found: ProbeStatistics) -> Html | str:
         azimuth, elevation = to_azimuth_elevation(lamp.direction)
         x, y = 360 * (0.5 - azimuth / 360) % 360, 90 - elevation
         radius = max(np.degrees(lamp.radius) * 1.5, 5.0)
-        beside = x + radius + 2 if x < 320 else x - radius - 9
+        beside = x + radius + 3 if x < 320 else x - radius - 9
         ring = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:.1f}"}
         marks += [tag("circle.under", **ring), tag("circle.over", **ring)]
         marks.append(tag("text", str(count), x=f"{beside:.1f}", y=f"{y + 4:.1f}"))
@@ -109,13 +111,14 @@ def _false_colors(found: ProbeStatistics, seen: Preview) -> Html:
     with np.errstate(divide="ignore"):
         stops = np.log2(np.maximum(seen.luminance, 0) / mean)
     lit = stops[np.isfinite(stops)]
-    high = float(np.ceil(lit.max())) if lit.size else 1.0
-    low = float(np.floor(np.quantile(lit, 0.01))) if lit.size else 0.0
-    low = min(max(low, high - _STOPS), high - 1)
+    low, high = (0.0, 1.0) if not lit.size else np.quantile(lit, _SHARES)
+    low, high = float(np.floor(low)), float(np.ceil(high))
+    high = max(high, low + _LEAST_STOPS)
     picture = pictures.image(
         pictures.turbo((stops - low) / (high - low)), "Stops from the mean luminance", "wide"
     )
-    ticks = [f"{value:+.3g}" for value in np.linspace(low, high, 5)]
+    ticks = [words.signed(value) for value in np.linspace(low, high, 5)]
+    ticks[0], ticks[-1] = f"\u2264 {ticks[0]}", f"\u2265 {ticks[-1]}"
     bar = pictures.scale(pictures.turbo(np.linspace(0, 1, 256)), ticks, "Scale of the stops")
     return figure(
         picture, bar, "Luminance in stops from its mean, ", words.number(found.mean_luminance), "."
@@ -127,7 +130,7 @@ def _numbers(probe: Probe, found: ProbeStatistics, seen: Preview) -> Sequence[tu
     if found.temperature is not None:
         white = f"{found.temperature:,.0f} K, {white} over green"
     azimuth, elevation = to_azimuth_elevation(found.direction)
-    directed = f"{azimuth:.0f}\u00b0, {elevation:.0f}\u00b0 ({found.directionality:.0%} directed)"
+    directed = f"{words.angles(azimuth, elevation, 0)} ({found.directionality:.0%} directed)"
     ground = found.irradiance[2]
     return [
         ("File", base_name(probe.name)),
@@ -152,7 +155,7 @@ def _lamps(found: ProbeStatistics) -> Html | str:
         azimuth, elevation = to_azimuth_elevation(lamp.direction)
         radius = f"{np.degrees(lamp.radius):.3g}\u00b0"
         rows.append([
-            str(count), f"{azimuth:.1f}\u00b0, {elevation:.1f}\u00b0",
+            str(count), words.angles(azimuth, elevation, 1),
             radius if lamp.is_resolved else f"{radius} (a pixel)", words.color(lamp.irradiance),
             words.color(lamp.peak), lamp.clipped or "\u2013",
         ])  # fmt: skip

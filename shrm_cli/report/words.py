@@ -34,6 +34,11 @@ def storage(count: int) -> str:
     return f"{count} B"
 
 
+def counted(count: int, what: str) -> str:
+    """Return how many there are of something."""
+    return f"{count:,} {what}" + ("" if count == 1 else "s")
+
+
 def duration(seconds: float) -> str:
     """Return a time with two or three digits."""
     if seconds < 0.0995:
@@ -54,7 +59,18 @@ def color(values: Iterable[float]) -> str:
 
 def stops(value: float) -> str:
     """Return an exposure with its sign."""
-    return f"{value:+.3g} EV" if value else "0 EV"
+    return f"{signed(value)} EV"
+
+
+def signed(value: float) -> str:
+    """Return a number with its sign, which is no hyphen."""
+    return f"{value:+.3g}".replace("-", "\u2212") if value else "0"
+
+
+def angles(azimuth: float, elevation: float, digits: int) -> str:
+    """Return a direction in degrees."""
+    text = f"{azimuth:.{digits}f}\u00b0, {elevation:.{digits}f}\u00b0"
+    return text.replace("-", "\u2212")
 
 
 def base_name(path: str) -> str:
