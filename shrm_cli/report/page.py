@@ -3,15 +3,12 @@
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from typing import Any
-
-import numpy as np
-import OpenEXR
 
 from shrm_cli import __version__
 from shrm_cli.analysis.probe_statistics import ProbeStatistics
-from shrm_cli.errors import MapError, OutputError, ShrmError
-from shrm_cli.files.openimageio import oiio
+from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.progress import Progress
 from shrm_cli.report import words
@@ -249,10 +246,21 @@ def _fitting(material: Material, files: list[str], limit: int) -> tuple[list[Map
             make_scene(maps, files, max_size=limit)
             return maps, halved
         except MapError:
-            if halved == 8 or min(each.size for each in maps) < _LEAST_EDGE:
+            smaller = [_halved(each) for each in maps]
+            if halved == 8 or all(one is other for one, other in zip(smaller, maps, strict=True)):
                 raise
-        maps = [each.resampled(each.size // 2) for each in maps]
-    raise AssertionError("unreachable")
+        maps = smaller
+    raise AssertionError("the loop returns or raises")
+
+
+def _halved(reflection_map: Map) -> Map:
+    """Return a map with half as many texels along an edge; itself where it is small, or fixed."""
+    if reflection_map.size < _LEAST_EDGE:
+        return reflection_map
+    try:
+        return reflection_map.resampled(reflection_map.size // 2)
+    except ArgumentError:  # as of split sums, whose levels have sizes of their own
+        return reflection_map
 
 
 def _left_out(material: Material, why: str, remarks: list[str]) -> Html:
@@ -270,9 +278,7 @@ def _making(measured: Measured, look: Look) -> Html:
     versions = [
         ("shrm", __version__),
         ("Python", platform.python_version()),
-        ("numpy", np.__version__),
-        ("OpenEXR", OpenEXR.__version__),
-        ("OpenImageIO", oiio.VERSION_STRING),
+        *((name, version(name)) for name in ("numpy", "OpenEXR", "OpenImageIO")),
         ("Machine", f"{platform.system()} {platform.machine()}"),
     ]
     said = [(name, _text(value)) for name, value in look.options.items()]
