@@ -44,6 +44,8 @@ class Thumbnail:
         Its path.
     form : str
         The representation.
+    brdf : str
+        The specification of the BRDF; empty of light alone, which is shown as GGX.
     info : MapInfo
     bytes : int
         Of the file.
@@ -55,6 +57,7 @@ class Thumbnail:
 
     file: str
     form: str
+    brdf: str
     info: MapInfo
     bytes: int
     picture: Array
@@ -68,7 +71,7 @@ class Thumbnail:
     @property
     def column(self) -> tuple[str, str]:
         """The BRDF, where the map is for one, and the form."""
-        return (spec_of(self.info.brdf) if self.info.brdf else "", self.form)
+        return self.brdf, self.form
 
 
 @dataclass
@@ -144,6 +147,7 @@ def _drawn(file: str) -> Thumbnail:
     start = time.perf_counter()
     opened: Map = open_map(file)
     info, size = opened.info, os.path.getsize(file)
+    brdf = "" if opened.needs_surface or not info.brdf else spec_of(info.brdf)
     if opened.needs_surface:
         surface = ggx_surface()
         shown = opened.shaded(surface.number("roughness"), surface.color("f0"))
@@ -153,7 +157,7 @@ def _drawn(file: str) -> Thumbnail:
         raise MapError(f"{file}: holds no light of its own, so that there is nothing to draw")
     picture = np.nan_to_num(render_sphere(shown, _VIEWER, SIZE))
     seconds = time.perf_counter() - start
-    return Thumbnail(file, opened.representation, info, size, picture, seconds)
+    return Thumbnail(file, opened.representation, brdf, info, size, picture, seconds)
 
 
 def contact_page(
