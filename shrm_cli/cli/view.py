@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
-_TRUTH_SIZE = 128
+_TRUTH_SIZE = 96
 _SUFFIXES = (".html", ".htm")
 _OF_TRUTH = ("brdf", "truth_size", "source_height")
 

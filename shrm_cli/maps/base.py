@@ -11,6 +11,8 @@ has these modules:
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
 ``report``
     What `shrm prefilter` prints about the map; this module loads no numpy.
+``shader``
+    Its look-up as code, where it has the option ``shader``: ``source(map, textures) -> Source``.
 
 The registry (`shrm_cli.maps.registry`) finds these modules, and loads each only when it is needed.
 """

@@ -30,7 +30,7 @@ _LEAST_SKY_ROWS = 64
 """The fewest rows that a probe is reduced to so that the page is small enough."""
 MOST_VIEWS = 8
 """The most views that the truth is computed for."""
-TRUTH_SIZE = 128
+TRUTH_SIZE = 96
 """Pixels along the edge of a picture of the truth, where no other number is asked for."""
 
 

@@ -82,8 +82,9 @@ class Pages:
 def arrange(stacks: Sequence[tuple[int, int]]) -> Pages:
     """Choose where stacks of cubes lie.
 
-    Layers are as large as a cube of the largest size, or as a grid of them where there would be
-    more than `MAX_LAYERS`. Single smaller cubes, such as the levels of a split sum, share layers.
+    Layers are about as large as a cube of the largest size, or as a grid of them where there would
+    be more than `MAX_LAYERS`, such that they have the fewest texels in all. Single smaller cubes,
+    such as the levels of a split sum, share layers.
 
     Parameters
     ----------
@@ -96,10 +97,13 @@ def arrange(stacks: Sequence[tuple[int, int]]) -> Pages:
         If there are too many cubes for their size.
     """
     largest = max(size for _, size in stacks) + 2
-    for grid in range(1, MAX_EDGE // (3 * largest) + 1):
-        pages = _arranged(stacks, 3 * largest * grid, 2 * largest * grid)
-        if pages.layers <= MAX_LAYERS:
-            return pages
+    # Layers that smaller cubes fill without a rest are a little larger than the largest cube.
+    edges = {-(-largest // (size + 2)) * (size + 2) for _, size in stacks}
+    edges |= {largest * grid for grid in range(1, MAX_EDGE // (3 * largest) + 1)}
+    tried = [_arranged(stacks, 3 * edge, 2 * edge) for edge in sorted(edges)]
+    fitting = [each for each in tried if each.layers <= MAX_LAYERS and each.width <= MAX_EDGE]
+    if fitting:
+        return min(fitting, key=lambda each: each.layers * each.width * each.height)
     count = sum(count for count, _ in stacks)
     raise MapError(
         f"{count} cubes of size {largest - 2} do not fit into {MAX_LAYERS} layers of {MAX_EDGE} "

@@ -1,9 +1,9 @@
-// WebGL2: programs, textures, and pictures of 32-bit floats that can be read back.
+// WebGL2: programs, textures, and pictures of floats that can be read back.
 
 function openContext(canvas) {
   var gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false });
   if (!gl) throw new Error("This browser has no WebGL2.");
-  if (!gl.getExtension("EXT_color_buffer_float"))
+  if (!gl.getExtension("EXT_color_buffer_float") && !gl.getExtension("EXT_color_buffer_half_float"))
     throw new Error("This graphics device cannot draw floating-point pictures.");
   return gl;
 }
@@ -100,11 +100,13 @@ function makeTexture(gl, described, buffer) {
   return { target: target, texture: texture };
 }
 
-// A picture to draw into: linear radiance in 32-bit floats, with depth.
+// A picture to draw into: linear radiance in 32-bit floats, or 16-bit ones on devices that cannot
+// draw others, with depth.
 function makeTarget(gl, width, height) {
   var texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, texture);
-  gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, width, height);
+  var format = gl.getExtension("EXT_color_buffer_float") ? gl.RGBA32F : gl.RGBA16F;
+  gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
   var depth = gl.createRenderbuffer();

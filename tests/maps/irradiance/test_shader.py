@@ -99,7 +99,7 @@ def compile_c(folder, snippet, standard):
     source, program = folder / "main.c", folder / "main"
     source.write_text(C_MAIN.format(snippet=snippet), encoding="ascii")
     strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", f"-std={standard}"]
-    return program, run([compiler("cc", "gcc", "clang"), *strict, source, "-o", program])
+    return program, run([compiler("cc", "gcc", "clang"), *strict, source, "-o", program, "-lm"])
 
 
 def validate(folder, language, snippet, version="330 core", precision=""):
@@ -139,7 +139,7 @@ def test_shaders_compute_the_irradiance(tmp_path, order, language):
     np.testing.assert_allclose(results(program, normals), made.irradiance(normals), rtol=2e-6)
 
 
-@pytest.mark.parametrize("order", (*ORDERS, 16))
+@pytest.mark.parametrize("order", [*ORDERS, 16])
 @pytest.mark.parametrize(
     ("language", "version", "precision"),
     [

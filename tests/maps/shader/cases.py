@@ -1,17 +1,16 @@
 """A map of every form, and what code must compute from it: slow, and sharing no code with it."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
 from shrm_cli.maps.explicit import explicit
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.principal import principal
 from shrm_cli.maps.principal.functions import TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.shader.source import ggx_moments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.shrm import shrm as shrm_module
 from shrm_cli.maps.shrm.compressed import CompressedShrm
@@ -185,10 +184,10 @@ def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
     return made.radiance(normals, views)
 
 
-@cache
 def tables():
-    """The tables of GGX: scale and bias, and the moments."""
-    return environment_table(128), moments_table(128)
+    """The tables of GGX: scale and bias, and the moments, which take seconds to compute."""
+    moments = ggx_moments()
+    return moments[..., [0, 3]] @ [[1.0, 0.0], [-1.0, 1.0]], moments
 
 
 def _filtered(table, normals, views, roughness):

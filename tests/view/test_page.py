@@ -1,0 +1,165 @@
+"""The page of `shrm view` as a text, and the shapes and numbers in it."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.geometry.normals import face_normals
+from shrm_cli.probe.probe import Probe
+from shrm_cli.view.blocks import Blocks
+from shrm_cli.view.figure import figure, surface_nets
+from shrm_cli.view.page import SCRIPTS, embedded, page, section
+from shrm_cli.view.scene import Start, make_scene
+from shrm_cli.view.shapes import distance_of
+from tests.cli.helpers import ROOT
+from tests.maps.scenes import make_info
+from tests.maps.shader import cases
+
+ASSETS = ROOT / "shrm_cli" / "view" / "assets"
+NASTY = (
+    "</script><script>alert(1)</script>",
+    "<!--<script>",
+    "]]>",
+    "&lt;",
+    "\u2028\u2029",
+    "'\"\\",
+)
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_json_in_a_page_ends_no_element_and_keeps_its_texts(text):
+    found = embedded({text: [text]})
+    assert not set(found) & set("<>&\u2028\u2029")
+    assert json.loads(found) == {text: [text]}
+
+
+def test_names_of_files_are_escaped_everywhere():
+    attack = "</script></title><img src=x onerror=alert(1)>"
+    made = replace(cases.irradiance(1), info=replace(make_info(1, 0), probe=attack))
+    for files in (["a.exr"], [f"b{NASTY[1]}.exr"]):
+        text = page(make_scene([made], files))
+        assert "<img" not in text
+        assert text.count("</script>") == text.count("<script")
+        assert text.count("</title>") == 1
+
+
+def test_every_asset_is_in_the_page():
+    assert {path.stem for path in ASSETS.glob("*.js")} == set(SCRIPTS)
+    scene = make_scene([cases.irradiance(1)], ["a.exr"])
+    text = page(scene)
+    for path in ASSETS.iterdir():
+        assert path.read_text().strip()[:200] in text, path.name
+        assert len(path.read_text().splitlines()) <= 500
+
+
+def test_a_section_leaves_other_parts_of_a_page_alone():
+    parts = section(make_scene([cases.irradiance(1)], ["a.exr"]))
+    rules = re.sub(r"/\*.*?\*/|@media[^{]*\{", "", parts.style, flags=re.DOTALL)
+    for selectors in re.findall(r"([^{}]+)\{", rules):
+        for each in re.split(r",(?![^(]*\))", selectors):
+            assert each.strip().startswith(".shrm-view"), each
+    assert parts.body.startswith('<div class="shrm-view"')
+    assert parts.script.startswith("(function () {")
+    assert "</script" not in parts.script
+    assert not re.search(r"<script(?! type=)", parts.body)
+
+
+def test_blocks_come_back_as_they_went_in():
+    values = np.random.default_rng(2).normal(size=(2, 4, 5, 3)).astype(np.float32)
+    blocks = Blocks()
+    described = blocks.texture(values, "light")
+    assert [described[key] for key in ("width", "height", "depth", "format")] == [5, 4, 2, "rgb16f"]
+    held = np.frombuffer(base64.b64decode(blocks.encoded()[described["block"]]), "<f2")
+    np.testing.assert_allclose(held.reshape(values.shape), values, rtol=2**-11)
+    assert blocks.encoded_bytes == sum(map(len, blocks.encoded()))
+    assert blocks.remarks == []
+
+
+def test_what_half_cannot_hold_is_clipped_and_said():
+    blocks, values = Blocks(), np.ones((4, 4, 3))
+    values[1, 2] = 1e6, np.inf, 3
+    described = blocks.texture(values, "sky.exr")
+    held = np.frombuffer(blocks.parts[described["block"]], "<f2").reshape(4, 4, 3)
+    assert held[1, 2].tolist() == [65504, 65504, 3]
+    assert len(blocks.remarks) == 1
+    assert blocks.remarks[0].startswith("sky.exr: 1 texels beyond 65504 were clipped")
+    values[0, 0, 0] = np.nan
+    with pytest.raises(MapError, match=r"sky\.exr: it holds values that are not numbers"):
+        blocks.texture(values, "sky.exr")
+
+
+def test_a_bright_probe_is_said_to_be_clipped():
+    light = np.ones((8, 16, 3), dtype=np.float32)
+    light[2, 3] = 1e5
+    probe = Probe.from_array(light, name="sun.exr")
+    made = replace(cases.irradiance(1), info=replace(make_info(1, 0), brdf={}))
+    scene = make_scene([made], ["a.exr"], probe)
+    assert any("sun.exr behind the shape: 1 texels" in each for each in scene.remarks)
+    assert any(each.startswith("no truth: a.exr: its BRDF") for each in scene.remarks)
+    assert scene.description["notes"] == scene.remarks
+
+
+def test_maps_of_the_same_name_are_told_apart():
+    maps = [cases.irradiance(1)] * 3
+    scene = make_scene(maps, ["x/a.exr", "y/a.EXR", "a (2).exr"])
+    names = [each["name"] for each in scene.description["maps"]]
+    assert names[:2] == ["a", "a (2)"]
+    assert len(set(names)) == 3
+    assert "x/" not in json.dumps(scene.description)  # nobody's folders are in the page
+
+
+def test_too_many_views_and_no_maps():
+    with pytest.raises(ArgumentError, match="`view`"):
+        make_scene([cases.irradiance(1)], ["a.exr"], start=Start(((0.0, 0.0),) * 9))
+    with pytest.raises(ArgumentError, match="`maps`"):
+        make_scene([], [])
+
+
+# ---- shapes --------------------------------------------------------------------------------------
+
+
+def is_closed(faces):
+    """Whether each edge belongs to one triangle in either direction: there is no hole."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    there = {tuple(each) for each in edges.tolist()}
+    return len(there) == len(edges) and all((b, a) in there for a, b in there)
+
+
+def test_surface_nets_of_a_ball():
+    box = np.array([[-1.2, -1.2, -1.2], [1.2, 1.3, 1.2]])
+    vertices, faces = surface_nets(lambda p: np.linalg.norm(p, axis=1) - 1, box, 16)
+    np.testing.assert_allclose(np.linalg.norm(vertices, axis=1), 1, atol=1e-6)
+    assert is_closed(faces)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6  # positive if they face outwards
+    assert volume == pytest.approx(4 / 3 * np.pi, rel=0.03)
+
+
+def test_the_figure_is_whole_and_its_normals_point_outwards():
+    mesh = figure()
+    assert is_closed(mesh.faces)
+    assert len(mesh.vertices) < 2**16  # so that indices take 16 bits
+    flat = face_normals(mesh.vertices, mesh.faces)
+    agree = np.einsum("ij,ij->i", flat, mesh.normals[mesh.faces].mean(axis=1))
+    assert np.mean(agree > 0.8) > 0.98
+
+
+def test_the_camera_sees_all_of_a_shape():
+    """By projecting points by hand, from sides other than those that the distance comes from."""
+    points = np.random.default_rng(5).uniform(-1, 1, (500, 3)) * [1, 0.3, 0.6]
+    distance = distance_of(points)
+    most = 0.0
+    for azimuth, elevation in np.random.default_rng(6).uniform((-180, -50), (180, 50), (40, 2)):
+        a, e = np.radians([azimuth, elevation])
+        view = np.array([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)])
+        right = np.array([np.cos(a), 0, -np.sin(a)])
+        depth = distance - points @ view
+        for axis in (right, np.cross(view, right)):
+            most = max(most, np.abs(points @ axis / depth).max())
+    edge = np.tan(np.radians(35 / 2))
+    assert 0.8 * edge < most < 0.93 * edge
