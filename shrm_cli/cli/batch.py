@@ -174,6 +174,7 @@ def batch(
     chunks = _collecting(chunks) if gathering is not None else chunks
     if contact_page is not None:
         check_outputs([contact_page], files=probes, suffixes=PAGES)
+        _check_count(chunks)
     shown = None if dry_run else contact_page
     _run(
         chunks, terms, _Place(jobs, scheduler), None if dry_run else log, collect, shown, as_json,
@@ -308,6 +309,19 @@ def _run(
     _conclude(totals, log, predictions, as_json, quiet)
     if totals.failed:
         sys.exit(1)
+
+
+def _check_count(chunks: list[Chunk]) -> None:
+    """Refuse a page of more maps than it can have, before long work."""
+    from shrm_cli.report.contact import MOST_MAPS
+
+    count = sum(len(chunk.jobs) for chunk in chunks)
+    if count > MOST_MAPS:
+        raise click.UsageError(
+            f"--contact shows {MOST_MAPS:,} maps at most, and these are {count:,}; leave it out, "
+            "and give `shrm contact` some of them",
+            click.get_current_context(),
+        )
 
 
 def _show(chunks: list[Chunk], totals: Totals, target: str, quiet: bool) -> None:
