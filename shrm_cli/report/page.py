@@ -32,6 +32,8 @@ _MARKUP = 1.15
 _OWN = 100_000
 _SKY = 500_000
 """What is left for the probe and the truth in a view."""
+_HALVED = (1, 2, 4, 8)
+"""By what the edges of maps are divided, one after the other, until a view has room for them."""
 _LEAST_EDGE = 16
 """Maps with fewer texels along an edge are not made smaller for a view."""
 _TRUTH_SIZE = 96
@@ -200,11 +202,16 @@ def _view(
     if surface is not None:
         given |= {"roughness": surface[0], "f0": surface[1]}
     truth = Truth(material.brdf, min(measured.plan.size, _TRUTH_SIZE), material.rows)
-    limit, files = int((room - _OWN) / _MARKUP), [each.file for each in material.maps]
+    limit = int((room - _OWN) / _MARKUP)
     try:
-        maps, halved = _fitting(material, files, limit - _SKY)
+        fitting = _fitting(material, limit - _SKY)
         scene = make_scene(
-            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit
+            fitting.maps,
+            fitting.files,
+            measured.probe,
+            start=Start(**given),
+            truth=truth,
+            max_size=limit,
         )
         text = view_page(scene)
     except ShrmError as error:
@@ -214,43 +221,56 @@ def _view(
         title=f"Interactive view of {material.spec}",
     )  # fmt: skip
     note: Html | str = ""
-    if halved > 1:
-        remarks.append(
-            f"the view of {material.spec} has maps of 1/{halved} of their size; raise `max_page`"
-        )
-        note = tag(
-            "p.quiet",
-            f"So that the page stays small, the maps of this view have 1/{halved} of their texels "
-            "along an edge, and are less sharp than those that were measured.",
-        )
+    if fitting.note:
+        remarks.append(f"the view of {material.spec} {fitting.note}; raise `max_page` to have all")
+        note = tag("p.quiet", f"So that the page stays small, this view {fitting.note}.")
     return joined(tag("h3.view-heading", "To turn and compare"), tag("div.view", frame), note)
 
 
-def _fitting(material: Material, files: list[str], limit: int) -> tuple[list[Map], int]:
-    """Return the maps of a material with as many texels as a view has room for.
+@dataclass(frozen=True)
+class _Fitting:
+    """The maps that a view has room for, their files, and what was done to them, if anything."""
 
-    Returns
-    -------
-    maps : list of Map
-    halved : int
-        By what the edges of the cubes were divided.
+    maps: list[Map]
+    files: list[str]
+    note: str
+
+
+def _fitting(material: Material, limit: int) -> _Fitting:
+    """Make the maps of a material as small as a view needs them.
+
+    Maps get half as many texels along an edge, again and again; where that is not enough, those
+    whose sizes are fixed are left out, as split sums are.
 
     Raises
     ------
     MapError
         If even small ones are too large.
     """
-    maps = [each.map for each in material.maps]
-    for halved in (1, 2, 4, 8):
-        try:
-            make_scene(maps, files, max_size=limit)
-            return maps, halved
-        except MapError:
-            smaller = [_halved(each) for each in maps]
-            if halved == 8 or all(one is other for one, other in zip(smaller, maps, strict=True)):
-                raise
-        maps = smaller
+    able = [each for each in material.maps if _halved(each.map) is not each.map]
+    groups = [material.maps, able] if 0 < len(able) < len(material.maps) else [material.maps]
+    for group in groups:
+        maps, files = [each.map for each in group], [each.file for each in group]
+        for halved in _HALVED:
+            try:
+                make_scene(maps, files, max_size=limit)
+                return _Fitting(maps, files, _what_is_smaller(halved, material.maps, group))
+            except MapError:
+                if group is groups[-1] and halved == _HALVED[-1]:
+                    raise
+            maps = [_halved(each) for each in maps]
     raise AssertionError("the loop returns or raises")
+
+
+def _what_is_smaller(halved: int, all_maps: Sequence[Made], kept: Sequence[Made]) -> str:
+    """Return what a view lacks of the maps that were measured, as a part of a sentence."""
+    words_of_it = []
+    left_out = [each.form for each in all_maps if each not in kept]
+    if left_out:
+        words_of_it.append(f"is without {' and '.join(left_out)}")
+    if halved > 1:
+        words_of_it.append(f"has maps with 1/{halved} of their texels along an edge")
+    return ", and ".join(words_of_it)
 
 
 def _halved(reflection_map: Map) -> Map:

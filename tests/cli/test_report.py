@@ -188,6 +188,22 @@ def test_a_brdf_that_fails_is_said_and_the_others_are_there(folder):
     assert len(page.all("iframe")) == 1
 
 
+def test_views_of_small_pages_have_smaller_maps(folder):
+    forms = ["--to", "principal", "--to", "splitsum", "--size", "128"]
+    common = ["report", "probe.exr", "--brdf", "ggx:roughness=0.6", *forms, *SMALL, "--no-flip"]
+    done(*common, "--quiet", "-o", "a.html")
+    whole = read("a.html")[1].all("iframe")[0]["srcdoc"]
+    assert all(f'"name":"probe.{name}"' in whole for name in ("ggx-roughness-0.6.principal",
+               "splitsum"))  # fmt: skip
+    result = run(*common, "-o", "b.html", "--max-page", "3MB")
+    assert result.code == 0
+    assert "the view of ggx:roughness=0.6 is without splitsum, and has maps with 1/" in result.err
+    small = read("b.html")[1].all("iframe")[0]["srcdoc"]
+    assert '"name":"probe.ggx-roughness-0.6.principal"' in small
+    assert '"name":"probe.splitsum"' not in small
+    assert (folder / "b.html").stat().st_size < 3e6 < (folder / "a.html").stat().st_size
+
+
 def test_a_page_keeps_its_limit(folder):
     common = ["report", "probe.exr", "--brdf", "phong", *SMALL, "-o", "a.html", "--max-page"]
     result = run(*common, "1MB")
