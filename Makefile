@@ -122,9 +122,13 @@ export BATCH_SHRM := $(SHRM)
 # -k: a job that fails does not stop the others, but the run fails.
 batch: $(VENV)/.installed
 	@$(PYTHON) -B probes/batch.py
-	@+$(MAKE) --no-print-directory -k -f build/.batch/jobs.mk || \
-	  { echo 'Some jobs failed, see above; the others are in build/'; exit 1; }
-	@echo 'Maps and pictures are in $(CURDIR)/build/'
+	@+$(MAKE) --no-print-directory -k -f build/.batch/jobs.mk; made=$$?; \
+	  if ls build/*.exr >/dev/null 2>&1 && { [ ! -e build/index.html ] || \
+	      [ -n "$$(find build/.batch -name '*.done' -newer build/index.html)" ]; }; then \
+	    $(SHRM) contact build/*.exr --quiet --title 'make batch' -o build/index.html || made=1; \
+	  fi; \
+	  [ $$made = 0 ] || { echo 'Some jobs failed, see above; the others are in build/'; exit 1; }
+	@echo 'Maps and pictures are in $(CURDIR)/build/, and index.html shows all of them'
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -37,6 +37,7 @@ STOPS = [
     {"render"},
     {"view", "lookdev"},
     {"analysis"},
+    {"report"},
     {"cli"},
     {"__main__"},
 ]

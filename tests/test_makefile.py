@@ -104,14 +104,19 @@ class Project:
         return self.make("batch", f"PROBES={probes}", f"BRDFS={brdfs}", *arguments)
 
     def calls(self):
-        """How `shrm` was called since the last time, in alphabetical order."""
+        """How `shrm` was called since the last time, in alphabetical order, but for the page."""
+        return [line for line in self.all_calls() if not line.startswith("contact ")]
+
+    def all_calls(self):
         log = self.folder / "calls"
         lines = log.read_text().splitlines() if log.exists() else []
         log.unlink(missing_ok=True)
         return sorted(lines)
 
     def built(self):
-        return sorted(path.name for path in (self.folder / "build").glob("[!.]*"))
+        """The names of maps and pictures; the page over all of them is left out."""
+        names = {path.name for path in (self.folder / "build").glob("[!.]*")}
+        return sorted(names - {"index.html"})
 
     def times(self):
         return {path.name: path.stat().st_mtime_ns for path in (self.folder / "build").iterdir()}
@@ -173,10 +178,21 @@ def test_batch_bakes_and_renders_every_pair(project):
     assert project.built() == outputs("a", "b")
 
 
+def test_a_page_shows_all_maps(project):
+    assert project.batch().returncode == 0
+    contact = [line for line in project.all_calls() if line.startswith("contact ")]
+    files = " ".join(f"build/{name}" for name in outputs("a", "b") if name.endswith(".exr"))
+    title = "--quiet --title make batch"
+    assert contact == [f"contact {files} {title} -o build/index.html"]
+    (project.folder / "build" / "index.html").unlink()
+    assert project.batch().returncode == 0
+    assert project.all_calls() == contact
+
+
 def test_running_again_does_nothing(baked):
     before = baked.times()
     assert baked.batch().returncode == 0
-    assert baked.calls() == []
+    assert baked.all_calls() == []
     assert baked.times() == before
 
 

@@ -11,6 +11,8 @@ import click
 
 from shrm_cli import settings
 from shrm_cli.cli.completion import Spec
+from shrm_cli.cli.contact import SUFFIXES as PAGES
+from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.farm import farm_options, named_parts, write_farm_files
 from shrm_cli.cli.gather import gather_options, gathering_of, write_gathered
 from shrm_cli.cli.headings import command_with_headings
@@ -25,6 +27,7 @@ from shrm_cli.cli.options import (
     representation_options,
     shared_options,
 )
+from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
@@ -51,11 +54,12 @@ _HEADINGS = {
     "Where it runs": ["jobs", "scheduler", "commands", "openjd", "chunk", "share"],
     "Coefficients of all probes in one file": ["collect", "collect_order", "collect_what",
                                               "collect_window"],
-    "What is done again, and what is told": ["force", "dry_run", "log", "as_json", "quiet"],
+    "What is done again, and what is told": ["force", "dry_run", "log", "contact_page", "as_json",
+                                             "quiet"],
 }  # fmt: skip
 _RUNNING = {
     "jobs", "scheduler", "commands", "openjd", "chunk", "share", "collect", "collect_order",
-    "collect_what", "collect_window", "force", "dry_run", "log", "as_json", "quiet",
+    "collect_what", "collect_window", "contact_page", "force", "dry_run", "log", "as_json", "quiet",
 }  # fmt: skip
 """The options that say nothing about what is made, and apply to manifests."""
 
@@ -105,6 +109,10 @@ class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
 )  # fmt: skip
 @farm_options
 @gather_options
+@click.option(
+    "--contact", "contact_page", type=click.Path(), metavar="PAGE.html",
+    help="Put all outputs onto one page, drawn small, with sizes and errors.",
+)  # fmt: skip
 @click.option("--force", is_flag=True, help="Make outputs again that are there already.")
 @click.option(
     "--dry-run", is_flag=True, help="List what would be made, with sizes and orders; make nothing."
@@ -127,6 +135,7 @@ def batch(
     collect_order: int,
     collect_what: What,
     collect_window: str,
+    contact_page: str | None,
     force: bool,
     dry_run: bool,
     log: str,
@@ -163,7 +172,14 @@ def batch(
     chunks = named_parts(chunks, share)
     terms = Terms(force, dry_run, settings.current().cache, gathering)
     chunks = _collecting(chunks) if gathering is not None else chunks
-    _run(chunks, terms, _Place(jobs, scheduler), None if dry_run else log, collect, as_json, quiet)
+    if contact_page is not None:
+        check_outputs([contact_page], files=probes, suffixes=PAGES)
+        _check_count(chunks)
+    shown = None if dry_run else contact_page
+    _run(
+        chunks, terms, _Place(jobs, scheduler), None if dry_run else log, collect, shown, as_json,
+        quiet,
+    )  # fmt: skip
 
 
 def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
@@ -252,6 +268,7 @@ def _run(
     place: _Place,
     log: str | None,
     collect: str | None,
+    contact_page: str | None,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -287,9 +304,37 @@ def _run(
         if not (quiet or as_json):
             echo(f"{collect}: {terms.gathering.what} of {len(results):,} probes")
     predictions = _predictions(chunks, quiet) if terms.only_looks else []
+    if contact_page is not None:
+        _show(chunks, totals, contact_page, quiet)
     _conclude(totals, log, predictions, as_json, quiet)
     if totals.failed:
         sys.exit(1)
+
+
+def _check_count(chunks: list[Chunk]) -> None:
+    """Refuse a page of more maps than it can have, before long work."""
+    from shrm_cli.report.contact import MOST_MAPS
+
+    count = sum(len(chunk.jobs) for chunk in chunks)
+    if count > MOST_MAPS:
+        raise click.UsageError(
+            f"--contact shows {MOST_MAPS:,} maps at most, and these are {count:,}; leave it out, "
+            "and give `shrm contact` some of them",
+            click.get_current_context(),
+        )
+
+
+def _show(chunks: list[Chunk], totals: Totals, target: str, quiet: bool) -> None:
+    """Put all outputs that are there onto one page, and what failed."""
+    from shrm_cli.report.contact import Contacts, draw_contacts
+
+    outputs = [job.output for chunk in chunks for job in chunk.jobs]
+    there = [output for output in outputs if os.path.isfile(output)]
+    with progress_bar("drawing", quiet) as progress:
+        found = draw_contacts(there, progress) if there else Contacts()
+    failed = [(each["output"], each["error"]) for each in totals.failures if each.get("output")]
+    found.failures = [*failed, *found.failures]
+    write_contacts(found, target, "shrm batch")
 
 
 def _note(result: Result, log: Log | None, quiet: bool, only_looks: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import asdict
 from pathlib import Path
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from shrm_cli.progress import Progress
-    from shrm_cli.render.comparison import Comparison, Difference
+    from shrm_cli.render.comparison import Comparison
     from shrm_cli.render.flip import FlipError
 
 _VIEWS = ("0,0", "120,20", "240,-20")
@@ -332,17 +331,16 @@ def _numbers(
     flips: Sequence[Sequence[FlipError | None]] | None,
 ) -> dict[str, Any]:
     """Return the differences in each view and in all views together, as the JSON has them."""
+    from shrm_cli.render.comparison import mean_flip
+
     per_view = flips or [[None] * len(names)] * len(views)
 
     def row(index: int, view: int | None) -> dict[str, Any]:
         of_views = [each[index] for each in (per_view if view is None else [per_view[view]])]
-        # Each view has as many pixels of the sphere as the others.
-        means = [each.mean for each in of_views if each is not None]
-        flip = sum(means) / len(means) if len(means) == len(of_views) else None
         return {
             "file": names[index],
-            **_values(comparison.difference(index, view)),
-            "hdr_flip": flip,
+            **comparison.difference(index, view).summary(),
+            "hdr_flip": mean_flip(of_views),
         }
 
     each = []
@@ -353,11 +351,6 @@ def _numbers(
         exposures = asdict(known[0]) if known else None
         each.append({"view": list(view), "flip_exposures": exposures, "maps": maps})
     return {"views": each, "summary": [row(other, None) for other in range(len(names))]}
-
-
-def _values(difference: Difference) -> dict[str, float | None]:
-    # JSON has no infinity.
-    return {key: v if math.isfinite(v) else None for key, v in asdict(difference).items()}
 
 
 def _table(result: dict[str, Any], names: Sequence[str], flipped: bool) -> str:

@@ -25,6 +25,8 @@ _COMMANDS = {
     "render": "Render spheres and meshes from maps.",
     "view": "Show maps in a browser, interactively.",
     "lookdev": "Show materials under probes, on one sheet.",
+    "report": "Report on a probe and its maps: a page to send.",
+    "contact": "Put many maps onto one page.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
     "export": "Make the files that an engine loads.",

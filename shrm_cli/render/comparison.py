@@ -1,7 +1,8 @@
 """Maps compared with a baseline: pictures of the same views, and how far apart they are."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,10 @@ class Difference:
     p95_relative_error: float
     wrong_share: float
     negative_share: float
+
+    def summary(self) -> dict[str, float | None]:
+        """The numbers by name, for JSON, which has no infinity: None stands for it."""
+        return {key: v if math.isfinite(v) else None for key, v in asdict(self).items()}
 
 
 def measure(pictures: Picture, baselines: Picture) -> Difference:
@@ -180,6 +185,12 @@ class Comparison:
                 share = 100 * self.difference(index, k).relative_rmse
                 labels += [name, f"{share:.3g}% difference{amplified}"]
         return draw_sheet(comparison_layout(many, views, size), tiles, labels)
+
+
+def mean_flip(errors: Sequence[FlipError | None]) -> float | None:
+    """Return the mean HDR-FLIP of views, which have as many pixels each; None if one has none."""
+    means = [each.mean for each in errors if each is not None]
+    return sum(means) / len(means) if means and len(means) == len(errors) else None
 
 
 def comparison_layout(others: int, views: int, size: int) -> SheetLayout:

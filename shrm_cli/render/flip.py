@@ -10,7 +10,7 @@ exposures: in a black truth, and in one darker than 1e-7. This module never lets
 """
 
 import importlib.util
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,10 +57,13 @@ class FlipError:
     mean : float
         Mean of the error over the pixels, from 0 to 1.
     exposures : FlipExposures
+    errors : ndarray, shape (H, W)
+        The error of each pixel, from 0 to 1.
     """
 
     mean: float
     exposures: FlipExposures
+    errors: Array = field(compare=False, repr=False)
 
 
 def can_flip() -> bool:
@@ -113,6 +116,7 @@ def hdr_flip(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) -> 
     return FlipError(
         float(np.average(errors, weights=shares)),
         FlipExposures(start + stops, stop + stops, number),
+        errors,
     )
 
 

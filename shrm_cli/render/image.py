@@ -5,8 +5,43 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.files.picture import Picture
 
+_BRIGHT, _SHOWN_AS = 0.75, 0.4
+"""The quantile of the luminance that an exposure is chosen by, and what it becomes."""
+_MOST_STOPS = 30.0
+
 
 def expose(pixels: ArrayLike, exposure: float) -> Picture:
     """Multiply radiance by ``2**exposure``; the exposure value (EV) is in stops."""
     with np.errstate(over="ignore"):  # writers refuse or clip infinite values
         return np.asarray(pixels, dtype=np.float32) * np.float32(2.0**exposure)
+
+
+def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
+    """Return the stops that bring the upper quartile of the luminance to 0.4, in quarters.
+
+    The page of `shrm view` chooses by the same rule.
+
+    Parameters
+    ----------
+    luminance : array_like
+        Of the pixels that count. What is not finite is left out.
+    weights : array_like, broadcastable to the same shape
+        How much each counts, such as its solid angle.
+
+    Returns
+    -------
+    float
+        Between -30 and 30; 0 if the quartile is not above 0.
+    """
+    values = np.asarray(luminance, dtype=float)
+    shares = np.broadcast_to(weights, values.shape)
+    counts = np.isfinite(values)
+    values, shares = values[counts], shares[counts]
+    if not shares.sum() > 0:
+        return 0.0
+    order = np.argsort(values)
+    total = np.cumsum(shares[order])
+    bright = values[order[np.searchsorted(total, _BRIGHT * total[-1])]]
+    if bright <= 0:
+        return 0.0
+    return float(np.clip(np.round(4 * np.log2(_SHOWN_AS / bright)) / 4, -_MOST_STOPS, _MOST_STOPS))

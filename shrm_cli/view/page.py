@@ -79,6 +79,14 @@ def section(scene: Scene, urls: Sequence[str] | None = None) -> Section:
     return Section(_asset("page.css"), body, _script())
 
 
+def sources() -> tuple[str, str]:
+    """Return what the policy of a page has to allow that frames pages of views: script and style.
+
+    Pages within a page obey its policy besides their own.
+    """
+    return digest(_script()), digest(_FULL + _asset("page.css"))
+
+
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
     """Return a scene as a whole page.
 
@@ -96,8 +104,9 @@ def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
     parts = section(scene, urls)
     style = _FULL + parts.style
     network = "'none'" if urls is None else "'self'"
+    script_source, style_source = sources()
     policy = (
-        f"default-src 'none'; script-src {_digest(parts.script)}; style-src {_digest(style)}; "
+        f"default-src 'none'; script-src {script_source}; style-src {style_source}; "
         f"img-src blob: data:; connect-src {network}; "
         "base-uri 'none'; form-action 'none'"
     )
@@ -155,7 +164,7 @@ def embedded(value: Any) -> str:
     return text
 
 
-def _digest(text: str) -> str:
+def digest(text: str) -> str:
     """Return a text's digest as policies name it."""
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+    found = hashlib.sha256(text.encode("utf-8")).digest()
+    return f"'sha256-{base64.b64encode(found).decode('ascii')}'"

@@ -10,8 +10,8 @@ import pytest
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.picture import file_type, write_picture
-from shrm_cli.files.png import encode_srgb
-from shrm_cli.render.image import expose
+from shrm_cli.files.png import encode_srgb, png_bytes
+from shrm_cli.render.image import expose, suitable_exposure
 
 
 def read(path):
@@ -45,6 +45,26 @@ def test_exposure_is_in_stops():
     np.testing.assert_array_equal(expose([1, -2, 3], 3), np.float32([8, -16, 24]))
     np.testing.assert_array_equal(expose([1, -2, 3], -1), np.float32([0.5, -1, 1.5]))
     assert expose(np.float32(3e38), 5) == np.inf
+
+
+def test_exposures_bring_the_upper_quartile_to_two_fifths():
+    values = 0.4 * 2.0 ** np.array([-3.0, -3, -3, 2, 9])
+    assert suitable_exposure(values) == -2  # three of five are darker
+    assert suitable_exposure(values, [1, 1, 10, 1, 1]) == 3  # by their areas nearly all are
+    assert suitable_exposure(np.append(values, np.nan)) == -2
+    assert suitable_exposure([0.31]) == 0.25
+    assert suitable_exposure(np.zeros(4)) == suitable_exposure([np.nan]) == 0
+    assert suitable_exposure([1e-30]) == 30
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (9, 7, 3), (5, 16, 4)])
+def test_pngs_of_pages_are_read_by_others(tmp_path, rng, shape):
+    pixels = rng.integers(0, 256, shape, dtype=np.uint8)
+    pixels[shape[0] // 2 :] = pixels[:1]  # rows alike take another filter
+    if shape[-1] == 4:
+        pixels[..., 3] = 255  # OpenImageIO multiplies by the coverage
+    (tmp_path / "a.png").write_bytes(png_bytes(pixels))
+    np.testing.assert_array_equal(read(tmp_path / "a.png"), pixels)
 
 
 def test_png_holds_the_srgb_of_the_picture(tmp_path):

@@ -1,0 +1,70 @@
+"""`shrm contact` puts many maps onto one page."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from shrm_cli.cli.options import conclude, progress_bar, report_options
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.terminal import echo_message
+from shrm_cli.cli.usage import flags
+
+if TYPE_CHECKING:
+    from shrm_cli.report.contact import Contacts
+
+SUFFIXES = (".html", ".htm")
+
+
+@click.command()
+@click.argument("maps", metavar="MAP|FOLDER...", nargs=-1, required=True, type=click.Path())
+@click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
+@click.option("--title", default="Maps", show_default=True, help="Title of the page.")
+@report_options
+def contact(maps: tuple[str, ...], output: str, title: str, as_json: bool, quiet: bool) -> None:
+    """Put each MAP onto one page: a row for each probe, a column for each BRDF and form.
+
+    Each map is drawn as a small sphere, with its bytes, orders and predicted error, and links to
+    its file. Of a FOLDER all maps are shown, with those of the folders below it. Split sums and SH
+    exponentials are shown as GGX of roughness 0.5.
+
+    \b
+      shrm contact build -o build/index.html
+    """
+    from shrm_cli.report.contact import draw_contacts, found_maps
+
+    files = found_maps(maps)
+    check_outputs([output], files=files, suffixes=SUFFIXES)
+    with progress_bar("drawing", quiet) as progress:
+        found = draw_contacts(files, progress)
+    size = write_contacts(found, output, title)
+    seconds = sum(each.seconds for each in found.maps)
+    failures = [{"file": name, "error": flags(why)} for name, why in found.failures]
+    result = {
+        "file": output,
+        "bytes": size,
+        "maps": [each.file for each in found.maps],
+        "seconds": seconds,
+        "failures": failures,
+    }
+    count = len(found.maps)
+    lines = [f"{output}: {count:,} maps, {size:,} bytes, {seconds / max(count, 1):.2g} s each"]
+    conclude(result, lines, [], as_json, quiet)
+    for each in failures:
+        echo_message(f"Failed: {each['file']}: {each['error'].removeprefix(each['file'] + ': ')}")
+    if failures:
+        sys.exit(1)
+
+
+def write_contacts(found: Contacts, output: str, title: str) -> int:
+    """Write the page, whole or not at all, and return its bytes."""
+    from shrm_cli.files.whole import replacing
+    from shrm_cli.report.contact import contact_page
+
+    text = contact_page(found, output, title, flags).encode("utf-8", "replace")
+    with replacing(output) as temporary:
+        Path(temporary).write_bytes(text)
+    return len(text)

@@ -1,0 +1,193 @@
+"""`shrm report` tells of a probe and its maps on one page."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.completion import Spec
+from shrm_cli.cli.headings import command_with_headings
+from shrm_cli.cli.options import (
+    READING_NAMES,
+    conclude,
+    make_read_options,
+    probe_sampling_option,
+    progress_bar,
+    read_options,
+    report_options,
+    representation_options,
+    shared_options,
+)
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.prefilter import MAKING_HEADINGS
+from shrm_cli.cli.terminal import echo_message
+from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes
+from shrm_cli.cli.usage import flags
+from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
+
+if TYPE_CHECKING:
+    from shrm_cli.report.measure import Measured
+
+_VIEWS = ("0,0", "120,20", "240,-20")
+_MAX_PAGE = 32 * 10**6
+_SUFFIXES = (".html", ".htm")
+_OF_PAGE = ("angles", "picture_size", "truth_height", "exposure", "no_flip", "no_view", "max_page")
+_HEADINGS = {
+    **MAKING_HEADINGS,
+    "What to make": ["brdfs", "to"],
+    "What the page shows": [*_OF_PAGE],
+    "How the probe is read": [*READING_NAMES],
+    "Output": ["output", "as_json", "quiet"],
+}
+_UNSAID = ("probe", "output", "as_json", "quiet")
+"""Options that the page does not list; the command line has all that were given."""
+
+
+class _Report(command_with_headings(_HEADINGS)):  # type: ignore[misc]
+    """A command that keeps the words it was called with, for the page."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta["shrm.words"] = list(args)
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest
+
+
+@click.command(cls=_Report)
+@click.argument("probe", metavar="PROBE", type=click.Path())
+@click.option(
+    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
+    help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=["principal"],
+    show_default=True, help="A representation to make. May be repeated.",
+)  # fmt: skip
+@shared_options("eps", "error", "order_f", "order_p", "center")
+@representation_options(lambda option: not option.prints)
+@shared_options("domain", "source_height", "frame", "size", "max_size")
+@click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
+@click.option(
+    "--view", "angles", type=AzimuthElevation(), multiple=True, default=_VIEWS,
+    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation. May be given "
+    f"several times.  [default: {' '.join(_VIEWS)}]",
+)  # fmt: skip
+@click.option(
+    "--picture-size", type=click.IntRange(16, 1024), default=128, show_default=True, metavar="N",
+    help="Width and height of the spheres' pictures, pixels.",
+)  # fmt: skip
+@click.option(
+    "--truth-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+    help="Rows that the probe is averaged down to for the truth.  [default: 64 .. 256, by the "
+    "width of the BRDF's lobe]",
+)  # fmt: skip
+@click.option(
+    "--exposure", type=STOPS, metavar="EV",
+    help="Stops of the spheres.  [default: what suits the truth of each BRDF]",
+)  # fmt: skip
+@click.option("--no-flip", is_flag=True, help="Leave out HDR-FLIP.")
+@click.option("--no-view", is_flag=True, help="Leave out the interactive views: a small page.")
+@click.option(
+    "--max-page", type=Bytes(), metavar="BYTES", default=str(_MAX_PAGE),
+    help="The most that the page may take, such as 8MB; views that do not fit are left out.  "
+    "[default: 32MB]",
+)  # fmt: skip
+@probe_sampling_option
+@read_options
+@report_options
+def report(
+    probe: str,
+    brdfs: tuple[str, ...],
+    to: tuple[str, ...],
+    output: str,
+    angles: tuple[tuple[float, float], ...],
+    picture_size: int,
+    truth_height: int | None,
+    exposure: float | None,
+    no_flip: bool,
+    no_view: bool,
+    max_page: int,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **values: Any,
+) -> None:
+    """Report on the light probe PROBE and its maps: a page to send, which needs no network.
+
+    The page shows the probe with its range, white balance and lamps; each map in numbers, and in
+    pictures beside the truth, with differences and HDR-FLIP; and each BRDF in a view to orbit. Of
+    what engines use, split sums and SH exponentials are shown as each GGX of --brdf.
+
+    \b
+      shrm report probe.exr --brdf ggx:roughness=0.3 --brdf paint.bsdf -o report.html
+      shrm report probe.exr --brdf ggx:roughness=0.5 --to principal --to splitsum -o report.html
+    """
+    from shrm_cli.analysis.probe_statistics import probe_statistics
+    from shrm_cli.files.whole import replacing
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.report.measure import Plan, measure_maps
+    from shrm_cli.report.page import Look, report_page
+
+    light = open_probe(probe, make_read_options(sampling, values))
+    check_outputs([output], specs=brdfs, suffixes=_SUFFIXES)
+    arguments = {name: value for name, value in values.items() if value is not None}
+    plan = Plan(brdfs, to, arguments, angles, picture_size, truth_height, not no_flip)
+    plan.recipes()  # refuses what no probe could make, before long work
+    statistics = probe_statistics(light)
+    with progress_bar("measuring", quiet) as progress:
+        measured = measure_maps(light, plan, progress)
+    context = click.get_current_context()
+    command = shlex.join(["shrm", "report", *context.meta["shrm.words"]])
+    look = Look(exposure, not no_view, max_page, command, _options(context), flags)
+    with progress_bar("drawing", quiet) as progress:
+        made = report_page(measured, statistics, look, progress)
+    text = made.text.encode("utf-8", "replace")
+    with replacing(output) as temporary:
+        Path(temporary).write_bytes(text)
+    failures = [{"what": name, "error": flags(why)} for name, why in measured.failures]
+    result = {
+        "file": output,
+        "bytes": len(text),
+        "probe": statistics.summary(),
+        "maps": measured.summary(),
+        "failures": failures,
+    }
+    warnings = [f"{probe}: {line}" for line in light.report.warnings()]
+    warnings += [*measured.warnings, *made.remarks]
+    conclude(result, _lines(output, len(text), measured), warnings, as_json, quiet)
+    for each in failures:
+        echo_message(f"Failed: {each['what']}: {each['error']}")
+    if failures:
+        sys.exit(1)
+
+
+def _options(context: click.Context) -> dict[str, Any]:
+    """Return all options with a value by their flags; defaults are options, too."""
+    return {
+        each.opts[0]: context.params[each.name]
+        for each in context.command.params
+        if isinstance(each, click.Option)
+        and each.name in context.params
+        and each.name not in _UNSAID
+        and context.params[each.name] not in (None, False, ())
+    }
+
+
+def _lines(output: str, size: int, measured: Measured) -> list[str]:
+    """Return the page's size, and a line for each map."""
+    from shrm_cli.report import words
+    from shrm_cli.report.measure import names_of
+
+    lines = [f"{output}: {words.storage(size)}, opens in a browser without a network"]
+    for material, index, made in names_of(measured.materials):
+        found = material.numbers(index)
+        lines.append(
+            f"  {material.spec}, {made.form}: RMS {words.percent(found['relative_rmse'])}, median "
+            f"{words.percent(found['median_relative_error'])}, 95 % within "
+            f"{words.percent(found['p95_relative_error'])}, "
+            f"{words.storage(made.summary['bytes'])}, {words.duration(made.seconds)}"
+        )
+    return lines

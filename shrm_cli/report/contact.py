@@ -1,0 +1,252 @@
+"""A page over many maps: a grid of probes and materials with small pictures."""
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.errors import MapError, ShrmError
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import is_map, open_map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.provenance import spec_of
+from shrm_cli.progress import Progress
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.image import suitable_exposure
+from shrm_cli.render.shading import ggx_surface
+from shrm_cli.render.sphere import render_sphere
+from shrm_cli.report import pictures, words
+from shrm_cli.report.markup import Html, Part, joined, tag, whole_page
+from shrm_cli.vocabulary import LUMINANCE
+
+Array = NDArray[np.floating]
+
+SIZE = 96
+"""Width and height of the pictures, pixels."""
+MOST_MAPS = 2000
+"""The most maps of a page, which then takes about 40 MB."""
+_VIEWER = Viewer(30, 15)
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A map as the page shows it.
+
+    Attributes
+    ----------
+    file : str
+        Its path.
+    form : str
+        The representation.
+    brdf : str
+        The specification of the BRDF; empty of light alone, which is shown as GGX.
+    info : MapInfo
+    bytes : int
+        Of the file.
+    picture : ndarray, shape (SIZE, SIZE, 3)
+        Linear radiance, premultiplied by the coverage of the sphere.
+    seconds : float
+        That reading and drawing it took.
+    """
+
+    file: str
+    form: str
+    brdf: str
+    info: MapInfo
+    bytes: int
+    picture: Array
+    seconds: float
+
+    @property
+    def probe(self) -> tuple[str, str]:
+        """Name and digest of the probe, which tell probes apart."""
+        return self.info.probe or "unknown probe", self.info.probe_sha256
+
+    @property
+    def column(self) -> tuple[str, str]:
+        """The BRDF, where the map is for one, and the form."""
+        return self.brdf, self.form
+
+
+@dataclass
+class Contacts:
+    """What a page over maps shows.
+
+    Attributes
+    ----------
+    maps : list of Thumbnail
+    failures : list of (str, str)
+        Files that could not be drawn, and why; or outputs that could not be made.
+    """
+
+    maps: list[Thumbnail] = field(default_factory=list)
+    failures: list[tuple[str, str]] = field(default_factory=list)
+
+
+def found_maps(names: Iterable[str]) -> list[str]:
+    """Return the files that are named, and the maps in folders and the folders below.
+
+    Files in folders that are no maps, such as probes and pictures, are passed over, and so are
+    those in folders whose names begin with a dot.
+    """
+    found: dict[str, None] = {}
+    for name in names:
+        if not os.path.isdir(name):
+            found[name] = None
+            continue
+        for folder, folders, files in os.walk(name):
+            folders[:] = sorted(each for each in folders if not each.startswith("."))
+            paths = (os.path.join(folder, each) for each in sorted(files))
+            found |= {path: None for path in paths if path.endswith(".exr") and is_map(path)}
+    return list(found)
+
+
+def draw_contacts(files: Sequence[str], progress: Progress | None = None) -> Contacts:
+    """Draw a small sphere of each map.
+
+    Parameters
+    ----------
+    files : sequence of str
+        One after the other is read, drawn, and forgotten.
+    progress : callable, optional
+        Called with the maps that are done and their number.
+
+    Returns
+    -------
+    Contacts
+        A map that cannot be drawn is among the failures.
+
+    Raises
+    ------
+    MapError
+        If there is no map, or there are more than `MOST_MAPS`.
+    """
+    if not 1 <= len(files) <= MOST_MAPS:
+        raise MapError(
+            f"{len(files):,} maps are there to be shown; name 1 to {MOST_MAPS:,} of them, or "
+            "folders that hold so many"
+        )
+    found = Contacts()
+    for done, file in enumerate(files, start=1):
+        try:
+            found.maps.append(_drawn(file))
+        except ShrmError as error:
+            found.failures.append((file, str(error)))
+        if progress is not None:
+            progress(done, len(files))
+    return found
+
+
+def _drawn(file: str) -> Thumbnail:
+    start = time.perf_counter()
+    opened: Map = open_map(file)
+    info, size = opened.info, os.path.getsize(file)
+    brdf = "" if opened.needs_surface or not info.brdf else spec_of(info.brdf)
+    if opened.needs_surface:
+        surface = ggx_surface()
+        shown = opened.shaded(surface.number("roughness"), surface.color("f0"))
+    else:
+        shown = opened
+    if opened.needs_light:
+        raise MapError(f"{file}: holds no light of its own, so that there is nothing to draw")
+    picture = np.nan_to_num(render_sphere(shown, _VIEWER, SIZE))
+    seconds = time.perf_counter() - start
+    return Thumbnail(file, opened.representation, brdf, info, size, picture, seconds)
+
+
+def contact_page(
+    contacts: Contacts,
+    target: str,
+    title: str = "Maps",
+    worded: Callable[[str], str] = str,
+) -> str:
+    """Return the page: a row for each probe, a column for each BRDF and form.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    target : str
+        The path of the page, from whose folder its links to the files lead.
+    title : str
+    worded : callable
+        How messages of the library, which name its arguments in backticks, are shown.
+
+    Returns
+    -------
+    str
+        HTML, to be written as UTF-8. It holds the pictures; the maps are linked.
+    """
+    rows: dict[tuple[str, str], dict[tuple[str, str], list[Thumbnail]]] = {}
+    columns: dict[tuple[str, str], None] = {}
+    for each in contacts.maps:
+        rows.setdefault(each.probe, {}).setdefault(each.column, []).append(each)
+        columns[each.column] = None
+    folder = Path(target).absolute().parent
+    body = [_line(name, rows[name], list(columns), folder) for name in rows]
+    head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in columns])
+    total = sum(each.bytes for each in contacts.maps)
+    what = (
+        f"{words.counted(len(contacts.maps), 'map')} of {words.counted(len(rows), 'probe')}, "
+        f"{words.storage(total)}. Each "
+        f"picture is a sphere seen from azimuth {_VIEWER.azimuth:g}\u00b0, elevation "
+        f"{_VIEWER.elevation:g}\u00b0, at one exposure a row; the number in percent is the "
+        "predicted RMS error of the reflected light."
+    )
+    return whole_page(
+        title,
+        tag("header", tag("p.kind", "Contact sheet"), tag("h1", title), tag("p.quiet", what)),
+        [_failure(*each, worded) for each in contacts.failures],
+        tag("div.scroll.sheet", tag("table", tag("thead", head), tag("tbody", body)), tabindex="0"),
+    )
+
+
+def _failure(name: str, why: str, worded: Callable[[str], str]) -> Html:
+    return tag("p.failure", tag("b", tag("code", name), ": "), worded(why))
+
+
+def _heading(brdf: str, form: str) -> Part:
+    return joined(tag("code", brdf), Html("<br>"), form) if brdf else form
+
+
+def _line(
+    probe: tuple[str, str],
+    cells: Mapping[tuple[str, str], Sequence[Thumbnail]],
+    columns: Sequence[tuple[str, str]],
+    folder: Path,
+) -> Html:
+    """Return the row of a probe; its pictures share an exposure."""
+    drawn = np.array([each.picture for maps in cells.values() for each in maps])
+    inside = pictures.coverage(SIZE) == 1
+    stops = suitable_exposure(drawn[:, inside] @ np.array(LUMINANCE))
+    heading = tag(
+        "th", words.base_name(probe[0]), Html("<br>"), tag("span.quiet", words.stops(stops))
+    )
+    found = [tag("td", [_cell(each, stops, folder) for each in cells.get(c, [])]) for c in columns]
+    return tag("tr", heading, found)
+
+
+def _cell(each: Thumbnail, stops: float, folder: Path) -> Html:
+    colors = pictures.shown(pictures.unmultiplied(each.picture), stops, each.info.chromaticities)
+    picture = pictures.image(pictures.on_sphere(colors), words.base_name(each.file))
+    orders = f"F {each.info.order_f}" + (f", P {each.info.order_p}" if each.info.order_p else "")
+    error = math.hypot(each.info.predicted_error, each.info.added_error)
+    return tag(
+        "a.map", picture, tag("span", f"{words.storage(each.bytes)}, {words.percent(error)}"),
+        tag("span", orders), href=_link(each.file, folder), title=words.base_name(each.file),
+    )  # fmt: skip
+
+
+def _link(file: str, folder: Path) -> str:
+    """Return the address of a file from the page's folder."""
+    try:
+        path = os.path.relpath(file, folder)
+    except ValueError:  # another drive
+        path = words.base_name(file)
+    address = quote(path.replace(os.sep, "/").encode("utf-8", "surrogateescape"))
+    return address if address.startswith(".") else f"./{address}"

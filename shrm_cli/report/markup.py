@@ -1,0 +1,124 @@
+"""HTML put together of elements. All text is escaped, whatever the names of files hold."""
+
+import html
+from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib import resources
+from string import Template
+
+from shrm_cli import __version__
+from shrm_cli.view.page import digest
+
+_VOID = {"img"}
+
+
+class Html(str):
+    """Text that is HTML; every other text is escaped where it becomes part of a page."""
+
+
+Part = str | Iterable["Part"]
+"""HTML, text, or several of them."""
+
+
+def joined(*parts: Part) -> Html:
+    """Return parts as HTML, one after the other."""
+    texts: list[str] = []
+    for part in parts:
+        if isinstance(part, Html):
+            texts.append(part)
+        elif isinstance(part, str):
+            texts.append(html.escape(part))
+        else:
+            texts.append(joined(*part))
+    return Html("".join(texts))
+
+
+def tag(name: str, *parts: Part, **attributes: str) -> Html:
+    """Return an element.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``td``, or ``td.number`` with a class.
+    *parts : str or iterables of them
+        What is in it.
+    **attributes : str
+        Their values are escaped; ``_`` in names stands for ``-``.
+    """
+    kind, _, of_class = name.partition(".")
+    given = ({"class": of_class.replace(".", " ")} if of_class else {}) | attributes
+    words = "".join(
+        f' {key.replace("_", "-")}="{html.escape(value)}"' for key, value in given.items()
+    )
+    if kind in _VOID:
+        return Html(f"<{kind}{words}>")
+    return Html(f"<{kind}{words}>{joined(*parts)}</{kind}>")
+
+
+def table(titles: Sequence[Part], rows: Iterable[Sequence[Part]], texts: int = 1) -> Html:
+    """Return a table that scrolls by itself where a page is narrow.
+
+    Parameters
+    ----------
+    titles : sequence of Part
+        Of the columns.
+    rows : iterable of sequence of Part
+    texts : int
+        How many of the first columns hold text; the others hold numbers.
+    """
+
+    def line(kind: str, cells: Sequence[Part]) -> Html:
+        kinds = [kind if k < texts else f"{kind}.number" for k in range(len(cells))]
+        return tag("tr", [tag(*each) for each in zip(kinds, cells, strict=True)])
+
+    head = tag("thead", line("th", titles))
+    body = tag("tbody", [line("td", cells) for cells in rows])
+    return tag("div.scroll", tag("table", head, body), tabindex="0")
+
+
+def facts(pairs: Iterable[tuple[Part, Part]]) -> Html:
+    """Return pairs of a word and a value as a list."""
+    return tag("dl.facts", [tag("div", tag("dt", word), tag("dd", value)) for word, value in pairs])
+
+
+def figure(picture: Html, *caption: Part) -> Html:
+    """Return a picture with what it shows below."""
+    return tag("figure", picture, tag("figcaption", *caption))
+
+
+def details(summary: str, *parts: Part) -> Html:
+    """Return what is shown when somebody asks for it."""
+    return tag("details", tag("summary", summary), *parts)
+
+
+@cache
+def _asset(name: str) -> str:
+    return resources.files("shrm_cli.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def whole_page(
+    title: str, *parts: Part, script_source: str = "'none'", style_source: str = ""
+) -> str:
+    """Return a page, which holds all that it needs and reaches no network.
+
+    Parameters
+    ----------
+    title : str
+    *parts : Part
+        What is in it.
+    script_source, style_source : str
+        What its policy allows besides its own style, for pages that are framed in it.
+    """
+    style = _asset("page.css")
+    policy = (
+        f"default-src 'none'; script-src {script_source}; "
+        f"style-src {digest(style)} {style_source}; "
+        "img-src data: blob:; connect-src 'none'; base-uri 'none'; form-action 'none'"
+    )
+    return Template(_asset("page.html")).substitute(
+        policy=html.escape(policy, quote=False),
+        title=html.escape(title),
+        style=style,
+        body=joined(*parts),
+        version=html.escape(__version__),
+    )

@@ -1,0 +1,312 @@
+"""What a report tells of maps: they are made, written, read and set beside the truth."""
+
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from shrm_cli.batch.entry import Entry
+from shrm_cli.batch.job import Recipe
+from shrm_cli.brdf.base import Brdf, Color
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError, MapError, ShrmError
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.file import open_map, store
+from shrm_cli.maps.provenance import common_brdf, record_of, same_brdf, spec_of
+from shrm_cli.naming import brdf_label, probe_stem
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress, Stages
+from shrm_cli.reference import Reference
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
+from shrm_cli.render.flip import FlipError, can_flip
+from shrm_cli.render.shading import KnownMap, ggx_surface, outside_range
+from shrm_cli.view.truth import source_rows
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is made and how it is measured.
+
+    Attributes
+    ----------
+    brdfs : tuple of str
+        Specifications.
+    forms : tuple of str
+        Representations.
+    arguments : mapping of str to value
+        Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them.
+    views : tuple of (float, float)
+        Azimuth and elevation of the viewers, degrees.
+    size : int
+        Width and height of the pictures, pixels.
+    rows : int, optional
+        Rows that the probe is averaged down to for the truth; what the lobe needs by default.
+    flips : bool
+        Whether HDR-FLIP is measured, where it is installed.
+    """
+
+    brdfs: tuple[str, ...]
+    forms: tuple[str, ...]
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    views: tuple[tuple[float, float], ...] = ((0.0, 0.0), (120.0, 20.0), (240.0, -20.0))
+    size: int = 128
+    rows: int | None = None
+    flips: bool = True
+
+    def recipes(self) -> list[Recipe]:
+        """Return the maps to be made of any probe.
+
+        Raises
+        ------
+        ArgumentError
+            As `Entry.recipes` has it.
+        """
+        entry = Entry((), self.brdfs, self.forms, arguments=self.arguments, runs_code=True)
+        return entry.recipes()
+
+
+@dataclass(frozen=True)
+class Made:
+    """A map that was made, as it was read from its file.
+
+    Attributes
+    ----------
+    form : str
+        The representation.
+    file : str
+        The name that `shrm prefilter` would give its file.
+    map : Map
+    summary : dict
+        What `shrm prefilter --json` says, with ``bytes`` and ``precision`` of the file.
+    notes : tuple of (str, str)
+        What was chosen automatically.
+    warnings : tuple of str
+    seconds : float
+        That making it took, without reading the probe's file for the first time or writing.
+    """
+
+    form: str
+    file: str
+    map: Map
+    summary: dict[str, Any]
+    notes: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+    seconds: float
+
+
+@dataclass
+class Material:
+    """A BRDF, its truth, and the maps that show it.
+
+    Attributes
+    ----------
+    brdf : Brdf
+    spec : str
+        Its specification.
+    maps : list of Made
+    shown : list of KnownMap
+        The maps; those of light alone on the surface.
+    rows : int
+        Of the lat-long that the truth is integrated over.
+    comparison : Comparison
+        Truth and maps, in all views.
+    flips : list of list of FlipError or None
+        Of each map and, in that, of each view; empty where it was not measured.
+    seconds : float
+        That the truth took.
+    """
+
+    brdf: Brdf
+    spec: str
+    maps: list[Made] = field(default_factory=list)
+    shown: list[KnownMap] = field(default_factory=list)
+    rows: int = 0
+    comparison: Comparison | None = None
+    flips: list[list[FlipError | None]] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def surface(self) -> tuple[float, Color] | None:
+        """Roughness and f0 where the BRDF is GGX, so that maps of light alone can show it."""
+        if not isinstance(self.brdf, Ggx):
+            return None
+        return self.brdf.number("roughness"), self.brdf.color("f0")
+
+    def numbers(self, index: int) -> dict[str, float | None]:
+        """Return how far a map is from the truth, as the summary of `shrm compare` has it."""
+        assert self.comparison is not None
+        flip = mean_flip(self.flips[index]) if self.flips else None
+        return {**self.comparison.difference(index).summary(), "hdr_flip": flip}
+
+
+@dataclass
+class Measured:
+    """What was made of a probe.
+
+    Attributes
+    ----------
+    probe : Probe
+    plan : Plan
+    materials : list of Material
+    failures : list of (str, str)
+        What could not be made, and why.
+    warnings : list of str
+    """
+
+    probe: Probe
+    plan: Plan
+    materials: list[Material] = field(default_factory=list)
+    failures: list[tuple[str, str]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Return the numbers of all maps, for JSON."""
+        return [
+            {
+                "file": made.file,
+                "truth_rows": material.rows,
+                **made.summary,
+                "seconds": made.seconds,
+                "measured": material.numbers(index),
+                "warnings": list(made.warnings),
+            }
+            for material in self.materials
+            for index, made in enumerate(material.maps)
+        ]
+
+
+def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> Measured:
+    """Make all maps, and compare each with the truth.
+
+    Parameters
+    ----------
+    probe : Probe
+    plan : Plan
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Returns
+    -------
+    Measured
+        A BRDF or a form that fails is among its failures, and does not stop the others.
+
+    Raises
+    ------
+    ArgumentError
+        If nothing of this plan could be made of any probe.
+    """
+    recipes = plan.recipes()
+    if not recipes:
+        raise ArgumentError("brdf", f"is missing; `to` {plan.forms[0]} needs one")
+    found = Measured(probe, plan)
+    stages = Stages(progress, 2 * len(recipes))
+    alone = []
+    with tempfile.TemporaryDirectory() as folder:
+        for count, recipe in enumerate(recipes, start=1):
+            try:
+                made = _made(probe, recipe, Path(folder) / "map.exr", stages.within)
+                if recipe.brdf is None:
+                    alone.append(made)
+                else:
+                    _joined(found, probe, recipe.brdf, made)
+            except ShrmError as error:
+                name = recipe.to if recipe.brdf is None else f"{recipe.brdf}, {recipe.to}"
+                found.failures.append((name, str(error)))
+            stages.done(count, 0)
+    for made in alone:
+        _add_light(found, made)
+    for count, material in enumerate(found.materials, start=1):
+        _compare(material, probe, plan, stages)
+        stages.done(len(recipes) + count, 0)
+    return found
+
+
+def _made(probe: Probe, recipe: Recipe, path: Path, progress: Progress) -> Made:
+    """Make a map, write it, and read it as everybody will who uses the file."""
+    given: dict[str, Any] = dict(recipe.arguments)
+    if recipe.brdf is not None:
+        given["brdf"] = parse_spec(recipe.brdf, primaries=probe.chromaticities)
+    start = time.perf_counter()
+    made = prefilter_with_facts(probe, recipe.to, given, progress)
+    seconds = time.perf_counter() - start
+    if made.map.needs_light:
+        raise MapError("holds no light of its own; leave it out, see `shrm compare`")
+    stored = store(path, made.map, recipe.precision)
+    summary = {
+        **made.summary(),
+        "storage_error": stored.error,
+        "bytes": path.stat().st_size,
+        "precision": stored.pixel_type,
+    }
+    label = [] if recipe.brdf is None else [brdf_label(recipe.brdf)]
+    file = ".".join([probe_stem(probe.name), *label, recipe.to, "exr"])
+    return Made(recipe.to, file, open_map(path), summary, made.notes, made.warnings, seconds)
+
+
+def _joined(found: Measured, probe: Probe, spec: str, made: Made) -> None:
+    """Add a map to its material, the first one with a material of its own."""
+    material = next((each for each in found.materials if each.spec == spec), None)
+    if material is None:
+        material = Material(parse_spec(spec, primaries=probe.chromaticities), spec)
+        found.materials.append(material)
+    material.maps.append(made)
+    material.shown.append(made.map)
+
+
+def _add_light(found: Measured, made: Made) -> None:
+    """Add a map of light alone to the materials that it can show, or to one of its own."""
+    if made.map.needs_surface:
+        surfaces = [each for each in found.materials if each.surface is not None]
+        if not surfaces:
+            brdf: Brdf = ggx_surface()
+            surfaces = [Material(brdf, spec_of(record_of(brdf)))]
+            found.materials += surfaces
+    else:
+        brdf = common_brdf({made.file: made.map.info})
+        record = record_of(brdf)
+        surfaces = [each for each in found.materials if same_brdf(record_of(each.brdf), record)]
+        if not surfaces:
+            surfaces = [Material(brdf, spec_of(record))]
+            found.materials += surfaces
+    for material in surfaces:
+        material.maps.append(made)
+        if material.surface is None:
+            material.shown.append(made.map)
+            continue
+        roughness, f0 = material.surface
+        material.shown.append(made.map.shaded(roughness, f0))
+        found.warnings += outside_range({made.file: made.map}, roughness)
+
+
+def _compare(material: Material, probe: Probe, plan: Plan, stages: Stages) -> None:
+    """Draw the truth and the maps of a material, and measure HDR-FLIP between them."""
+    material.rows = plan.rows or source_rows(material.brdf)
+    # The first pictures are those of the truth, so that the time between them is its own.
+    start = time.perf_counter()
+    truths = len(plan.views)
+
+    def drawn(done: int, total: int) -> None:
+        if done == truths:
+            material.seconds = time.perf_counter() - start
+
+    truth = Reference(probe, material.brdf, material.rows, progress=stages.within)
+    viewers = [Viewer(*view) for view in plan.views]
+    material.comparison = compare_spheres(truth, material.shown, viewers, plan.size, drawn)
+    if plan.flips and can_flip():
+        views = range(len(viewers))
+        material.flips = [
+            [material.comparison.flip(other, view) for view in views]
+            for other in range(len(material.shown))
+        ]
+
+
+def names_of(materials: Sequence[Material]) -> Iterator[tuple[Material, int, Made]]:
+    """Yield every map with its material and its place in that."""
+    for material in materials:
+        for index, made in enumerate(material.maps):
+            yield material, index, made

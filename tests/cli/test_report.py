@@ -1,0 +1,289 @@
+"""`shrm report` and `shrm contact`: the pages they write, their numbers, and what they refuse."""
+
+import base64
+import html
+import json
+import re
+import zlib
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from shrm_cli.render.flip import can_flip
+from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+
+SMALL = ["--view", "10,20", "--picture-size", "16", "--truth-height", "16"]
+EVIL = "x--><b onload=alert(1)>'\"&.exr"
+
+
+class Page(HTMLParser):
+    """What a page is made of; raises where elements are not closed in their order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.texts = [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in ("meta", "link", "img", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def read(name):
+    with open(name, encoding="utf-8") as file:
+        text = file.read()
+    return text, Page(text)
+
+
+def assert_self_contained(page):
+    """No script of its own, no handler, no address outside the page but links to files beside."""
+    allowed = {"html", "head", "meta", "title", "link", "style", "body", "main", "header", "nav"}
+    allowed |= {"section", "h1", "h2", "h3", "p", "b", "a", "code", "pre", "div", "span", "br"}
+    allowed |= {"table", "thead", "tbody", "tr", "th", "td", "dl", "dt", "dd", "details"}
+    allowed |= {"summary", "figure", "figcaption", "img", "svg", "circle", "text", "iframe"}
+    assert {tag for tag, _ in page.tags} <= allowed
+    for _, attributes in page.tags:
+        assert not [name for name in attributes if name.startswith("on") or name == "style"]
+        assert attributes.get("src", "data:").startswith("data:")
+        assert attributes.get("href", "#").startswith(("#", "./", "../", "data:,"))
+    (policy,) = [each["content"] for each in page.all("meta") if "http-equiv" in each]
+    assert policy.startswith("default-src 'none';")
+    assert "unsafe" not in policy
+    assert "http:" not in policy
+    assert "https:" not in policy
+
+
+def decoded(source):
+    """The pixels of a PNG in a data URI, by an inverse of the filters that is slow and plain."""
+    data = base64.b64decode(source.removeprefix("data:image/png;base64,"))
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    place, chunks = 8, {}
+    while place < len(data):
+        size = int.from_bytes(data[place : place + 4], "big")
+        kind, body = data[place + 4 : place + 8], data[place + 8 : place + 8 + size]
+        check = int.from_bytes(data[place + 8 + size : place + 12 + size], "big")
+        assert zlib.crc32(kind + body) == check
+        chunks[kind] = body
+        place += 12 + size
+    width, height = (int.from_bytes(chunks[b"IHDR"][k : k + 4], "big") for k in (0, 4))
+    count = {2: 3, 6: 4}[chunks[b"IHDR"][9]]
+    lines = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, -1)
+    rows = np.zeros((height, width * count), np.uint8)
+    for y, (kind, *values) in enumerate(lines.tolist()):
+        for x, value in enumerate(values):
+            left = int(rows[y, x - count]) if x >= count else 0
+            above = int(rows[y - 1, x]) if y else 0
+            rows[y, x] = (value + (0, left, above)[kind]) % 256
+    return rows.reshape(height, width, count)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a probe, brighter on one side and below a lamp."""
+    monkeypatch.chdir(tmp_path)
+    light = np.ones((16, 32, 3), dtype=np.float32) + np.arange(32)[None, :, None] / 8
+    light[4, 9] = 300
+    write_exr("probe.exr", light.astype(np.float32))
+    return tmp_path
+
+
+def test_the_numbers_are_those_of_prefilter_and_compare(folder):
+    spec = "ggx:roughness=0.6"
+    forms = ["--to", "principal", "--to", "splitsum", "--levels", "2", "--size", "8"]
+    out = json.loads(
+        done("report", "probe.exr", "--brdf", spec, *forms, *SMALL, "-o", "a.html", "--json")
+    )
+    text, page = read("a.html")
+    assert_self_contained(page)
+    assert out["bytes"] == (folder / "a.html").stat().st_size
+    assert out["failures"] == []
+    assert out["probe"] == {
+        key: each for key, each in json.loads(done("info", "probe.exr", "--json")).items()
+        if key in out["probe"]
+    }  # fmt: skip
+    given = {"principal": ["--brdf", spec], "splitsum": ["--levels", "2"]}
+    assert [each["representation"] for each in out["maps"]] == list(given)
+    for found in out["maps"]:
+        form = found["representation"]
+        options = [*given[form], "--to", form, "--size", "8", "-o", found["file"], "--json"]
+        made = json.loads(done("prefilter", "probe.exr", *options))
+        own = {"warnings", "file"}
+        assert {key: found[key] for key in made.keys() - own} == {
+            key: made[key] for key in made.keys() - own
+        }
+        shown = [] if form == "principal" else ["--roughness", "0.6"]
+        compared = json.loads(
+            done("compare", found["file"], "--probe", "probe.exr", "--view", "10,20", "--size",
+                 "16", "--source-height", "16", "--no-picture", "--json", *shown)
+        )  # fmt: skip
+        (expected,) = compared["summary"]
+        del expected["file"]
+        assert found["measured"] == expected
+        assert expected["relative_rmse"] > 0
+        assert f">{expected['relative_rmse'] * 100:.2g} %<" in text
+
+
+def test_pictures_and_the_view_are_in_the_page(folder):
+    done("report", "probe.exr", "--brdf", "phong:exponent=8", *SMALL, "-o", "a.html")
+    text, page = read("a.html")
+    pictures = page.all("img")
+    spheres = [each for each in pictures if each["width"] == "16"]
+    columns = 3 + 2 * ("darker" in text) + can_flip()
+    assert len(spheres) == columns
+    truth = decoded(spheres[0]["src"])
+    assert truth.shape == (16, 16, 4)
+    assert truth[0, 0, 3] == 0
+    assert truth[8, 8, 3] == 255
+    assert truth[8, 8, :3].min() > 0
+    (frame,) = page.all("iframe")
+    assert frame["sandbox"] == "allow-scripts allow-downloads"
+    inner = re.findall(r"'sha256-[^']*'", frame["srcdoc"])
+    outer = next(each["content"] for each in page.all("meta") if "http-equiv" in each)
+    # The policy of the page holds within the frame, too.
+    assert all(digest in outer for digest in inner)
+    assert len(inner) == 2
+    done("report", "probe.exr", "--brdf", "phong", *SMALL, "--no-view", "-o", "b.html")
+    assert read("b.html")[1].all("iframe") == []
+
+
+def test_names_are_escaped(folder):
+    (folder / "probe.exr").rename(folder / EVIL)
+    done("report", EVIL, "--brdf", "phong", *SMALL, "-o", "a.html")
+    text, page = read("a.html")
+    assert_self_contained(page)
+    assert EVIL in page.texts
+    assert EVIL not in text
+    (frame,) = page.all("iframe")
+    assert EVIL not in frame["srcdoc"]
+    done("prefilter", EVIL, "--brdf", "phong", "-o", "map <i>.exr", "--quiet")
+    done("contact", "map <i>.exr", "--title", "<script>", "-o", "c.html")
+    text, page = read("c.html")
+    assert_self_contained(page)
+    assert EVIL in page.texts
+    assert "./map%20%3Ci%3E.exr" in [each.get("href") for each in page.all("a")]
+
+
+def test_a_brdf_that_fails_is_said_and_the_others_are_there(folder):
+    result = run(
+        "report", "probe.exr", "--brdf", "nonsense", "--brdf", "phong", *SMALL, "-o", "a.html"
+    )
+    assert result.code == 1
+    assert re.fullmatch(r"Failed: nonsense, principal: [^\n]*\n", result.err)
+    text, page = read("a.html")
+    assert "nonsense, principal" in page.texts
+    assert html.escape("phong") in text
+    assert len(page.all("iframe")) == 1
+
+
+def test_views_of_small_pages_have_smaller_maps(folder):
+    forms = ["--to", "principal", "--to", "splitsum", "--size", "128"]
+    common = ["report", "probe.exr", "--brdf", "ggx:roughness=0.6", *forms, *SMALL, "--no-flip"]
+    done(*common, "--quiet", "-o", "a.html")
+    whole = read("a.html")[1].all("iframe")[0]["srcdoc"]
+    assert all(f'"name":"probe.{name}"' in whole for name in ("ggx-roughness-0.6.principal",
+               "splitsum"))  # fmt: skip
+    result = run(*common, "-o", "b.html", "--max-page", "3MB")
+    assert result.code == 0
+    assert "the view of ggx:roughness=0.6 is without splitsum, and has maps with 1/" in result.err
+    small = read("b.html")[1].all("iframe")[0]["srcdoc"]
+    assert '"name":"probe.ggx-roughness-0.6.principal"' in small
+    assert '"name":"probe.splitsum"' not in small
+    assert (folder / "b.html").stat().st_size < 3e6 < (folder / "a.html").stat().st_size
+
+
+def test_a_page_keeps_its_limit(folder):
+    common = ["report", "probe.exr", "--brdf", "phong", *SMALL, "-o", "a.html", "--max-page"]
+    result = run(*common, "1MB")
+    assert result.code == 0
+    assert "no view of phong" in result.err
+    assert (folder / "a.html").stat().st_size < 10**6
+    (folder / "a.html").unlink()
+    assert_refused(run(*common, "1kB"), 1, "the page would take", "--max-page")
+    assert not (folder / "a.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["missing.exr", "--brdf", "phong", "-o", "a.html"], ["missing.exr"]),
+        (["probe.exr", "--brdf", "phong", "-o", "a.exr"], ["a.exr", ".html"]),
+        (["probe.exr", "--brdf", "phong", "-o", "none/a.html"], ["none"]),
+        (["probe.exr", "--brdf", "phong", "-o", "link.html"], ["link.html", "overwrite"]),
+    ],
+)
+def test_bad_input_is_refused_in_a_line(folder, arguments, words):
+    (folder / "link.html").symlink_to("probe.exr")
+    before = snapshot(folder)
+    assert_refused(run("report", *arguments), 1, *words)
+    assert snapshot(folder) == before
+
+
+def test_usage_is_checked_before_work(folder):
+    for arguments, word in [
+        ([], "--brdf"),
+        (["--brdf", "phong", "--to", "irradiance"], "--brdf"),
+        (["--brdf", "phong", "--levels", "3"], "--levels"),
+    ]:
+        result = run("report", "probe.exr", *arguments, "-o", "a.html")
+        assert (result.code, result.err.count("\n")) == (2, 1)
+        assert word in result.err
+
+
+def test_maps_of_light_alone_have_a_material_of_their_own(folder):
+    out = json.loads(
+        done("report", "probe.exr", "--to", "irradiance", *SMALL, "--no-view", "-o", "a.html",
+             "--json")
+    )  # fmt: skip
+    (found,) = out["maps"]
+    assert found["representation"] == "irradiance"
+    assert "lambertian" in "".join(read("a.html")[1].texts)
+
+
+def test_contact_sheets_have_a_row_for_each_probe(folder):
+    write_exr("other.exr", np.full((16, 32, 3), 2, dtype=np.float32))
+    for name in ("probe", "other"):
+        for exponent in (4, 8) if name == "probe" else (4,):
+            done("prefilter", f"{name}.exr", "--brdf", f"phong:exponent={exponent}", "--quiet",
+                 "-o", f"maps{name}{exponent}.exr")  # fmt: skip
+    (folder / "build" / "below").mkdir(parents=True)
+    for path in folder.glob("maps*.exr"):
+        path.rename(folder / "build" / "below" / path.name)
+    (folder / "build" / "note.exr").write_text("no map")
+    out = json.loads(done("contact", "build", "-o", "build/index.html", "--json"))
+    names = ["mapsother4.exr", "mapsprobe4.exr", "mapsprobe8.exr"]
+    assert out["maps"] == [f"build/below/{name}" for name in names]
+    _, page = read("build/index.html")
+    assert_self_contained(page)
+    assert len(page.all("tr")) == 3
+    assert len(page.all("td")) == 4
+    assert [each["href"] for each in page.all("a")] == [f"./below/{name}" for name in names]
+    assert len(page.all("img")) == 3
+    (folder / "empty").mkdir()
+    before = snapshot(folder)
+    result = run("contact", "build", "build/note.exr", "-o", "build/index.html")
+    assert (result.code, result.err.count("Failed: build/note.exr: ")) == (1, 1)
+    assert_refused(run("contact", "build/below/mapsprobe4.exr", "-o", "probe.exr"), 1, "probe.exr")
+    assert_refused(run("contact", "empty", "-o", "x.html"), 1, "0 maps")
+    assert snapshot(folder).keys() == before.keys()
+
+
+def test_batches_have_contact_sheets(folder):
+    result = run("batch", "probe.exr", "note.exr", "--brdf", "phong", "--jobs", "1", "--contact",
+                 "all.html", "--quiet")  # fmt: skip
+    assert result.code == 1
+    _, page = read("all.html")
+    assert [each["href"] for each in page.all("a")] == ["./probe.phong.shrm.exr"]
+    assert "note.phong.shrm.exr" in page.texts
