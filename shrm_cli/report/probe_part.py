@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.analysis.probe_statistics import ProbeStatistics
-from shrm_cli.analysis.white import xyz_matrix
+from shrm_cli.color import xyz_matrix
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
