@@ -1,7 +1,6 @@
 """The page of a sheet: one file, without a network, whose columns can be exposed anew."""
 
 import base64
-import hashlib
 import html
 from collections.abc import Sequence
 from importlib import resources
@@ -9,6 +8,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.files.html_page import html_page
 from shrm_cli.files.picture import Picture
 from shrm_cli.lookdev.columns import Column
 from shrm_cli.maps.options import counted
@@ -48,40 +48,20 @@ def lookdev_page(
     """
     style = f":root {{ --cell: {size}px; }}\n{_asset('page.css')}"
     script = _asset("page.js")
-    policy = (
-        f"default-src 'none'; script-src {_digest(script)}; style-src {_digest(style)}; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
-    )
     sections = [
         _section(column, head, sides, cells, size)
         for column, head, cells in zip(columns, heads, tiles, strict=True)
     ]
     title = f"{counted(len(sides), 'material')}, {counted(len(heads), 'probe')}"
-    return "\n".join(
-        [
-            "<!DOCTYPE html>",
-            '<html lang="en">',
-            "<head>",
-            '<meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{title} \u2013 shrm</title>",
-            '<link rel="icon" href="data:,">',
-            f"<style>{style}</style>",
-            "</head>",
-            "<body>",
-            f"<h1>{title}</h1>",
-            "<p>Every sphere stands before its own light. A slider exposes its column anew, in "
-            "stops.</p>",
-            "<main>",
-            *sections,
-            "</main>",
-            f"<script>{script}</script>",
-            "</body>",
-            "</html>",
-            "",
-        ]
-    )
+    body = [
+        f"<h1>{title}</h1>",
+        "<p>Every sphere stands before its own light. A slider exposes its column anew, in "
+        "stops.</p>",
+        "<main>",
+        *sections,
+        "</main>",
+    ]
+    return html_page(f"{title} \u2013 shrm", "\n".join(body), style, script)
 
 
 def _section(
@@ -122,9 +102,3 @@ def _halves(picture: Picture) -> str:
 
 def _asset(name: str) -> str:
     return resources.files("shrm_cli.lookdev").joinpath("assets", name).read_text(encoding="utf-8")
-
-
-def _digest(text: str) -> str:
-    """Return a text's digest as the policy of a page names it."""
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"

@@ -4,10 +4,8 @@ import html
 from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib import resources
-from string import Template
 
-from shrm_cli import __version__
-from shrm_cli.view.page import digest
+from shrm_cli.files.html_page import html_page
 
 _VOID = {"img"}
 
@@ -96,9 +94,7 @@ def _asset(name: str) -> str:
     return resources.files("shrm_cli.report").joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def whole_page(
-    title: str, *parts: Part, script_source: str = "'none'", style_source: str = ""
-) -> str:
+def whole_page(title: str, *parts: Part, framed: tuple[str, str] = ("", "")) -> str:
     """Return a page, which holds all that it needs and reaches no network.
 
     Parameters
@@ -106,19 +102,7 @@ def whole_page(
     title : str
     *parts : Part
         What is in it.
-    script_source, style_source : str
-        What its policy allows besides its own style, for pages that are framed in it.
+    framed : tuple of (str, str)
+        As `html_page` takes it.
     """
-    style = _asset("page.css")
-    policy = (
-        f"default-src 'none'; script-src {script_source}; "
-        f"style-src {digest(style)} {style_source}; "
-        "img-src data: blob:; connect-src 'none'; base-uri 'none'; form-action 'none'"
-    )
-    return Template(_asset("page.html")).substitute(
-        policy=html.escape(policy, quote=False),
-        title=html.escape(title),
-        style=style,
-        body=joined(*parts),
-        version=html.escape(__version__),
-    )
+    return html_page(title, tag("main", *parts), _asset("page.css"), framed=framed)

@@ -132,7 +132,6 @@ def report_page(
         if progress is not None:
             progress(count, len(parts))
     name = words.base_name(measured.probe.name)
-    script_source, style_source = sources() if look.views else ("'none'", "")
     text = whole_page(
         f"{name} \u2013 shrm report",
         _head(measured, name),
@@ -140,8 +139,7 @@ def report_page(
         first,
         whole,
         _making(measured, look),
-        script_source=script_source,
-        style_source=style_source,
+        framed=sources() if look.views else ("", ""),
     )
     return Report(text, remarks)
 

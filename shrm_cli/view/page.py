@@ -1,12 +1,5 @@
-"""Pages of one file: markup, style, scripts and data, and nothing from anywhere else.
+"""The page of a scene: markup, style, scripts and data in one file."""
 
-A page can be opened from a disk. Its policy (Content-Security-Policy) allows no other script than
-its own, which it names by its digest, and no way to the network.
-"""
-
-import base64
-import hashlib
-import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +7,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from shrm_cli.geometry.mesh import Mesh
-from shrm_cli.maps.base import Map
-from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
-from shrm_cli.view.scene import Scene, Start, Truth, make_scene
+from shrm_cli.files.html_page import digest, html_page
+from shrm_cli.view.scene import Scene
 
 SCRIPTS = (
     "data", "camera", "gl", "shaders", "renderer", "screen", "viewer", "controls", "input", "start",
@@ -102,55 +92,13 @@ def page(scene: Scene, urls: Sequence[str] | None = None) -> str:
         HTML, to be written as UTF-8.
     """
     parts = section(scene, urls)
-    style = _FULL + parts.style
-    network = "'none'" if urls is None else "'self'"
-    script_source, style_source = sources()
-    policy = (
-        f"default-src 'none'; script-src {script_source}; style-src {style_source}; "
-        f"img-src blob: data:; connect-src {network}; "
-        "base-uri 'none'; form-action 'none'"
+    return html_page(
+        f"{scene.description['title']} \u2013 shrm",
+        parts.body,
+        _FULL + parts.style,
+        parts.script,
+        network="'none'" if urls is None else "'self'",
     )
-    return "\n".join(
-        [
-            "<!DOCTYPE html>",
-            '<html lang="en">',
-            "<head>",
-            '<meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            '<meta name="referrer" content="no-referrer">',
-            f"<title>{html.escape(scene.description['title'])} \u2013 shrm</title>",
-            '<link rel="icon" href="data:,">',
-            f"<style>{style}</style>",
-            "</head>",
-            "<body>",
-            parts.body,
-            f"<script>{parts.script}</script>",
-            "</body>",
-            "</html>",
-            "",
-        ]
-    )
-
-
-def view_page(
-    maps: Sequence[Map],
-    files: Sequence[str],
-    probe: Probe | None = None,
-    mesh: Mesh | None = None,
-    start: Start | None = None,
-    truth: Truth | None = None,
-    max_size: int | None = None,
-    progress: Progress | None = None,
-) -> str:
-    """Return a page that shows maps; all arguments are those of `make_scene`.
-
-    Returns
-    -------
-    str
-        HTML of one file, to be written as UTF-8.
-    """
-    return page(make_scene(maps, files, probe, mesh, start, truth, max_size, progress))
 
 
 def embedded(value: Any) -> str:
@@ -162,9 +110,3 @@ def embedded(value: Any) -> str:
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text
-
-
-def digest(text: str) -> str:
-    """Return a text's digest as policies name it."""
-    found = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"'sha256-{base64.b64encode(found).decode('ascii')}'"
