@@ -44,6 +44,8 @@ _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _NEARLY = 1.05
 """How much worse than the best map a smaller one may be, where no map meets the tolerance."""
+_MOST_OCTAVES = 2
+"""The most doublings at once for a measured BRDF, whose noise makes the estimate too large."""
 _FAIRLY = 1.25
 """How many times the known degrees a map may support that is compared with a smaller one."""
 _TRIES = 3
@@ -239,6 +241,8 @@ def _planner(
         octaves = 2 if above > _SHARP else 1
         if error is None:
             octaves = octaves_to_come(transfer, limit)
+            if brdf.is_measured:
+                octaves = min(octaves, _MOST_OCTAVES)
             # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
             max_q = MAX_Q if octaves > 1 else max_q
         order = min(2**octaves * order, MAX_ORDER_F)
