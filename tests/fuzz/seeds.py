@@ -83,7 +83,7 @@ _MAP = (
     "convert FILE --to layers -o OUT.exr",
     "convert FILE --to latlong --view 30,10 --size 4 -o OUT.exr",
     "view FILE -o OUT.html",
-    "contact FILE sound.shrm.exr -o OUT.html",
+    "contact FILE -o OUT.html",
 )
 _MAP_COMMANDS = {
     "irradiance": (
