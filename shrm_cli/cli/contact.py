@@ -40,6 +40,8 @@ def contact(maps: tuple[str, ...], output: str, title: str, as_json: bool, quiet
     check_outputs([output], files=files, suffixes=SUFFIXES)
     with progress_bar("drawing", quiet) as progress:
         found = draw_contacts(files, progress)
+    if not found.maps:
+        raise click.ClickException(_reason(*found.failures[0]))
     size = write_contacts(found, output, title)
     seconds = sum(each.seconds for each in found.maps)
     failures = [{"file": name, "error": flags(why)} for name, why in found.failures]
@@ -54,9 +56,14 @@ def contact(maps: tuple[str, ...], output: str, title: str, as_json: bool, quiet
     lines = [f"{output}: {count:,} maps, {size:,} bytes, {seconds / max(count, 1):.2g} s each"]
     conclude(result, lines, [], as_json, quiet)
     for each in failures:
-        echo_message(f"Failed: {each['file']}: {each['error'].removeprefix(each['file'] + ': ')}")
+        echo_message(f"Failed: {_reason(each['file'], each['error'])}")
     if failures:
         sys.exit(1)
+
+
+def _reason(name: str, why: str) -> str:
+    """Why a map is not shown, with the name of its file before it once."""
+    return f"{name}: {flags(why).removeprefix(name + ': ')}"
 
 
 def write_contacts(found: Contacts, output: str, title: str) -> int:

@@ -145,7 +145,9 @@ class ExrPart(StoredPart):
         self._source, self._index, self._spec = source, index, spec
 
     def attribute(self, name: str) -> Any:
-        return self._spec.getattribute(name)
+        value = self._spec.getattribute(name)
+        # The bytes of a type that nobody knows come as an array, whose comparisons are no truth.
+        return tuple(value.tolist()) if isinstance(value, np.ndarray) else value
 
     def holds(self, names: Sequence[str]) -> bool:
         spec = self._spec

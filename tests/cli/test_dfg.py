@@ -172,3 +172,14 @@ def test_a_table_is_no_probe(tmp_path, monkeypatch):
     done("dfg", "--size", "8", "-o", "table.exr")
     refused = run("prefilter", "table.exr", "--to", "irradiance")
     assert_refused(refused, 1, "table.exr: a table that shrm made, not a light probe")
+
+
+@pytest.mark.parametrize("name", [b"shrm:multiscatter", b"shrm:moments"])
+def test_an_attribute_of_an_unknown_type_is_refused(tmp_path, name):
+    """OpenImageIO gives its bytes, as an array, which is neither true nor false."""
+    target = tmp_path / "table.exr"
+    done("dfg", "--size", "4", "-o", target)
+    data = target.read_bytes()
+    assert name + b"\0int\0" in data
+    target.write_bytes(data.replace(name + b"\0int\0", name + b"\0xnt\0"))
+    assert_refused(run("info", target), 1, f"{name.decode()} is wrong")

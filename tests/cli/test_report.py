@@ -277,6 +277,7 @@ def test_contact_sheets_have_a_row_for_each_probe(folder):
     assert (result.code, result.err.count("Failed: build/note.exr: ")) == (1, 1)
     assert_refused(run("contact", "build/below/mapsprobe4.exr", "-o", "probe.exr"), 1, "probe.exr")
     assert_refused(run("contact", "empty", "-o", "x.html"), 1, "0 maps")
+    assert_refused(run("contact", "build/note.exr", "-o", "x.html"), 1, "build/note.exr: ")
     assert snapshot(folder).keys() == before.keys()
 
 

@@ -33,6 +33,7 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENI
 """Variables that libraries obey when they are loaded. Threads do not survive a fork."""
 _REPORT = 60.0  # seconds between lines of progress
 _BATCH = 40  # cases of one process
+_OUTPUTS = ("-o", "--light-file", "--usd")
 
 
 def main() -> None:
@@ -66,9 +67,15 @@ class Case:
     words: list[str]
 
     @property
-    def output(self) -> str:
-        """The name of the output; empty if there is none."""
-        return self.words[self.words.index("-o") + 1] if "-o" in self.words else ""
+    def outputs(self) -> list[str]:
+        """The names of the outputs, files and folders; that of ``-o`` first."""
+        return [self.words[self.words.index(each) + 1] for each in _OUTPUTS if each in self.words]
+
+    @property
+    def probe_or_map(self) -> str:
+        """The name of an output that is a probe or a map, or may be; empty if none is."""
+        is_texture = "layers" in self.words
+        return next((each for each in self.outputs if each.endswith(".exr") and not is_texture), "")
 
 
 class Harness:
@@ -129,10 +136,10 @@ class Harness:
         before = self._lay_out(case, self.folder)
         outcome = run_command(case.words, self.folder, self.log)
         found = judge.of_outcome(outcome, "--json" in case.words)
-        files = judge.of_files(before, judge.listing(self.folder), case.output, outcome.code)
+        files = judge.of_files(before, judge.listing(self.folder), case.outputs, outcome.code)
         found += [files] if files else []
-        if outcome.code == 0 and case.output.endswith(".exr") and not files:
-            read = run_command(["info", "--", case.output], self.folder, self.log)
+        if outcome.code == 0 and case.probe_or_map and not files:
+            read = run_command(["info", "--", case.probe_or_map], self.folder, self.log)
             is_picture = "square image" in read.err or "known layout" in read.err
             found += [] if read.code == 0 or is_picture else ["an output that cannot be read"]
         return {"outcome": as_report(outcome), "findings": found}

@@ -3,7 +3,7 @@
 import json
 import signal
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tests.fuzz.child import SECONDS, Outcome
@@ -43,22 +43,24 @@ def of_outcome(outcome: Outcome, as_json: bool) -> list[str]:
     return [what for what, is_so in wrong.items() if is_so]
 
 
-def of_files(before: Mapping[str, int], after: Mapping[str, int], output: str, code: int) -> str:
+def of_files(
+    before: Mapping[str, int], after: Mapping[str, int], outputs: Sequence[str], code: int
+) -> str:
     """Return what is wrong with the files after a command; empty if nothing is.
 
     Parameters
     ----------
     before, after : mapping of str to int
         The digest of each file by its name.
-    output : str
-        The name of the command's output; empty if it has none.
+    outputs : sequence of str
+        The names of the command's outputs.
     code : int
         The command's exit code.
     """
     if any(after.get(name) != digest for name, digest in before.items()):
         return "an input was changed"
     new = sorted(after.keys() - before.keys())
-    expected = [output] if output and code == 0 else []
+    expected = sorted(outputs) if code == 0 else []
     return "" if new == expected else f"left {new} instead of {expected}"
 
 
@@ -85,5 +87,11 @@ def is_json(text: str) -> bool:
 
 
 def listing(folder: Path) -> dict[str, int]:
-    """Return the names in a folder, with a digest of each file."""
-    return {path.name: hash(path.read_bytes()) for path in folder.iterdir() if path.is_file()}
+    """Return the names in a folder, with a digest of each file, or of what a folder holds."""
+    return {path.name: _digest(path) for path in folder.iterdir()}
+
+
+def _digest(path: Path) -> int:
+    if path.is_dir():
+        return hash(tuple(sorted(listing(path).items())))
+    return hash(path.read_bytes()) if path.is_file() else 0

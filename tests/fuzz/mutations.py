@@ -53,6 +53,7 @@ _NAMES = (
     b"multiView", b"chunkCount", b"preview", b"pixelAspectRatio", b"worldToCamera", b"tiles",
     b"\x1b[31m", b"oiio:ColorSpace", b"version", b"maxSamplesPerPixel", b"deepImageState",
 )  # fmt: skip
+_PNG_COLORS = (b"cICP", b"iCCP", b"sRGB", b"cHRM", b"gAMA")
 
 
 def damage(data: bytes, others: Sequence[bytes], rng: random.Random) -> bytes:
@@ -92,7 +93,7 @@ def _aware(data: bytes) -> list[Mutation]:
     if data.startswith(b"PK\x03\x04"):
         return [_zip_member]
     if b"\0" not in data[:512]:
-        return [_text_number, _text_line]
+        return [_text_number, _text_line, _text_string]
     return [_integer]
 
 
@@ -258,16 +259,29 @@ def _png_sums(data: bytes, rng: random.Random) -> bytes:
         at += 12 + size
     if not chunks:
         return _bits(data, rng)
-    index = rng.randrange(len(chunks))
+    stated = [index for index, (kind, _) in enumerate(chunks) if kind in _PNG_COLORS]
+    index = rng.choice(stated) if stated and rng.random() < 0.5 else rng.randrange(len(chunks))
     kind, body = chunks[index]
     if rng.random() < 0.2:
-        kind = rng.choice((b"IHDR", b"PLTE", b"tRNS", b"iCCP", b"gAMA", b"tEXt", b"zTXt", b"eXIf"))
-    chunks[index] = (kind, rng.choice((_bits, _integer, _grown, _truncated))(body, rng))
+        kind = rng.choice((*_PNG_COLORS, b"IHDR", b"PLTE", b"tRNS", b"tEXt", b"zTXt", b"eXIf"))
+    way = rng.choice((_bits, _integer, _grown, _truncated))
+    chunks[index] = (kind, _profile(body, rng) if kind == b"iCCP" else way(body, rng))
     packed = (
         struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
         for kind, body in chunks
     )
     return data[:8] + b"".join(packed)
+
+
+def _profile(body: bytes, rng: random.Random) -> bytes:
+    """Damage the ICC profile that a chunk holds compressed."""
+    name, _, rest = body.partition(b"\0")
+    try:
+        profile = zlib.decompress(rest[1:])
+    except zlib.error:
+        return _bits(body, rng)
+    way = rng.choice((_bits, _head_bits, _integer, _integer, _truncated, _moved_block, _zeroed))
+    return name + b"\0\0" + zlib.compress(way(profile, rng))
 
 
 def _zip_member(data: bytes, rng: random.Random) -> bytes:
@@ -309,6 +323,16 @@ def _text_number(data: bytes, rng: random.Random) -> bytes:
         return _bits(data, rng)
     chosen = rng.choice(found)
     return data[: chosen.start()] + rng.choice(_NUMBERS).encode() + data[chosen.end() :]
+
+
+def _text_string(data: bytes, rng: random.Random) -> bytes:
+    """Replace a text within quotes by another of the file, or by anything."""
+    found = list(re.finditer(rb'(?<=")[^"\n]*(?=")', data[:20_000]))
+    if not found:
+        return _text_number(data, rng)
+    chosen = rng.choice(found)
+    new = rng.choice((rng.choice(found)[0], rng.choice(_TEXTS), rng.choice(_ODD), b"xyz"))
+    return data[: chosen.start()] + new + data[chosen.end() :]
 
 
 def _text_line(data: bytes, rng: random.Random) -> bytes:

@@ -9,6 +9,7 @@ import contextlib
 import io
 import shutil
 import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 
-from tests.brdf.measured.rgl_files import material, tensor_file
+from tests.brdf.measured.rgl_files import brushed, material, tensor_file
 from tests.cli.helpers import noise
 from tests.geometry import shapes
 from tests.probe import scenes
@@ -38,6 +39,36 @@ _PROBE = (
     "convert FILE --to strip --size 4 -o OUT.exr --linearize",
     "prefilter FILE --to irradiance --size 4 -o OUT.exr --linearize",
     "render sound.shrm.exr --background FILE --size 16 -o OUT.png --linearize",
+    "sun FILE -o OUT.exr --light-file OUT.toml --usd OUT.usda --linearize",
+    "export FILE --for gltf --size 16 -o OUT --linearize --working rec2020",
+    "view sound.shrm.exr --probe FILE --no-truth -o OUT.html --linearize",
+    "lookdev FILE --brdf lambertian --eps 0.3 --size 16 -o OUT.png --linearize",
+)
+_COLORED = (
+    "info FILE --json --linearize",
+    "info FILE --linearize",
+    "convert FILE --to strip --size 4 --working acescg -o OUT.exr --linearize",
+    "export FILE --for json -o OUT --linearize --working rec709",
+    "view sound.shrm.exr --probe FILE --no-truth -o OUT.html --linearize",
+)
+_LAMPS = (
+    "info FILE --json",
+    "sun FILE",
+    "sun FILE --json --sun-radius 0.265",
+    "sun FILE --for filament",
+    "sun FILE -o OUT.exr --light-file OUT.toml --usd OUT.usda",
+)
+_MIPS = (
+    "info FILE --json",
+    "convert FILE --to strip --size 4 -o OUT.exr",
+    "prefilter FILE --to irradiance --size 4 -o OUT.exr",
+    "export FILE --for json -o OUT",
+)
+_LAYERS = (
+    "info FILE",
+    "info FILE --json --part 1",
+    "render FILE --size 16 -o OUT.png",
+    "convert FILE --to strip --part 1 --size 4 -o OUT.exr",
 )
 _MAP = (
     "info FILE --json",
@@ -49,7 +80,23 @@ _MAP = (
     "convert FILE --to openexr -o OUT.exr",
     "convert FILE --to shrm -o OUT.exr",
     "convert FILE --to hcross -o OUT.exr",
+    "convert FILE --to layers -o OUT.exr",
+    "convert FILE --to latlong --view 30,10 --size 4 -o OUT.exr",
+    "view FILE -o OUT.html",
+    "contact FILE -o OUT.html",
 )
+_MAP_COMMANDS = {
+    "irradiance": (
+        "export FILE --for json -o OUT",
+        "convert FILE --to irradiance --form zh3 -o OUT.exr",
+        "convert FILE --to irradiance --form sh --yaw 20 --working rec2020 -o OUT.exr",
+    ),
+    "splitsum": (
+        "export FILE --for bevy -o OUT",
+        "convert FILE --to latlong --mips -o OUT.exr",
+    ),
+}
+"""Commands that take one representation only, by its name."""
 _BRDF = (
     "info FILE",
     "reference sound.exr --brdf FILE --size 16 --source-height 2 -o OUT.exr --json",
@@ -79,6 +126,17 @@ _ARGUMENTS = (
     "render sound.shrm.exr --mesh WORD --size 16 -o OUT.png",
     "render sound.shrm.exr --mesh sound.obj --size 16 --distance WORD -o OUT.png",
     "render sound.shrm.exr --mesh sound.obj --size 16 --brush WORD -o OUT.png",
+    "sun FILE --error WORD",
+    "sun FILE --sun-radius WORD",
+    "info FILE --primaries WORD",
+    "export FILE --for WORD -o OUT",
+    "export FILE --for json --working WORD -o OUT",
+    "contact sound.shrm.exr --title WORD -o OUT.html",
+    "view sound.shrm.exr --exposure WORD -o OUT.html",
+    "view sound.shrm.exr --max-size WORD -o OUT.html",
+    "lookdev FILE --brdf WORD --eps 0.3 --size 16 -o OUT.png",
+    "convert sound.shrm.exr --to latlong --view WORD --size 4 -o OUT.exr",
+    "convert sound.irradiance.exr --to irradiance --form WORD -o OUT.exr",
 )
 _PRODUCT = (
     "info FILE --json",
@@ -140,10 +198,14 @@ def make_seeds(folder: Path) -> list[Seed]:
         _shrm("product", "lambertian", "--size", "8", "--order", "1", "-o", "product.exr")
     return [
         *(Seed(kind, name, _PROBE) for kind, name in probes),
-        *(Seed(kind, name, _MAP) for kind, name in maps),
+        *(Seed(kind, name, _COLORED) for kind, name in _colored(folder, pixels)),
+        Seed("probe with a lamp", _sunny(folder), _LAMPS),
+        *(Seed(kind, name, _map_commands(kind)) for kind, name in maps),
+        Seed("mip levels", "mips.exr", _MIPS),
+        Seed("layers of a map", "map.layers.exr", _LAYERS),
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
         Seed("product texture", "product.exr", _PRODUCT),
-        Seed("light file", _lights(folder), _LIGHTS),
+        *(Seed("light file", name, _LIGHTS) for name in _lights(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
         Seed("scene", "scene.toml", _SCENE),
@@ -209,15 +271,99 @@ def _probes(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
     ]
 
 
-def _lights(folder: Path) -> str:
-    """A light file with every way to name a light; the name of the file."""
-    name = "a.toml"
-    (folder / name).write_text(
+def _map_commands(kind: str) -> tuple[str, ...]:
+    """The commands for a map of a kind, which begins with the name of its representation."""
+    return (*_MAP, *_MAP_COMMANDS.get(kind.split(", ")[1], ()))
+
+
+def _colored(folder: Path, pixels: np.ndarray) -> list[tuple[str, str]]:
+    """Probes that state their primaries, in chunks of a PNG and in ICC profiles."""
+    integers = (pixels * 100).astype(np.uint8)
+    profile = _profile()
+    chunks = {
+        "cicp": (b"cICP", bytes([9, 13, 0, 1])),
+        "chrm": (
+            b"cHRM",
+            struct.pack(">8I", 31270, 32900, 68000, 32000, 26500, 69000, 15000, 6000),
+        ),
+        "srgb": (b"sRGB", b"\0"),
+        "icc": (b"iCCP", b"a\0\0" + zlib.compress(profile)),
+    }
+    for name, chunk in chunks.items():
+        scenes.write_png(folder / f"{name}.png", integers, chunk)
+    for name in ("icc.tif", "icc.jpg"):
+        _write_with_profile(folder / name, integers, profile)
+    return [
+        *(("PNG with primaries", f"{name}.png") for name in chunks),
+        ("ICC profile", "icc.png"),
+        ("ICC profile", "icc.tif"),
+        ("ICC profile", "icc.jpg"),
+    ]
+
+
+def _write_with_profile(path: Path, integers: np.ndarray, profile: bytes) -> None:
+    """Write an 8-bit image that holds an ICC profile, without compression if it can be."""
+    height, width, channels = integers.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    if path.suffix == ".tif":
+        spec.attribute("compression", "none")
+    data = np.frombuffer(profile, np.uint8)
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(data)}]"), data)
+    output = oiio.ImageOutput.create(str(path))
+    assert output.open(str(path), spec), output.geterror()
+    assert output.write_image(integers), output.geterror()
+    output.close()
+
+
+def _profile() -> bytes:
+    """An ICC profile of a matrix and curves: Rec.2020 adapted to D50, and a gamma."""
+
+    def numbers(kind: bytes, values: list[float]) -> bytes:
+        return kind + struct.pack(f">4x{len(values)}i", *(round(65536 * each) for each in values))
+
+    tags = {
+        b"rXYZ": numbers(b"XYZ ", [0.6735, 0.2790, -0.0019]),
+        b"gXYZ": numbers(b"XYZ ", [0.1657, 0.6753, 0.0300]),
+        b"bXYZ": numbers(b"XYZ ", [0.1251, 0.0456, 0.7969]),
+        b"wtpt": numbers(b"XYZ ", [0.9642, 1.0, 0.8249]),
+        b"chad": numbers(
+            b"sf32", [1.0479, 0.0229, -0.0502, 0.0296, 0.9904, -0.0171, -0.0092, 0.0151, 0.7517]
+        ),
+        b"rTRC": numbers(b"para", [0]) + struct.pack(">i", round(2.2 * 65536)),
+    }
+    start, table, body = 132 + 12 * len(tags), b"", b""
+    for name, data in tags.items():
+        table += struct.pack(">4sII", name, start + len(body), len(data))
+        body += data
+    head = struct.pack(">I4xI4s4s4s", start + len(body), 0x04300000, b"mntr", b"RGB ", b"XYZ ")
+    white = struct.pack(">3i", 0xF6D6, 0x10000, 0xD32D)
+    head = (head.ljust(36, b"\0") + b"acsp").ljust(68, b"\0") + white
+    return head.ljust(128, b"\0") + struct.pack(">I", len(tags)) + table + body
+
+
+def _sunny(folder: Path) -> str:
+    """A probe with two lamps; the name of the file. Its pixels are not compressed."""
+    pixels = noise(16, 32)
+    pixels[4, 9:11] = 4e3, 3e3, 2e3
+    pixels[7, 25] = 900
+    scenes.write(folder / "sunny.exr", pixels, compression="none")
+    return "sunny.exr"
+
+
+def _lights(folder: Path) -> list[str]:
+    """Light files with every way to name a light; the names of the files."""
+    (folder / "b.toml").write_text(
+        f'working = "rec2020"\n[[probe]]\nfile = "{SOUND}"\nprimaries = "p3"\n'
+        f'[[probe]]\nfile = "{SOUND}"\nprimaries = [0.7, 0.3, 0.2, 0.7, 0.14, 0.05, 0.31, 0.33]\n'
+        "[[disc]]\nazimuth = 40\nelevation = 30\nradius = 4\nradiance = [9, 8, 7]\n"
+        'primaries = "acescg"\n'
+    )
+    (folder / "a.toml").write_text(
         f'[[probe]]\nfile = "{SOUND}"\nscale = [1, 0.5, 2]\nyaw = 30\nclamp = 2.5\n'
         "[[disc]]\nazimuth = 40\nelevation = -30\nradius = 0.265\nradiance = 1.5e4\n"
         "[[disc]]\ndirection = [1, 0.2, -3]\nsolid_angle = 0.7\nirradiance = [1, 2, 0.5]\n"
     )
-    return name
+    return ["a.toml", "b.toml"]
 
 
 def _is_written(folder: Path, suffix: str, pixels: np.ndarray) -> bool:
@@ -268,6 +414,7 @@ def _maps(folder: Path) -> list[tuple[str, str]]:
         ),
         "irradiance": ("--to", "irradiance", "--size", "4"),
         "splitsum": ("--to", "splitsum", "--size", "8"),
+        "mips": ("--to", "splitsum", "--size", "32", "--levels", "3", "--mips"),
         "she": ("--to", "she",),
     }  # fmt: skip
     _shrm("prefilter", SOUND, *made["shrm"], "-o", MAP)
@@ -275,11 +422,18 @@ def _maps(folder: Path) -> list[tuple[str, str]]:
     for name, options in made.items():
         path = f"map.{name}.exr"
         _shrm("prefilter", SOUND, *options, "-o", path)
-        found.append((f"map, {name}", path))
+        kind = "map, splitsum, mips" if name == "mips" else f"map, {name}"
         plain = f"plain.{name}.exr"
         _uncompressed(folder / path, folder / plain)
-        found.append((f"map, {name}", plain))
+        found += [(kind, path), (kind, plain)]
+    for form in ("zh3", "zh3-channel"):
+        path = f"map.{form}.exr"
+        _shrm("convert", "map.irradiance.exr", "--to", "irradiance", "--form", form, "-o", path)
+        _uncompressed(folder / path, folder / f"plain.{form}.exr")
+        found += [("map, irradiance, ZH3", path), ("map, irradiance, ZH3", f"plain.{form}.exr")]
     _shrm("convert", MAP, "--to", "hcross", "-o", "map.hcross.exr")
+    _shrm("convert", MAP, "--to", "layers", "-o", "map.layers.exr")
+    _shrm("convert", "map.mips.exr", "--to", "latlong", "--mips", "-o", "mips.exr")
     return [*found, ("map, shrm", "map.hcross.exr")]
 
 
@@ -300,6 +454,7 @@ def _brdfs(folder: Path) -> list[tuple[str, str]]:
 
     rough = parse_spec("ggx:roughness=0.5")
     (folder / "a.bsdf").write_bytes(tensor_file(material()))
+    (folder / "brushed.bsdf").write_bytes(tensor_file(brushed(2)))
     write_goniometer(folder / "a.brdf", rough, 2, 2)
     rows = [
         f"{10 * i},0,{20 * j},{60 * k},{0.3 + 0.01 * i * j:.2f}"
@@ -317,6 +472,7 @@ def _brdfs(folder: Path) -> list[tuple[str, str]]:
     tables = ("table.exr", "table.npz", "plain.table.exr")
     return [
         (".bsdf", "a.bsdf"),
+        (".bsdf, brushed", "brushed.bsdf"),
         ("goniometer", "a.brdf"),
         *(("Zernike", name) for name in ("a.csv", "b.csv")),
         *(("table of a BRDF", name) for name in tables),

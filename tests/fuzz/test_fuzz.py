@@ -45,6 +45,7 @@ FAULTS = {
     "print('\\x1b[31m'); return {'kind': 'probe'}, [], []": "control characters printed",
     "print('NaN'); return {'kind': 'probe'}, [], []": "invalid JSON",
     "open('left.tmp', 'w').close(); return {'kind': 'probe'}, [], []": "left ['left.tmp']",
+    "import os; os.mkdir('half'); return {'kind': 'probe'}, [], []": "left ['half']",
     "open('bad.pfm', 'w').close(); return {'kind': 'probe'}, [], []": "an input was changed",
     "bytes(2**33)": "asks for too much memory",
     "while True: pass": "takes too long",
@@ -117,6 +118,16 @@ def test_edited_headers_keep_their_pixels_in_reach(tmp_path):
 def test_sound_outcomes_have_no_finding():
     assert judge.of_outcome(Outcome(0, '{"a": null}\n', "Warning: a\nWarning: b\n"), True) == []
     assert judge.of_outcome(Outcome(1, "", "Error: a.exr: damaged; copy it\n"), True) == []
-    assert judge.of_files({"a": 1}, {"a": 1, "out": 2}, "out", 0) == ""
-    assert judge.of_files({"a": 1}, {"a": 1}, "out", 1) == ""
-    assert judge.of_files({"a": 1}, {"a": 1, "out": 2}, "out", 1) != ""
+    assert judge.of_files({"a": 1}, {"a": 1, "out": 2}, ["out"], 0) == ""
+    assert judge.of_files({"a": 1}, {"a": 1}, ["out"], 1) == ""
+    assert judge.of_files({"a": 1}, {"a": 1, "out": 2}, ["out"], 1) != ""
+    assert judge.of_files({"a": 1}, {"a": 1, "out.b": 2}, ["out.b", "out.a"], 0) != ""
+
+
+def test_a_folder_that_stays_is_seen(tmp_path):
+    before = judge.listing(tmp_path)
+    (tmp_path / "out").mkdir()
+    assert judge.of_files(before, judge.listing(tmp_path), [], 1) == "left ['out'] instead of []"
+    before = judge.listing(tmp_path)
+    (tmp_path / "out" / "part").write_bytes(b"half")
+    assert judge.of_files(before, judge.listing(tmp_path), [], 1) == "an input was changed"

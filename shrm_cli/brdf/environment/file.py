@@ -124,8 +124,7 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     if found is None or found.first.text("shrm:table") != "dfg":
         return None
     part = found.first
-    multiscatter = part.attribute("shrm:multiscatter") not in (None, 0)
-    moments = part.attribute("shrm:moments") not in (None, 0)
+    multiscatter, moments = _flag(part, "shrm:multiscatter"), _flag(part, "shrm:moments")
     meaning = MEANINGS["moments" if moments else "multiscatter" if multiscatter else "scale-bias"]
     _check_numbers(part, meaning)
     facts = {
@@ -137,6 +136,14 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         "reflectance": meaning.reflectance,
     }
     return {**facts, "mean_direction": meaning.mean} if moments else facts
+
+
+def _flag(part: StoredPart, name: str) -> bool:
+    """Read an attribute that is a number other than 0 where something is so."""
+    value = part.attribute(name)
+    if value is not None and type(value) is not int:
+        raise BrdfError(f"{part.path}: its attribute {name} is wrong; make it again with shrm dfg")
+    return bool(value)
 
 
 def _check_numbers(part: StoredPart, meaning: Meaning) -> None:

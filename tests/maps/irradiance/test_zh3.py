@@ -188,6 +188,17 @@ def test_damaged_files(tmp_path, light, name, value):
         open_map(path)
 
 
+def test_a_form_of_an_unknown_type_is_refused(tmp_path, light):
+    """OpenImageIO gives its bytes, as an array, which is neither true nor false."""
+    path = tmp_path / "a.exr"
+    save(path, prefilter(light, form="zh3").map)
+    data = path.read_bytes()
+    assert b"shrm:form\0string\0" in data
+    path.write_bytes(data.replace(b"shrm:form\0string\0", b"shrm:form\0^tring\0"))
+    with pytest.raises(MapError, match="shrm:form"):
+        open_map(path)
+
+
 def test_windows(light):
     """A window keeps the form, and nothing of it is negative."""
     pixels = np.full((ROWS, 2 * ROWS, 3), 0.001)
