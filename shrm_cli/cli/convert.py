@@ -31,6 +31,7 @@ from shrm_cli.cli.plain import (
 )
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
+from shrm_cli.errors import MapError
 from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, LAYOUTS, default_orientation
 from shrm_cli.maps.options import SHADER, Option, all_options, counted, listing, owners
@@ -280,7 +281,10 @@ def _write_layers(
 
     made, notes = _opened(source, reading)
     code = None if shader is None else look_up_code(made, shader, "layers")
-    pixel_type, shapes = write_layers(path, made, precision)
+    try:
+        pixel_type, shapes = write_layers(path, made, precision)
+    except MapError as error:
+        raise MapError(f"{source}: {error}") from error
     result = {
         "file": path,
         "kind": "layers",
