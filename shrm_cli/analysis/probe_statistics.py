@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
 from shrm_cli.color import title_of, xyz_matrix
+from shrm_cli.errors import ProbeError
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -124,7 +125,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     Raises
     ------
     ProbeError
-        If the probe cannot be read.
+        If the probe cannot be read, or its light is beyond 32-bit floats.
     """
     to_xyz = xyz_matrix(probe.chromaticities)
     gathered = _Gathered(probe.grid, to_xyz[1])
@@ -138,7 +139,12 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     for polar in polar_rows.lamps():
         weights = probe.grid.weights(polar.start, polar.start + len(polar.excess))
         analysis.add(polar.start, polar.light, weights)
-    light = transform_coefficients(analysis.coefficients(), probe.matrix)
+    coefficients = analysis.coefficients()
+    if not np.isfinite(coefficients).all():
+        raise ProbeError(
+            f"{probe.name}: its light is beyond 32-bit floats; dim it, or give `clamp`"
+        )
+    light = transform_coefficients(coefficients, probe.matrix)
     mean = light[0] / np.sqrt(4 * np.pi)
     point = chromaticity(mean, probe.chromaticities)
     temperature = None if point is None else color_temperature(*point)

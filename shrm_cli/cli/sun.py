@@ -170,8 +170,9 @@ def _doubts(split: LampSplit) -> list[str]:
         if lamp.clipped
     ]
     if split.left:
+        lamps = "lamp stays" if split.left == 1 else "lamps stay"
         lines.append(
-            f"{split.left} more lamps stay in the residual; `count` takes more, `error` ones that "
+            f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
             "are less like discs"
         )
     return lines
@@ -180,7 +181,7 @@ def _doubts(split: LampSplit) -> list[str]:
 def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:
     """Return the report."""
     lines = [f"{probe}: {len(split.lamps)} lamp{'s' if len(split.lamps) != 1 else ''}"]
-    if not split.lamps:
+    if not split.lamps and not split.left:
         lines.append("  nothing compact gives as much irradiance and is as bright beside the rest")
     for number, lamp in enumerate(split.lamps, 1):
         lines += _lamp_lines(number, lamp)

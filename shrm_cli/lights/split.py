@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.errors import ProbeError
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
 from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.proof import ORDER, Proof, irradiance_rms, light_coefficients, prove
@@ -157,12 +158,16 @@ def split_lamps(
     Raises
     ------
     ProbeError
-        If the probe cannot be read.
+        If the probe cannot be read, or its light is beyond 32-bit floats.
     """
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)
     scale = irradiance_rms(project(coarse, ORDER).coefficients)
+    if not np.isfinite(scale):
+        raise ProbeError(
+            f"{probe.name}: its light is beyond 32-bit floats; dim it, or give `clamp`"
+        )
     # The brightness is the mean of three channels, the scale the root of the sum of their squares.
     regions = find_regions(image, pixels, error * scale / np.sqrt(3))
     kept = regions[:count]

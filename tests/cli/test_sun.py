@@ -72,7 +72,18 @@ def test_lamps_that_stay_are_told(folder):
     write_exr("two.exr", image)
     result = run("sun", "two.exr", "--count", "1")
     assert result.code == 0
-    assert "1 more lamps stay in the residual; --count takes more" in result.err
+    assert "1 more lamp stays in the residual; --count takes more" in result.err
+    none = run("sun", "two.exr", "--count", "0")
+    assert "2 more lamps stay in the residual" in none.err
+    assert "nothing compact" not in none.out
+
+
+def test_light_beyond_floats_is_refused(folder):
+    write_exr("bright.exr", np.full((16, 32, 3), 3e38, np.float32))
+    before = snapshot(folder)
+    for arguments in (["sun", "bright.exr", "-o", "rest.exr"], ["info", "bright.exr"]):
+        assert_refused(run(*arguments), 1, "bright.exr", "beyond 32-bit floats", "--clamp")
+    assert snapshot(folder) == before
 
 
 @pytest.mark.parametrize(("arguments", "code", "parts"), [
