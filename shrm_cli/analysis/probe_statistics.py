@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
 from shrm_cli.color import title_of, xyz_matrix
-from shrm_cli.errors import ProbeError
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
-from shrm_cli.lights.split import split_lamps
+from shrm_cli.lights.split import refuse_overflow, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lamps import PolarRows
 from shrm_cli.probe.probe import Probe
@@ -140,10 +139,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         weights = probe.grid.weights(polar.start, polar.start + len(polar.excess))
         analysis.add(polar.start, polar.light, weights)
     coefficients = analysis.coefficients()
-    if not np.isfinite(coefficients).all():
-        raise ProbeError(
-            f"{probe.name}: its light is beyond 32-bit floats; dim it, or give `clamp`"
-        )
+    refuse_overflow(probe, coefficients)
     light = transform_coefficients(coefficients, probe.matrix)
     mean = light[0] / np.sqrt(4 * np.pi)
     point = chromaticity(mean, probe.chromaticities)

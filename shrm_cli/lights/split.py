@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
@@ -131,6 +131,19 @@ class _Candidate:
         self.wrong = light_coefficients(self.light, ORDER) - disc_coefficients(self.discs, ORDER)
 
 
+def refuse_overflow(probe: Probe, numbers: ArrayLike) -> None:
+    """Raise an error if numbers that follow from the light of a probe are not finite.
+
+    Raises
+    ------
+    ProbeError
+    """
+    if not np.isfinite(numbers).all():
+        raise ProbeError(
+            f"{probe.name}: its light is beyond 32-bit floats; dim it, or give `clamp`"
+        )
+
+
 def split_lamps(
     probe: Probe,
     error: float = LAMP_ERROR,
@@ -164,10 +177,7 @@ def split_lamps(
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)
     scale = irradiance_rms(project(coarse, ORDER).coefficients)
-    if not np.isfinite(scale):
-        raise ProbeError(
-            f"{probe.name}: its light is beyond 32-bit floats; dim it, or give `clamp`"
-        )
+    refuse_overflow(probe, scale)
     # The brightness is the mean of three channels, the scale the root of the sum of their squares.
     regions = find_regions(image, pixels, error * scale / np.sqrt(3))
     kept = regions[:count]
