@@ -184,7 +184,10 @@ def export(
     if texels is None and engine.formats:
         texels = FORMATS[engine.formats[0]]
     size = light.levels[0].shape[1] if light.levels else asked.size or engine.default_size
-    made = engine.pack(light, Wishes(size, texels))
+    try:
+        made = engine.pack(light, Wishes(size, texels))
+    except MapError as error:  # which names the level or the file that it was to be in
+        raise MapError(f"{source.title}: {error}") from None
     if not made.files:
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     made.told[:0] = told

@@ -85,7 +85,7 @@ def test_what_lies_outside_is_negative_and_told(pixels):
 
 
 @pytest.mark.parametrize(
-    "value", ["acesgc", 3, (0.3,) * 8, (np.nan,) * 8, "", PRIMARIES["p3"][:6], ("a",) * 8]
+    "value", ["acesgc", 3, (np.nan,) * 8, "", PRIMARIES["p3"][:6], ("a",) * 8]
 )
 @pytest.mark.parametrize("name", ["primaries", "working"])
 def test_what_are_no_primaries(pixels, name, value):
