@@ -21,7 +21,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes, Within
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
 from shrm_cli.files.inputs import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
@@ -223,7 +223,7 @@ def _made(
 def _failures(columns: Sequence[Column], specs: Sequence[str]) -> list[str]:
     """Return a line for each cell without a map."""
     return [
-        f"{column.path}, {spec}: {cell.error.removeprefix(f'{column.path}: ')}"
+        f"{column.path}, {spec}: {flags(cell.error.removeprefix(f'{column.path}: '))}"
         for column in columns
         for spec, cell in zip(specs, column.cells, strict=True)
         if cell.map is None

@@ -388,3 +388,14 @@ def test_light_beyond_floats_names_the_probe(tmp_path, monkeypatch, arguments):
     found = run(command, "huge.exr", *options)
     assert_refused(found, 1, "Error: huge.exr: its light is beyond 32-bit floats", "--clamp")
     assert os.listdir() == ["huge.exr"]
+
+
+def test_no_map_is_written_whose_error_is_no_number(tmp_path, monkeypatch):
+    """The squares of 1e30 are beyond 32-bit floats: readers would refuse the file."""
+    monkeypatch.chdir(tmp_path)
+    image = np.full((64, 128, 3), 0.1, np.float32)
+    image[10:12, 10:12] = 1e30
+    write_exr("spot.exr", image)
+    found = run("prefilter", "spot.exr", "--brdf", "lambertian", "--to", "principal")
+    assert_refused(found, 1, "Error: spot.exr: the error of its map", "--clamp")
+    assert os.listdir() == ["spot.exr"]

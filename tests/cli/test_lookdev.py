@@ -176,3 +176,11 @@ def test_a_long_turntable_says_how_long_it_takes(folder, monkeypatch):
     probe = "dim.exr"
     few = ["--brdf", "lambertian", "--size", "16", "--frames", "9", "-o", "a.%02d.png"]
     assert "rendering takes about 8 s more" in run("lookdev", probe, *few, terminal=True).err
+
+
+def test_why_a_cell_fails_is_told_in_flags(folder):
+    image = np.ones((16, 32, 3), np.float32)
+    image[3, 3] = np.nan
+    write_exr(folder / "nan.exr", image)
+    found = run("lookdev", "nan.exr", "--brdf", "lambertian", "-o", "a.png")
+    assert_refused(found, 1, "nan.exr, lambertian", "--fix-nonfinite")
