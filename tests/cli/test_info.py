@@ -376,3 +376,12 @@ def test_a_light_file(folder):
     assert pairs["discs"].startswith("azimuth 90, elevation 0, radius 90, solid angle 6.28319")
     assert pairs["probes"].startswith("file probe.exr, scale 2, 2, 2")
     assert_refused(run("info", "lights.toml", "--layout", "strip"), 1, "--layout says nothing")
+
+
+def test_light_without_green_has_no_balance_over_it(tmp_path):
+    image = np.zeros((16, 32, 3), np.float32)
+    image[..., 2] = 1
+    write_exr(tmp_path / "blue.exr", image)
+    assert "over green none, xy 0.15, 0.06" in done("info", tmp_path / "blue.exr")
+    found = json.loads(done("info", tmp_path / "blue.exr", "--json"))
+    assert found["white_balance"]["over_green"] is None
