@@ -37,6 +37,14 @@ def joint_error(strengths: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.linalg.norm(np.multiply(strengths, errors)) / whole)
 
 
+def _stating(
+    term: Shrm | CompressedShrm, added_error: float, filter_error: float
+) -> Shrm | CompressedShrm:
+    """A term with other errors in its record."""
+    info = replace(term.info, added_error=added_error, filter_error=filter_error)
+    return replace(term, info=info)
+
+
 def rms(term: Shrm | CompressedShrm) -> float:
     """Return the RMS of a map's radiance over mirror directions and views, by Parseval's theorem.
 
@@ -133,13 +141,14 @@ class SummedShrm(Map):
             return self
         strengths = [rms(term) for term in bare]
         own = joint_error(strengths, [each.info.added_error for each in moved])
-        errors = {"added_error": float(np.hypot(self.info.added_error, own))}
+        info = replace(self.info, added_error=float(np.hypot(self.info.added_error, own)))
         if self.info.filter_error:
             order = self.info.order_carried + self.info.order_p
             looked_up = [look_up_error(term.planes()[0], term.sampling, order) for term in moved]
-            errors["filter_error"] = joint_error(strengths, looked_up)
-        terms = tuple(replace(each, info=replace(each.info, **errors)) for each in moved)
-        return SummedShrm(terms, replace(self.info, **errors))
+            info = replace(info, filter_error=joint_error(strengths, looked_up))
+        errors = info.added_error, info.filter_error
+        terms = tuple(_stating(each, *errors) for each in moved)
+        return SummedShrm(terms, info)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Refuse: a sum has no single SHRM, because its terms have different centers.
