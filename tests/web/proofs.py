@@ -174,12 +174,8 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
     These widen the roughness by what normals change from pixel to pixel, which is left out here: at
     half as many pixels along an edge a mirror is three times as far from the documented shading.
     """
-    light, _ = exported(folder / "filament", "filament", probe, size)
-    _prepare_filament(folder / "filament", roughnesses)
-    page = Page(browser, address, "filament/filament.bundle.js")
-    files = [f"metal{k}.glb" for k in range(len(roughnesses))] + ["diffuse.glb"]
-    page.call("start", pixels, VIEW, ["light_ibl.ktx", *files])
-    read = np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
+    page, light, read = open_filament(browser, folder, address, probe, size, roughnesses, pixels)
+    files = [f"metal{k}.glb" for k in range(len(roughnesses))]
     normals, used, facing = shown(pixels)
     last = len(light.levels) - 1
 
@@ -206,6 +202,17 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
     made = compare("Filament", page, light, "filament", pictures, normals, used)
     made.facts["sh"] = float(np.abs(read - ball.polynomials(light.nine())).max())
     return made
+
+
+def open_filament(browser, folder, address, probe, size, roughnesses, pixels):
+    """Filament's page with an exported light and balls, the light, and the coefficients it read."""
+    light, package = exported(folder / "filament", "filament", probe, size)
+    _prepare_filament(folder / "filament", roughnesses)
+    page = Page(browser, address, "filament/filament.bundle.js")
+    cubes = [file.name for file in package.files if file.name.endswith(".ktx")]
+    balls = [f"metal{k}.glb" for k in range(len(roughnesses))]
+    page.call("start", pixels, VIEW, [*cubes, *balls, "diffuse.glb"])
+    return page, light, np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
 
 
 _EXPOSURES = 1 / 16, 1 / 4, 1.0

@@ -12,30 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from shrm_cli.export.cubes import diffuse_cube
-from shrm_cli.probe.lighting import project
-from shrm_cli.sphere.synthesis import CubeSeries
 from tests.bilinear import centers
 from tests.web import ball, proofs
 from tests.web.browser import HERE, Page, bundle, node_modules
 from tests.web.glb import ball_file
 
 _DISTANCE = 1000
-_DEGREES = 200
-"""Its sharpest lobe, of roughness 0.25, passes less than 1e-9 of what is beyond."""
-_CONSTANTS = {"lutResolution": 128}
-"""What takes a software renderer minutes, and shows in no ball."""
+_TABLE = 128
+"""Of its 1024 texels along an edge, which take a software renderer minutes, and show in no ball."""
 
 
-def gltf_viewer(browser, folder, address, probe, size, roughnesses, pixels=256):
-    """Balls in glTF-Sample-Viewer, from glTF files; its cubes have `size` texels along an edge."""
-    light, _ = proofs.exported(folder / "viewer", "gltf-sample-viewer", probe, size)
-    prepare(folder / "viewer", size)
-    page = Page(browser, address, "viewer/gltf_viewer.bundle.js")
-    towards = np.array(proofs.VIEW) / np.linalg.norm(proofs.VIEW)
-    page.call("start", pixels, list(_DISTANCE * towards), f"{address}/viewer/libs/")
-    mips = page.call("environment", f"{address}/viewer/light.hdr")["mips"]
+def gltf_viewer(browser, folder, address, probe, size, roughnesses, pixels=256, samples=None):
+    """Balls in glTF-Sample-Viewer, from glTF files; its cubes have `size` texels along an edge.
+
+    With another number of `samples` than its own only mirrors are as they should be, whose samples
+    are all the same.
+    """
+    page, light = opened(browser, folder, address, probe, size, pixels, samples)
+    mips = len(light.levels)
     normals, used, _ = proofs.shown(pixels)
-    reflected = ball.mirrored(normals, ball.views(normals, towards, _DISTANCE))
+    reflected = ball.mirrored(normals, ball.views(normals, proofs.VIEW, _DISTANCE))
 
     def shaded(name, file):
         (folder / "viewer" / name).write_bytes(file)
@@ -53,20 +49,37 @@ def gltf_viewer(browser, folder, address, probe, size, roughnesses, pixels=256):
         lambda levels: ball.trilinear(levels[mips:], normals, 0),
     )
     diffuse = diffuse_cube(light.diffuse)
-    theirs = replace(light, levels=(*documented_levels(probe, light), diffuse))
+    if samples is not None:
+        del pictures["diffuse"]
+    theirs = replace(light, levels=(*documented_levels(light), diffuse))
     ours = *light.levels, diffuse
     return proofs.compare(
         "glTF-Sample-Viewer", page, theirs, "linear", pictures, normals, used, ours
     )
 
 
-def prepare(folder, size):
+def opened(browser, folder, address, probe, size, pixels, samples=None):
+    """The viewer's page with an exported panorama, and the light that was exported."""
+    light, _ = proofs.exported(folder / "viewer", "gltf-sample-viewer", probe, size)
+    prepare(folder / "viewer", size, samples)
+    page = Page(browser, address, "viewer/gltf_viewer.bundle.js")
+    towards = np.array(proofs.VIEW) / np.linalg.norm(proofs.VIEW)
+    page.call("start", pixels, list(_DISTANCE * towards), f"{address}/viewer/libs/")
+    mips = page.call("environment", f"{address}/viewer/light.hdr")["mips"]
+    assert mips == len(light.levels)
+    return page, light
+
+
+def prepare(folder, size, samples=None):
     """Bundle the page and the engine, with cubes of `size` texels along an edge."""
+    changed = {"textureSize": size, "lutResolution": _TABLE}
+    if samples is not None:
+        changed |= dict.fromkeys(("ggxSampleCount", "lambertianSampleCount"), samples)
     package = node_modules() / "@khronosgroup" / "gltf-viewer" / "dist"
     shutil.copytree(package / "libs", folder / "libs", dirs_exist_ok=True)
     shutil.copy(HERE / "pages" / "blank.html", folder)
     script = (package / "gltf-viewer.module.js").read_text()
-    for name, value in {"textureSize": size, **_CONSTANTS}.items():
+    for name, value in changed.items():
         script, found = re.subn(rf"this\.{name} = \d+;", f"this.{name} = {value};", script)
         assert found == 1, name
     engine = folder / "gltf-viewer.js"
@@ -75,30 +88,42 @@ def prepare(folder, size):
     bundle(HERE / "pages" / "gltf_viewer.js", folder / "gltf_viewer.bundle.js", alias)
 
 
-def documented_levels(probe, exported):
-    """The levels that its shaders say, but integrated in place of sampled, as OpenEXR cubes.
+def documented_levels(exported):
+    """The levels that its shaders say, as OpenEXR cubes: the panorama, and what they make of it."""
+    sizes = [level.shape[1] for level in exported.levels]
+    mips = [_texels_of(exported.latlong, sizes[0])]
+    while mips[-1].shape[1] > 1:
+        size = mips[-1].shape[1] // 2
+        mips.append(mips[-1].reshape(6 * size, 2, size, 2, 3).mean(axis=(1, 3)))
+    lobes = zip(sizes[1:], exported.roughness[1:], strict=True)
+    return mips[0], *(sampled(mips, size, roughness) for size, roughness in lobes)
 
-    The first is the panorama, looked up at the middles of texels. The lobe of the others is that
-    of `filterColor`: half vectors by GGX around N = V, weighed with N.L and without shadowing.
+
+def sampled(mips, size, roughness, count=1024):
+    """What `filterColor` makes of a cube: light weighed with N.L, half vectors by GGX, N = V.
+
+    A sample stands for a solid angle of 1 / (count pdf), and is looked up in the mip whose texels
+    have this many times 4 pi: `computeLod` forgets the sphere's area. So broad lobes are broadened.
     """
-    light = CubeSeries(project(probe, _DEGREES).coefficients)
-    levels = [_texels_of(exported.latlong, exported.levels[0].shape[1])]
-    for ours, roughness in list(zip(exported.levels, exported.roughness, strict=True))[1:]:
-        planes = light.planes(ours.shape[1], "center", factors=zonal(roughness))
-        levels.append(np.ascontiguousarray(planes.transpose(1, 2, 0)))
-    return tuple(levels)
-
-
-def zonal(roughness):
-    """What the lobe multiplies degrees with, shape (_DEGREES + 1,)."""
-    half, weights = np.polynomial.legendre.leggauss(4000)
-    half, weights = (half + 1) * np.pi / 8, weights * np.pi / 8  # angles from 0 to 45 degrees
-    alpha = roughness**2
-    density = (alpha / (1 + (alpha**2 - 1) * np.cos(half) ** 2)) ** 2
-    cosine = np.cos(2 * half)
-    lobe = weights * density * cosine * np.sin(2 * half)
-    passed = np.polynomial.legendre.legvander(cosine, _DEGREES).T @ lobe
-    return passed / passed[0]
+    normals = centers(size).reshape(-1, 3)
+    tangents = np.cross([0, 1, 0], normals)
+    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+    bitangents = np.cross(normals, tangents)
+    alpha, total, result = roughness**2, 0.0, 0.0
+    for k in range(count):
+        y = int(f"{k:032b}"[::-1], 2) / 2**32
+        cosine = np.sqrt((1 - y) / (1 + (alpha**2 - 1) * y))
+        weight = 2 * cosine**2 - 1
+        if weight <= 0:
+            continue
+        pdf = (alpha / (1 + (alpha**2 - 1) * cosine**2)) ** 2 / (4 * np.pi)
+        turn, sine = 2 * np.pi * k / count, np.sqrt(1 - cosine**2)
+        across = np.cos(turn) * tangents + np.sin(turn) * bitangents
+        light = weight * normals + 2 * cosine * sine * across
+        lod = 0.5 * np.log2(6 * mips[0].shape[1] ** 2 / (count * pdf))
+        result = result + weight * ball.trilinear(mips, light, lod)
+        total += weight
+    return (result / total).reshape(6 * size, size, 3)
 
 
 def _texels_of(panorama, size):

@@ -27,12 +27,15 @@ window.start = (pixels, from, libraries) => {
   camera.type = "orthographic";
   camera.orthographic.znear = 990;
   camera.orthographic.zfar = 1010;
-  // Its lookAt() makes the inverse of the matrix that it keeps.
-  const back = unit(from);
+  look(unit(from), from);
+};
+
+// Its lookAt() makes the inverse of the matrix that the camera keeps.
+function look(back, from) {
   const right = unit([back[2], 0, -back[0]]);
   const up = cross(back, right);
-  camera.transform.set([...right, 0, ...up, 0, ...back, 0, ...from, 1]);
-};
+  state.userCamera.transform.set([...right, 0, ...up, 0, ...back, 0, ...from, 1]);
+}
 
 function unit(v) {
   return v.map((x) => x / Math.hypot(...v));
@@ -70,9 +73,26 @@ window.environment = async (url) => {
 // Shade what a glTF file shows.
 window.shade = async (url) => {
   state.gltf = await loader.loadGltf(url);
+  return drawn();
+};
+
+// The light itself, 90 degrees across, along a horizontal direction. A file must be loaded.
+window.background = (to) => {
+  state.renderingParameters.renderEnvironmentMap = true;
+  state.renderingParameters.blurEnvironmentMap = false;
+  state.userCamera.type = "perspective";
+  state.userCamera.perspective.yfov = Math.PI / 2;
+  look(
+    to.map((x) => -x),
+    [0, 0, 0],
+  );
+  return drawn();
+};
+
+function drawn() {
   view.renderFrame(state, size, size);
   const pixels = new Float32Array(4 * size * size);
   gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   gl.readPixels(0, 0, size, size, gl.RGBA, gl.FLOAT, pixels);
   return base64(pixels.map((value) => Math.pow(Math.max(value, 0), GAMMA)));
-};
+}
