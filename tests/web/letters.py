@@ -1,4 +1,4 @@
-"""A probe with the name of each direction written on it, and how engines show it around the eye.
+"""A probe with a text of its own written on each direction, and how engines show it around the eye.
 
 Text that is mirrored, turned or on the wrong side is seen at once, and does not correlate.
 """
@@ -18,13 +18,15 @@ AROUND = {"+X": (1, 0, 0), "-X": (-1, 0, 0), "+Z": (0, 0, 1), "-Z": (0, 0, -1)}
 _AXES = {**AROUND, "+Y": (0, 1, 0), "-Y": (0, -1, 0)}
 _TOPS = {"+Y": (0, 0, -1), "-Y": (0, 0, 1)}
 """What is above text that is not upright."""
+_TEXTS = {"+X": "F1", "-X": "J2", "+Y": "P5", "-Y": "L6", "+Z": "R4", "-Z": "G7"}
+"""What is like itself neither mirrored nor turned, as an X would be."""
 _SIDE = 64
 
 
 def written(name):
-    """A picture of 90 degrees with a name on it, white on grey, shape (64, 64)."""
+    """A picture of 90 degrees with the text of a direction on it, white on grey, shape (64, 64)."""
     image = Image.new("L", (_SIDE // 4, _SIDE // 4), 50)
-    ImageDraw.Draw(image).text((2, 2), name, fill=255)
+    ImageDraw.Draw(image).text((2, 2), _TEXTS[name], fill=255)
     return np.asarray(image.resize((_SIDE, _SIDE), Image.BILINEAR)) / 255
 
 
@@ -52,7 +54,7 @@ def lettered_probe(rows=128):
 def seen_around(browser, folder, address, name, probe, size=64, pixels=_SIDE):
     """A mirror ball and the light along each of `AROUND`, in an engine: pictures by name."""
     if name == "gltf-sample-viewer":
-        page, _ = viewer.opened(browser, folder, address, probe, size, pixels)
+        page, _ = viewer.opened(browser, folder, address, probe, size, pixels, samples=1)
         (folder / "viewer" / "mirror.glb").write_bytes(ball_file(1.0, 0.0))
         found = {"mirror": page.call("shade", f"{address}/viewer/mirror.glb")}
         found |= {each: page.call("background", to) for each, to in AROUND.items()}

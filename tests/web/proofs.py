@@ -274,8 +274,8 @@ def compare(title, page, light, mapping, pictures, normals, used, ours=None):
 
     `pictures` has pairs of what the engine showed and of a function of levels, the engine's
     documented shading, by the roughness of a white metal or what begins with "diffuse"; where the
-    function is None it is E / pi of nine coefficients. Where the engine has levels of its own, `ours`
-    are those that were exported; they are looked up in the same way in place of `shrm render`.
+    function is None it is E / pi of nine coefficients. Where the engine has levels of its own,
+    `ours` are those that were exported, looked up in the same way in place of `shrm render`.
     """
     info = (light.irradiance or light.diffuse).info
     split = SplitSum(light.levels[: len(light.roughness)], light.roughness, mapping, info)

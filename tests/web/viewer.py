@@ -49,9 +49,12 @@ def gltf_viewer(browser, folder, address, probe, size, roughnesses, pixels=256, 
         lambda levels: ball.trilinear(levels[mips:], normals, 0),
     )
     diffuse = diffuse_cube(light.diffuse)
-    if samples is not None:
+    if samples is None:
+        levels = documented_levels(light)
+    else:
         del pictures["diffuse"]
-    theirs = replace(light, levels=(*documented_levels(light), diffuse))
+        levels = _texels_of(light.latlong, size), *light.levels[1:]
+    theirs = replace(light, levels=(*levels, diffuse))
     ours = *light.levels, diffuse
     return proofs.compare(
         "glTF-Sample-Viewer", page, theirs, "linear", pictures, normals, used, ours

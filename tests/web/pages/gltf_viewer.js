@@ -81,7 +81,8 @@ window.background = (to) => {
   state.renderingParameters.renderEnvironmentMap = true;
   state.renderingParameters.blurEnvironmentMap = false;
   state.userCamera.type = "perspective";
-  state.userCamera.perspective.yfov = Math.PI / 2;
+  // cubemap.vert adds 0.1 to w, so that what lies straight ahead is drawn 1.1 times smaller.
+  state.userCamera.perspective.yfov = 2 * Math.atan(1 / 1.1);
   look(
     to.map((x) => -x),
     [0, 0, 0],
