@@ -36,7 +36,7 @@ def test_text_can_be_read(browser, needs, site, name):
             assert letters.likeness(found[direction], letters.written(other)) < right - 0.1
 
 
-@pytest.mark.parametrize("name", ["three", "babylon", "filament"])
+@pytest.mark.parametrize("name", letters.ENGINES)
 def test_the_orientation_chart_of_openexr(browser, needs, site, name):
     """Its names and axes lie where the directions of the file's own cube have them."""
     if not CHART.is_file():
