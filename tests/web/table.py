@@ -69,7 +69,7 @@ def main(arguments=None):
             proofs.three(*common),
             proofs.babylon(*common),
             proofs.babylon(*common, form="gltf"),
-            viewer.gltf_viewer(*common[:4], 256, (0.0,), samples=8),
+            viewer.gltf_viewer(*common[:4], 256, (0.0,), pixels=1024, samples=8),
         ]
         dds, _, _ = proofs.directx(browser, folder, address, probe, given.size)
     print("\n".join(lines(made, dds)))
