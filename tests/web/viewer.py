@@ -26,8 +26,8 @@ def gltf_viewer(browser, folder, address, probe, size, roughnesses, pixels=256, 
     """Balls in glTF-Sample-Viewer, from glTF files; its cubes have `size` texels along an edge.
 
     Its mirrors are as sharp as the light: small lamps need many pixels, because renderers move
-    corners of triangles to fractions of a pixel. With another number of `samples` than its own only mirrors are as they should be, whose samples
-    are all the same.
+    corners of triangles to fractions of a pixel. With another number of `samples`
+    than its own only mirrors are as they should be, whose samples are all the same.
     """
     page, light = opened(browser, folder, address, probe, size, pixels, samples)
     mips = len(light.levels)
