@@ -44,9 +44,20 @@ def change(size):
 
 
 def mirrored(normals, view):
-    """Where views are reflected to."""
-    view = np.asarray(view, dtype=float) / np.linalg.norm(view)
-    return 2 * (normals @ view)[..., None] * normals - view
+    """Where views are reflected to; `view` is one for all, or one for each normal."""
+    view = np.asarray(view, dtype=float)
+    view = view / np.linalg.norm(view, axis=-1, keepdims=True)
+    return 2 * np.sum(normals * view, axis=-1, keepdims=True) * normals - view
+
+
+def views(normals, towards, distance):
+    """Directions to an eye from the points of a ball of radius 1; most engines shade by these.
+
+    They do so even where the projection is orthographic. At a distance of 1000 they turn by 0.06
+    degrees across the ball, which is a sixth of a texel of a cube of 256.
+    """
+    eye = distance * np.asarray(towards, dtype=float) / np.linalg.norm(towards)
+    return eye - normals
 
 
 def trilinear(levels, directions, lod):

@@ -77,12 +77,12 @@ def served(folder):
             thread.join()
 
 
-def bundle(script, target):
-    """Write a module with all that it imports as one classic script."""
+def bundle(script, target, *flags):
+    """Write a module with all that it imports as one classic script; flags are esbuild's."""
     modules = node_modules()
     esbuild = modules / "esbuild" / "bin" / "esbuild"
     command = [os.fspath(esbuild), os.fspath(script), "--bundle", "--format=iife",
-               "--log-level=error", f"--outfile={target}"]  # fmt: skip
+               "--log-level=error", f"--outfile={target}", *flags]  # fmt: skip
     subprocess.run(command, check=True, env={**os.environ, "NODE_PATH": os.fspath(modules)})
 
 

@@ -6,8 +6,8 @@ import struct
 import numpy as np
 
 
-def ball_file(metallic, roughness, rows=128):
-    """Bytes of a white ball of radius 1."""
+def ball_file(metallic, roughness, rows=128, glossy=True):
+    """Bytes of a white ball of radius 1; a dielectric that is not glossy is diffuse alone."""
     theta, phi = np.meshgrid(
         np.linspace(0, np.pi, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1), indexing="ij"
     )
@@ -39,9 +39,11 @@ def ball_file(metallic, roughness, rows=128):
                     "baseColorFactor": [1, 1, 1, 1],
                     "metallicFactor": metallic,
                     "roughnessFactor": roughness,
-                }
+                },
+                "extensions": {} if glossy else {"KHR_materials_specular": {"specularFactor": 0}},
             }
         ],
+        "extensionsUsed": [] if glossy else ["KHR_materials_specular"],
         "buffers": [{"byteLength": len(data)}],
         "bufferViews": [
             {"buffer": 0, "byteOffset": 0, "byteLength": size},

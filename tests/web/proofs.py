@@ -111,11 +111,11 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256):
     light = replace(light, levels=(*light.levels[:-1], diffuse))
     pictures = {}
     for roughness in roughnesses:
-        # The shader adds what the normal changes from pixel to pixel, and stays above 0.0525.
+        # The shader adds what the normal changes from pixel to pixel, and stays above 0.045.
         added = np.minimum(ball.change(pixels), 0.3)
-        rough = np.minimum(max(roughness, 0.0525) + added, 1.0)
+        rough = np.minimum(max(roughness, 0.045) + added, 1.0)
 
-        albedo = DirectionalAlbedo(max(roughness, 0.0525))(facing, WHITE)
+        albedo = DirectionalAlbedo(max(roughness, 0.045))(facing, WHITE)
 
         def documented(levels, rough=rough, albedo=albedo):
             mixed = rough[..., None] ** 4
@@ -133,7 +133,7 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256):
     )
     page.call("lightProbe", f"{address}/three/light_sh.json")
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
-    return _proof("three.js", page, light, "filament", pictures, normals, used)
+    return compare("three.js", page, light, "filament", pictures, normals, used)
 
 
 def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form="babylon"):
@@ -149,7 +149,7 @@ def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form
         page.call("environment", f"{address}/babylon/light.env")
         lod_scale = 0.8
     normals, used, facing = shown(pixels)
-    reflected = ball.mirrored(normals, VIEW)
+    reflected = ball.mirrored(normals, ball.views(normals, VIEW, 1000))
     pictures = {}
     for roughness in roughnesses:
         lod = lod_scale * np.log2(size * (roughness**2 + 0.0005))
@@ -165,7 +165,7 @@ def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form
         pictures[f"{roughness:g}"] = found, documented
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
     title = "Babylon.js .env" if form == "babylon" else "Babylon.js glTF"
-    return _proof(title, page, light, "linear", pictures, normals, used)
+    return compare(title, page, light, "linear", pictures, normals, used)
 
 
 def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
@@ -174,12 +174,8 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
     These widen the roughness by what normals change from pixel to pixel, which is left out here: at
     half as many pixels along an edge a mirror is three times as far from the documented shading.
     """
-    light, _ = exported(folder / "filament", "filament", probe, size)
-    _prepare_filament(folder / "filament", roughnesses)
-    page = Page(browser, address, "filament/filament.bundle.js")
-    files = [f"metal{k}.glb" for k in range(len(roughnesses))] + ["diffuse.glb"]
-    page.call("start", pixels, VIEW, ["light_ibl.ktx", *files])
-    read = np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
+    page, light, read = open_filament(browser, folder, address, probe, size, roughnesses, pixels)
+    files = [f"metal{k}.glb" for k in range(len(roughnesses))]
     normals, used, facing = shown(pixels)
     last = len(light.levels) - 1
 
@@ -203,9 +199,20 @@ def filament(browser, folder, address, probe, size, roughnesses, pixels=256):
     reflected = DirectionalAlbedo(1.0)(facing, (0.04,) * 3)
     surface = reflected * (1 + 0.04 * (1 / total - 1)) * prefiltered(light.levels, 1.0)
     pictures["diffuse"] = (found - surface) / (1 - reflected), None
-    made = _proof("Filament", page, light, "filament", pictures, normals, used)
+    made = compare("Filament", page, light, "filament", pictures, normals, used)
     made.facts["sh"] = float(np.abs(read - ball.polynomials(light.nine())).max())
     return made
+
+
+def open_filament(browser, folder, address, probe, size, roughnesses, pixels):
+    """Filament's page with an exported light and balls, the light, and the coefficients it read."""
+    light, package = exported(folder / "filament", "filament", probe, size)
+    _prepare_filament(folder / "filament", roughnesses)
+    page = Page(browser, address, "filament/filament.bundle.js")
+    cubes = [file.name for file in package.files if file.name.endswith(".ktx")]
+    balls = [f"metal{k}.glb" for k in range(len(roughnesses))]
+    page.call("start", pixels, VIEW, [*cubes, *balls, "diffuse.glb"])
+    return page, light, np.reshape(page.call("environment", "light_ibl.ktx"), (9, 3))
 
 
 _EXPOSURES = 1 / 16, 1 / 4, 1.0
@@ -262,8 +269,16 @@ def shown(pixels):
     return normals, inside & (facing > FACING), np.clip(facing, 1e-3, 1)
 
 
-def _proof(title, page, light, mapping, pictures, normals, used):
-    split = SplitSum(light.levels, light.roughness, mapping, light.irradiance.info)
+def compare(title, page, light, mapping, pictures, normals, used, ours=None):
+    """Compare pictures, and close the page.
+
+    `pictures` has pairs of what the engine showed and of a function of levels, the engine's
+    documented shading, by the roughness of a white metal or what begins with "diffuse"; where the
+    function is None it is E / pi of nine coefficients. Where the engine has levels of its own,
+    `ours` are those that were exported, looked up in the same way in place of `shrm render`.
+    """
+    info = (light.irradiance or light.diffuse).info
+    split = SplitSum(light.levels[: len(light.roughness)], light.roughness, mapping, info)
     view = np.array(VIEW) / np.linalg.norm(VIEW)
     rows, kept = [], {}
     for what, (found, documented) in pictures.items():
@@ -274,9 +289,11 @@ def _proof(title, page, light, mapping, pictures, normals, used):
             wrong = [documented([_turned(level, k) for level in light.levels]) for k in range(3)]
             want = documented(light.levels)
             to_shrm = None
-            if not what.startswith("diffuse"):
-                ours = split.shaded(float(what), WHITE).radiance(normals[used], view)
-                to_shrm = _rms(found[used], ours)
+            if ours is not None:
+                to_shrm = _rms(found[used], documented(ours)[used])
+            elif not what.startswith("diffuse"):
+                radiance = split.shaded(float(what), WHITE).radiance(normals[used], view)
+                to_shrm = _rms(found[used], radiance)
         rms = _rms(found[used], want[used])
         turned = min(_rms(found[used], each[used]) for each in wrong) / rms
         largest = float(np.abs(found - want)[used].max() / want[used].max())

@@ -7,7 +7,7 @@ allow.
 import numpy as np
 import pytest
 
-from tests.web import proofs
+from tests.web import proofs, viewer
 
 pytestmark = pytest.mark.slow
 ROUGHNESSES = (0.0, 0.2, 0.5, 1.0)
@@ -83,3 +83,17 @@ def test_filament(browser, needs, site, probe):
     proof = proofs.filament(browser, folder, address, probe, 64, ROUGHNESSES)
     assert_shaded(proof, address)
     assert proof.facts["sh"] < 1e-5
+
+
+def test_gltf_sample_viewer(browser, needs, site, probe):
+    """It filters the panorama itself, so that its levels are near ours, and not the same."""
+    needs("@khronosgroup/gltf-viewer", "esbuild")
+    folder, address = site
+    proof = viewer.gltf_viewer(browser, folder, address, probe, 64, ROUGHNESSES, 192)
+    assert not proof.errors
+    assert all(url.startswith((address, "data:", "blob:")) for url in proof.requests)
+    assert [row.what for row in proof.rows] == [*(f"{r:g}" for r in ROUGHNESSES), "diffuse"]
+    for row in proof.rows:
+        assert max(row.rms, row.largest) < 0.02, row
+        assert row.turned > 20, row
+    assert proof.rows[0].to_shrm < 0.01, "a mirror shows the light itself"

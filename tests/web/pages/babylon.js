@@ -80,6 +80,25 @@ window.shade = async (roughness, multiscatter = false) => {
   return base64(pixels);
 };
 
+// The light itself, 90 degrees across, along a horizontal direction.
+window.background = async (to) => {
+  const sky = scene.createDefaultSkybox(scene.environmentTexture, true, 100, 0);
+  const camera = new FreeCamera("eye", Vector3.Zero(), scene);
+  camera.setTarget(new Vector3(...to));
+  camera.fov = Math.PI / 2;
+  const distant = target.activeCamera;
+  target.activeCamera = camera;
+  target.renderList = [sky];
+  await sky.material.forceCompilationAsync(sky);
+  await scene.whenReadyAsync();
+  target.render();
+  const pixels = await target.readPixels();
+  target.activeCamera = distant;
+  sky.dispose();
+  camera.dispose();
+  return base64(pixels);
+};
+
 // The texels of a level, as Babylon has unpacked them.
 window.texels = async (face, level) =>
   base64(Float32Array.from(await scene.environmentTexture.readPixels(face, level)));

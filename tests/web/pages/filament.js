@@ -48,15 +48,36 @@ window.shade = async (file, intensity) => {
   const asset = loader.createAsset(file);
   await new Promise((resolve) => asset.loadResources(resolve, null, "", null));
   scene.addEntities(asset.getEntities());
+  const pixels = await drawn(view);
+  scene.removeEntities(asset.getEntities());
+  return base64(pixels);
+};
+
+// The light itself, 90 degrees across, along a horizontal direction.
+window.background = async (file, to) => {
+  light.setIntensity(1);
+  scene.setSkybox(engine.createSkyFromKtx1(file));
+  const camera = engine.createCamera(Filament.EntityManager.get().create());
+  camera.setProjectionFov(90, 1, 0.1, 10, Filament.Camera$Fov.VERTICAL);
+  camera.lookAt([0, 0, 0], to, [0, 1, 0]);
+  camera.setExposureDirect(1);
+  const around = engine.createView();
+  around.setCamera(camera);
+  around.setScene(scene);
+  around.setViewport([0, 0, canvas.width, canvas.height]);
+  around.setPostProcessingEnabled(false);
+  return base64(await drawn(around));
+};
+
+async function drawn(seen) {
   const pixels = new Uint8Array(4 * canvas.width * canvas.height);
   const gl = canvas.getContext("webgl2");
   for (let frame = 0; frame < 4; frame++) {
-    renderer.render(swapChain, view);
+    renderer.render(swapChain, seen);
     engine.execute();
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
     gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
     await new Promise(requestAnimationFrame);
   }
-  scene.removeEntities(asset.getEntities());
-  return base64(pixels);
-};
+  return pixels;
+}

@@ -36,12 +36,27 @@ window.shade = (roughness) => {
   return draw(new THREE.MeshPhysicalMaterial(diffuse));
 };
 
+// The light itself, 90 degrees across, along a horizontal direction.
+window.background = (to) => {
+  scene.background = scene.environment;
+  const eye = new THREE.PerspectiveCamera(90, 1, 0.1, 10);
+  eye.lookAt(...to);
+  const pixels = seenBy(eye);
+  scene.background = null;
+  return pixels;
+};
+
 function draw(material) {
   const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 512, 256), material);
   scene.add(ball);
-  renderer.setRenderTarget(target);
-  renderer.render(scene, camera);
+  const pixels = seenBy(camera);
   scene.remove(ball);
+  return pixels;
+}
+
+function seenBy(eye) {
+  renderer.setRenderTarget(target);
+  renderer.render(scene, eye);
   const pixels = new Float32Array(4 * target.width * target.height);
   renderer.readRenderTargetPixels(target, 0, 0, target.width, target.height, pixels);
   return base64(pixels);
