@@ -375,7 +375,7 @@ def test_files_appear_together_or_not_at_all(probe, tmp_path):
     made.files[-1] = engines.OutputFile("sky_README.md", fails)
     with pytest.raises(OutputError, match="no room"):
         write(made, tmp_path / "out")
-    assert not list((tmp_path / "out").iterdir())
+    assert not list(tmp_path.iterdir())
 
 
 def test_other_files_are_kept(probe, tmp_path):
