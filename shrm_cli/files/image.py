@@ -73,10 +73,9 @@ def write_images(
     OutputError
         If a value is not finite, half would overflow, or a file cannot be written.
     """
-    stacked = np.stack(images)
-    chosen = choose_pixel_type(paths[0], [stacked], precision)
+    chosen = choose_pixel_type(paths[0], images, precision)
     with together():
-        for path, image in zip(paths, stacked, strict=True):
+        for path, image in zip(paths, images, strict=True):
             write_image(path, image, chosen, attributes)
     return chosen
 

@@ -1,11 +1,13 @@
 """Half has few digits for dim light: `auto` takes float there, and what half costs is told."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.image import write_images
 from shrm_cli.files.parts import choose_storage
 from shrm_cli.maps.file import open_map, store
 from shrm_cli.prefilter import prefilter
@@ -87,3 +89,15 @@ def test_commands(tmp_path, monkeypatch):
     command = ("prefilter", "dim.exr", "--brdf", "lambertian", "--precision", "half", "-o", "m.exr")
     assert "100.00% from half precision" in done(*command)
     assert json.loads(done("info", "m.exr", "--json"))["storage_error"] == pytest.approx(1)
+
+
+def test_images_are_written_without_a_copy_of_them(tmp_path, rng):
+    """Beside the halves themselves there is only what is looked at, a part at a time."""
+    image = rng.random((4096, 1024, 3), dtype=np.float32)
+    tracemalloc.start()
+    try:
+        assert write_images([str(tmp_path / "a.exr")], [image]) == "half"
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 0.8 * image.nbytes
