@@ -138,9 +138,9 @@ def convert(
     named = plain_name(source, target, view) if is_plain else _default_name(source, target)
     path = output or named
     reading = make_read_options(sampling, values)
-    found = is_map(source)
+    from_map = is_map(source)
     refuse_inapplicable(
-        _rules(target) | _rules_of_source(found) | plain_rules(target, found, view, mips)
+        _rules(target) | _rules_of_source(from_map) | plain_rules(target, from_map, view, mips)
     )
     if not (output or force):
         names = face_paths(path) if target == "faces" else [path]
@@ -148,7 +148,7 @@ def convert(
     job = Conversion(
         source, path, target, reading, size, to_orientation, to_sampling, precision, quiet
     )
-    if not found:
+    if not from_map:
         _refuse_targets_of_maps(job)
         made = convert_probe(job)
     elif target == _LAYERS:
