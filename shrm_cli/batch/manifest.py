@@ -19,7 +19,6 @@ Every ``[[entry]]`` begins with what stands before the first one. Without any, t
 entry. Names are relative to the current folder, as those of the command line are.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -28,6 +27,7 @@ from typing import Any
 from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry
 from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.files.inputs import note
+from shrm_cli.files.toml import read_toml
 from shrm_cli.maps.options import listing
 from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
@@ -78,21 +78,9 @@ def read_manifest(name: str) -> list[Entry]:
 
 
 def _read(name: str) -> dict[str, Any]:
-    path = Path(name)
-    try:
-        with open(path, "rb") as stream:
-            text = stream.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise ProbeError(f"{name}: cannot be opened ({error.strerror}); check its name") from None
-    if len(text) > _MOST_BYTES:
-        raise ProbeError(f"{name}: more than {_MOST_BYTES:,} bytes are no manifest; split it")
-    try:
-        return tomllib.loads(text.decode())
-    except RecursionError:
-        raise ProbeError(f"{name}: nested too deeply to be a manifest; write it anew") from None
-    except ValueError as error:
-        reason = " ".join(str(error).split())[:100]
-        raise ProbeError(f"{name}: no TOML ({reason}); correct it") from None
+    too_large = f"more than {_MOST_BYTES:,} bytes are no manifest; split it"
+    found, _ = read_toml(name, "a manifest", _MOST_BYTES, too_large, ProbeError)
+    return found
 
 
 def _merged(shared: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:

@@ -95,13 +95,28 @@ def cached_coefficients(
         What `compute` returns, to the last bit, with read-only arrays. Only BRDFs of this package
         are kept, because the code of others could change without the key's noticing.
     """
-    sizes = 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1)
+    return _cached(_COEFFICIENTS, brdf, (order_f, order_p, accuracy), compute, progress)
 
-    def fits(found: BrdfCoefficients) -> bool:
-        return found.order_f == order_f and found.order_p in (0, order_p)
 
-    kind = _Kind(BrdfCoefficients, sizes, fits)
-    return _cached(kind, brdf, (order_f, order_p, accuracy), compute, progress)
+def cached_transfer(
+    brdf: Brdf,
+    order_f: int,
+    max_q: int,
+    accuracy: float,
+    compute: Callable[..., TransferFunctions],
+    progress: Progress | None = None,
+) -> TransferFunctions:
+    """Take transfer functions from the cache, or compute them, as `cached_coefficients` does.
+
+    Parameters
+    ----------
+    brdf, accuracy, progress
+        As of `cached_coefficients`.
+    order_f, max_q : int
+    compute : callable
+        `compute_transfer`, or a function with its parameters and result.
+    """
+    return _cached(_TRANSFER, brdf, (order_f, max_q, accuracy), compute, progress)
 
 
 def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
@@ -121,41 +136,6 @@ def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]
     return make() if record is None else _in_memory.get((record, *what), make)
 
 
-def cached_transfer(
-    brdf: Brdf,
-    order_f: int,
-    max_q: int,
-    accuracy: float,
-    compute: Callable[..., TransferFunctions],
-    progress: Progress | None = None,
-) -> TransferFunctions:
-    """Take transfer functions from the cache, or compute them, and keep them if that took long.
-
-    Parameters
-    ----------
-    brdf : Brdf
-    order_f, max_q : int
-    accuracy : float
-    compute : callable
-        `compute_transfer`, or a function with its parameters and result.
-    progress : callable, optional
-        Given to `compute`.
-
-    Returns
-    -------
-    TransferFunctions
-        What `compute` returns, to the last bit; see `cached_coefficients`.
-    """
-    # There is no telling how many views were needed.
-    sizes = MOST_BYTES // 4 // _DOUBLE
-
-    def fits(found: TransferFunctions) -> bool:
-        return (found.order_f, found.max_q) == (order_f, max_q)
-
-    kind = _Kind(TransferFunctions, sizes, fits)
-    return _cached(kind, brdf, (order_f, max_q, accuracy), compute, progress)
-
-
 @dataclasses.dataclass(frozen=True)
 class _Kind(Generic[Content]):
     """A kind of entries: a dataclass of arrays of floats, and of what JSON holds exactly.
@@ -164,15 +144,28 @@ class _Kind(Generic[Content]):
     ----------
     content : type
         The dataclass.
-    most_values : int
-        No entry has more numbers in its arrays than that, so that no more is read.
+    most_values : callable
+        Takes two orders; no entry of theirs has more numbers in its arrays than what it returns, so
+        that no more is read.
     fits : callable
-        Whether an entry that was read has the orders that are wanted.
+        Whether an entry that was read has the two orders that are wanted.
     """
 
     content: type[Content]
-    most_values: int
-    fits: Callable[[Content], bool]
+    most_values: Callable[[int, int], int]
+    fits: Callable[[Content, int, int], bool]
+
+
+_COEFFICIENTS = _Kind(
+    BrdfCoefficients,
+    lambda order_f, order_p: 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1),
+    lambda found, order_f, order_p: found.order_f == order_f and found.order_p in (0, order_p),
+)
+_TRANSFER = _Kind(
+    TransferFunctions,
+    lambda order_f, max_q: MOST_BYTES // 4 // _DOUBLE,  # there is no telling how many views it took
+    lambda found, order_f, max_q: (found.order_f, found.max_q) == (order_f, max_q),
+)
 
 
 def _cached(
@@ -201,7 +194,7 @@ def _from_disk(
     if key is None:
         return compute(brdf, *parameters, **more)
     path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
-    found = _read(path, key, kind)
+    found = _read(path, key, kind, parameters[:2])
     if found is None:
         start = time.perf_counter()
         found = compute(brdf, *parameters, **more)
@@ -328,13 +321,13 @@ def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) 
         _make_room(path)
 
 
-def _read(path: Path, key: str, kind: _Kind[Content]) -> Content | None:
+def _read(path: Path, key: str, kind: _Kind[Content], orders: tuple[int, int]) -> Content | None:
     """The content of an entry; None if there is no whole entry that fits the key."""
     try:
         if not path.is_file():  # opening a pipe would wait for its writer
             return None
         # An entry cannot be larger than its arrays can be, so no more than that is read.
-        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _DOUBLE * kind.most_values
+        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _DOUBLE * kind.most_values(*orders)
         with open(path, "rb") as stream:
             data = stream.read(most + 1)
         start = len(_MAGIC) + _DIGEST
@@ -344,7 +337,7 @@ def _read(path: Path, key: str, kind: _Kind[Content]) -> Content | None:
         if hashlib.sha256(body).digest() != data[len(_MAGIC) : start]:
             return None
         found = _unpacked(body, key, kind.content)
-        fits = kind.fits(found)
+        fits = kind.fits(found, *orders)
     except (OSError, *_UNSOUND):
         return None
     if not fits:

@@ -16,16 +16,14 @@ from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.farm import farm_options, named_parts, write_farm_files
 from shrm_cli.cli.gather import gather_options, gathering_of, write_gathered
 from shrm_cli.cli.headings import command_with_headings
+from shrm_cli.cli.making import making_options
 from shrm_cli.cli.options import (
     READING_NAMES,
     cache_option,
     output_options,
-    precision_option,
     progress_bar,
     read_options,
     reading_keywords,
-    representation_options,
-    shared_options,
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
@@ -33,7 +31,7 @@ from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.ticker import ticking
 from shrm_cli.cli.usage import flags, given_options
-from shrm_cli.vocabulary import REPRESENTATIONS, SAMPLINGS
+from shrm_cli.vocabulary import REPRESENTATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +43,6 @@ if TYPE_CHECKING:
     from shrm_cli.batch.run import Workers
     from shrm_cli.batch.work import Result, Terms
 
-_SAMPLINGS = click.Choice(SAMPLINGS)
 _DEFAULT_LOG = "batch.jsonl"
 _HEADINGS = {
     **MAKING_HEADINGS,
@@ -88,16 +85,7 @@ class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
     help="Names of the outputs, with {probe}, {folder}, {brdf} and {to} in them; their folders are "
     "made.  [default: {probe}.{brdf}.{to}.exr]",
 )  # fmt: skip
-@shared_options("eps", "error", "order_f", "order_p", "center")
-@representation_options(lambda option: not option.prints)
-@shared_options("domain", "source_height", "frame", "size", "max_size")
-@precision_option
-@click.option(
-    "--sampling", type=_SAMPLINGS,
-    help="Where edge pixels lie, in the probes and in the written cubes.",
-)  # fmt: skip
-@click.option("--probe-sampling", type=_SAMPLINGS, help="The same, of the probes alone.")
-@click.option("--map-sampling", type=_SAMPLINGS, help="The same, of the written cubes alone.")
+@making_options("probes", "cubes", lambda option: not option.prints)
 @read_options
 @click.option(
     "--jobs", type=click.IntRange(1, 1024), metavar="N",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.conversion import Converted, open_source
 from shrm_cli.cli.options import progress_bar
 from shrm_cli.cli.outputs import map_stem, picture_attributes
 from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
@@ -19,8 +20,8 @@ from shrm_cli.vocabulary import LOOKUPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from shrm_cli.maps.base import Map
-    from shrm_cli.vocabulary import Lookup, Precision, Sampling
+    from shrm_cli.cli.conversion import Conversion
+    from shrm_cli.vocabulary import Lookup, Sampling
 
 _LEAST_ROWS = 256
 """The least height of a lat-long of a material, where --size does not say it. Seen over the normal,
@@ -81,25 +82,22 @@ def plain_name(source: str, target: str, view: tuple[float, float] | None) -> st
     return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"
 
 
-def write_view(
-    source: str,
-    found: Map,
-    path: str,
+def convert_to_view(
+    job: Conversion,
     view: tuple[float, float],
     by: Lookup | None,
     roughness: float | None,
     f0: str | None,
-    size: int | None,
-    sampling: Sampling | None,
-    precision: Precision,
-    quiet: bool,
-) -> tuple[dict[str, Any], list[str]]:
+) -> Converted:
     """Write the light that a map reflects to a distant viewer, as a lat-long.
 
-    Returns
-    -------
-    result : dict
-    warnings : list of str
+    Parameters
+    ----------
+    job : Conversion
+    view : tuple of 2 float
+        Azimuth and elevation of the viewer, in degrees.
+    by, roughness, f0
+        The values of the options.
 
     Raises
     ------
@@ -113,48 +111,42 @@ def write_view(
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.oneview import ignores_views, lookup_of, one_view
 
+    found, notes = open_source(job)
     if found.needs_light:
         raise MapError(
-            f"{source}: a product texture that holds no light; make one with light by shrm "
+            f"{job.source}: a product texture that holds no light; make one with light by shrm "
             "prefilter PROBE --brdf SPEC --to product"
         )
-    shown, surface, warnings = shaded_maps([found], [source], roughness, f0)
-    chosen, sampled = by or lookup_of(found), sampling or "center"
-    rows = size or max(2 * found.size, _LEAST_ROWS)
-    with progress_bar("converting", quiet) as progress:
+    shown, surface, warnings = shaded_maps([found], [job.source], roughness, f0)
+    chosen, sampled = by or lookup_of(found), job.sampling or "center"
+    rows = job.size or max(2 * found.size, _LEAST_ROWS)
+    with progress_bar("converting", job.quiet) as progress:
         picture = one_view(
             shown[0], Viewer(*view).direction, rows, chosen, ignores_views(found), sampled, progress
         )
-    (picture,), told = without_negative(path, [picture])
+    (picture,), told = without_negative(job.path, [picture])
     said = {"view": list(view), "by": chosen, **surface_values(surface)}
     attributes = picture_attributes(
-        {"convert": Path(source).name, "to": "latlong", **said}, [found.info.chromaticities]
+        {"convert": Path(job.source).name, "to": "latlong", **said}, [found.info.chromaticities]
     )
     if sampled == "border":
         attributes["envmap"] = "latlong"
-    pixels = write_image(path, picture, precision, attributes)
+    pixels = write_image(job.path, picture, job.precision, attributes)
     result = {
-        "file": path, "kind": "view", "representation": found.representation, **said,
+        "file": job.path, "kind": "view", "representation": found.representation, **said,
         "width": 2 * rows, "height": rows, "sampling": sampled, "precision": pixels,
     }  # fmt: skip
-    return result, [*warnings, *told]
+    azimuth, elevation = view
+    what = {"reflection": "mirror direction", "normal": "normal"}[chosen]
+    report = (
+        f"{job.path}: lat-long over the {what}, seen from {azimuth:g},{elevation:g}, "
+        f"{2 * rows} x {rows}, {pixels}"
+    )
+    return Converted(result, report, [*warnings, *told, *notes])
 
 
-def write_mips(
-    source: str,
-    found: Map,
-    path: str,
-    target: str,
-    size: int | None,
-    sampling: Sampling | None,
-    precision: Precision,
-) -> tuple[dict[str, Any], list[str]]:
+def convert_to_mips(job: Conversion) -> Converted:
     """Write the levels of a split sum as one mip-mapped file.
-
-    Returns
-    -------
-    result : dict
-    warnings : list of str
 
     Raises
     ------
@@ -169,48 +161,35 @@ def write_mips(
     from shrm_cli.maps.splitsum.mips import check_mips, cube_mips, latlong_mips
     from shrm_cli.maps.splitsum.split_sum import SplitSum
 
+    found, notes = open_source(job)
     if not isinstance(found, SplitSum):
-        raise MapError(f"{source}: {found.what}; mip chains are made of split sums")
-    check_mips(found, source)
-    sampled: Sampling = sampling or "center"
-    if target == "openexr":
+        raise MapError(f"{job.source}: {found.what}; mip chains are made of split sums")
+    check_mips(found, job.source)
+    sampled: Sampling = job.sampling or "center"
+    if job.target == "openexr":
         levels = cube_mips(found)
     else:
-        levels = latlong_mips(found, size or 2 * found.size, sampled)
-    levels, warnings = without_negative(path, levels)
+        levels = latlong_mips(found, job.size or 2 * found.size, sampled)
+    levels, warnings = without_negative(job.path, levels)
     roughness = _level_roughness(found.roughness, len(levels))
-    recipe = {"convert": Path(source).name, "to": target, "roughness": roughness}
+    recipe = {"convert": Path(job.source).name, "to": job.target, "roughness": roughness}
     attributes = picture_attributes(recipe, [found.info.chromaticities])
     if sampled == "border":
         attributes["envmap"] = "latlong"
-    if precision == "auto" and not found.is_exact_in_half:
-        precision = "float"  # a conversion must not lose precision
-    pixels = write_mipmap(path, levels, precision, attributes)
+    pixels = write_mipmap(job.path, levels, job.precision_of(found), attributes)
     height, width, _ = levels[0].shape
     result = {
-        "file": path, "kind": "mips", "layout": target, "sampling": sampled, "width": width,
+        "file": job.path, "kind": "mips", "layout": job.target, "sampling": sampled, "width": width,
         "height": height, "levels": len(levels), "roughness": roughness, "precision": pixels,
     }  # fmt: skip
-    return result, warnings
+    listed = ", ".join(f"{value:.3g}" for value in roughness)
+    report = (
+        f"{job.path}: {job.target} in {len(levels)} mip levels from {width} x {height}, {pixels}\n"
+        f"  roughness      {listed}"
+    )
+    return Converted(result, report, [*warnings, *notes])
 
 
 def _level_roughness(known: Sequence[float], count: int) -> list[float]:
     """Return the roughness of each level of a file; those beyond a split sum's own are its last."""
     return [round(value, 6) for value in (*known, *[known[-1]] * (count - len(known)))]
-
-
-def plain_report(result: dict[str, Any]) -> str:
-    """Return a line about a plain image."""
-    size = f"{result['width']} x {result['height']}"
-    if result["kind"] == "view":
-        azimuth, elevation = result["view"]
-        what = {"reflection": "mirror direction", "normal": "normal"}[result["by"]]
-        return (
-            f"{result['file']}: lat-long over the {what}, seen from {azimuth:g},{elevation:g}, "
-            f"{size}, {result['precision']}"
-        )
-    listed = ", ".join(f"{value:.3g}" for value in result["roughness"])
-    return (
-        f"{result['file']}: {result['layout']} in {result['levels']} mip levels from {size}, "
-        f"{result['precision']}\n  roughness      {listed}"
-    )

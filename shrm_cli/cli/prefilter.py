@@ -10,17 +10,15 @@ import click
 
 from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.kept import force_option, keep_other_map
+from shrm_cli.cli.making import making_options
 from shrm_cli.cli.options import (
     READING_NAMES,
     conclude,
     make_read_options,
     optional_brdf_option,
-    precision_option,
     progress_bar,
     read_options,
     report_options,
-    representation_options,
-    shared_options,
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
@@ -28,26 +26,18 @@ from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, rena
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.vocabulary import (
-    CONTAINERS,
-    REPRESENTATIONS,
-    SAMPLINGS,
-    Precision,
-)
+from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
     from shrm_cli.maps.options import Representation
     from shrm_cli.maps.prefiltered import Prefiltered
 
-_SAMPLINGS = click.Choice(SAMPLINGS)
 _OWN_BRDFS = listing(
     [each.name for each in registry.descriptions().values() if each.why_no_brdf], "and"
 )
 
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
-
-
 _OWN_OPTIONS = {
     f"Options of --to {listing(names, 'and')}": [option.name for option in options]
     for names, options in own_options(registry.descriptions())
@@ -76,21 +66,12 @@ _HEADINGS = {
     "--to", type=click.Choice(list(REPRESENTATIONS)), default="shrm", show_default=True,
     help=f"Representation to write; {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
-@shared_options("eps", "error", "order_f", "order_p", "center")
-@representation_options()
-@shared_options("domain", "source_height", "frame", "size", "max_size")
-@precision_option
+@making_options("probe", "cube")
 @click.option(
     "-o", "--output", type=click.Path(),
     help="File to write.  [default: PROBE.BRDF.TO.exr in the current folder]",
 )  # fmt: skip
 @force_option
-@click.option(
-    "--sampling", type=_SAMPLINGS,
-    help="Where edge pixels lie, in the probe and in the written cube.",
-)  # fmt: skip
-@click.option("--probe-sampling", type=_SAMPLINGS, help="The same, of the probe alone.")
-@click.option("--map-sampling", type=_SAMPLINGS, help="The same, of the written cube alone.")
 @read_options
 @report_options
 def prefilter(

@@ -16,25 +16,43 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 
-class Fraction(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
+class _Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
+    """A type whose texts `parse` reads; what is no text, such as a default, is a value already."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the value of a text; what is wrong with it becomes wrong usage of the option."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return self.parse(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+    def parse(self, text: str) -> Any:
+        """Return the value of a text.
+
+        Raises
+        ------
+        ValueError
+            If it has none; the message is what the user reads.
+        """
+        raise NotImplementedError
+
+
+class Fraction(_Parsed):
     """A number between 0 and 1, neither of them included."""
 
     name = "fraction"
 
-    def convert(
-        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
+    def parse(self, text: str) -> float:
         """Return a float; click's FloatRange would let NaN through."""
-        try:
-            number = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number", param, ctx)
+        number = _number(text)
         if not 0 < number < 1:
-            self.fail(f"{number:g} is not between 0 and 1", param, ctx)
+            raise ValueError(f"{number:g} is not between 0 and 1")
         return number
 
 
-class Within(click.ParamType):  # type: ignore[type-arg]
+class Within(_Parsed):
     """A number between two others, or one of them; click's FloatRange would let NaN through."""
 
     name = "number"
@@ -42,16 +60,11 @@ class Within(click.ParamType):  # type: ignore[type-arg]
     def __init__(self, low: float, high: float) -> None:
         self.low, self.high = low, high
 
-    def convert(
-        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
+    def parse(self, text: str) -> float:
         """Return a float within the range."""
-        try:
-            number = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number", param, ctx)
+        number = _number(text)
         if not self.low <= number <= self.high:
-            self.fail(f"{number:g} is not in the range {self.low:g} .. {self.high:g}", param, ctx)
+            raise ValueError(f"{number:g} is not in the range {self.low:g} .. {self.high:g}")
         return number
 
 
@@ -62,51 +75,39 @@ STOPS = Within(-32, 32)
 """The type of an exposure value, in stops."""
 
 
-class AzimuthElevation(click.ParamType):  # type: ignore[type-arg]
+class AzimuthElevation(_Parsed):
     """A direction ``AZ,EL`` in degrees: azimuth from +Z towards +X about +Y, elevation up."""
 
     name = "AZ,EL"
 
-    def convert(
-        self,
-        value: str | tuple[float, float],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[float, float]:
+    def parse(self, text: str) -> tuple[float, float]:
         """Return two finite numbers, the second within -90 .. 90."""
-        if isinstance(value, tuple):
-            return value
-        numbers = _numbers(value)
+        numbers = _numbers(text)
         if len(numbers) != 2:
-            self.fail(f"{value!r} is not two numbers AZ,EL such as 30,45", param, ctx)
+            raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
         azimuth, elevation = numbers
         if not -90 <= elevation <= 90:
-            self.fail(f"elevation {elevation:g} is outside -90 .. 90", param, ctx)
+            raise ValueError(f"elevation {elevation:g} is outside -90 .. 90")
         return azimuth, elevation
 
 
-class PrimariesType(click.ParamType):  # type: ignore[type-arg]
+class PrimariesType(_Parsed):
     """Primaries and white: a name such as ``acescg``, or eight numbers ``RX,RY,GX,GY,...``."""
 
     name = "NAME|RX,RY,..."
 
-    def convert(
-        self,
-        value: str | tuple[float, ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> str | tuple[float, ...]:
+    def parse(self, text: str) -> str | tuple[float, ...]:
         """Return a known name, or eight finite numbers."""
-        if isinstance(value, tuple) or value in PRIMARIES:
-            return value
-        numbers = _numbers(value)
+        if text in PRIMARIES:
+            return text
+        numbers = _numbers(text)
         if len(numbers) != 8:
             names = ", ".join(PRIMARIES)
-            self.fail(
-                f"{value!r} is none of {names}, and not eight numbers, x and y of red, green, "
-                "blue and white", param, ctx,
-            )  # fmt: skip
-        return tuple(numbers)
+            raise ValueError(
+                f"{text!r} is none of {names}, and not eight numbers, x and y of red, green, "
+                "blue and white"
+            )
+        return numbers
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
@@ -117,24 +118,17 @@ class PrimariesType(click.ParamType):  # type: ignore[type-arg]
         return [CompletionItem(name) for name in PRIMARIES if name.startswith(incomplete)]
 
 
-class Vector(click.ParamType):  # type: ignore[type-arg]
+class Vector(_Parsed):
     """A point or a direction: three numbers ``X,Y,Z``."""
 
     name = "X,Y,Z"
 
-    def convert(
-        self,
-        value: str | tuple[float, float, float],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[float, float, float]:
+    def parse(self, text: str) -> Any:
         """Return three finite numbers."""
-        if isinstance(value, tuple):
-            return value
-        numbers = _numbers(value)
+        numbers = _numbers(text)
         if len(numbers) != 3 or not all(abs(number) <= _LARGEST for number in numbers):
-            self.fail(f"{value!r} is not three numbers X,Y,Z such as 0,1,0", param, ctx)
-        return numbers[0], numbers[1], numbers[2]
+            raise ValueError(f"{text!r} is not three numbers X,Y,Z such as 0,1,0")
+        return numbers
 
 
 class Brush(Vector):
@@ -142,22 +136,17 @@ class Brush(Vector):
 
     name = "uv|X,Y,Z"
 
-    def convert(
-        self,
-        value: str | tuple[float, float, float],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> Any:
+    def parse(self, text: str) -> Any:
         """Return ``uv`` or three finite numbers that are not all 0."""
-        if value == "uv":
-            return value
-        direction = super().convert(value, param, ctx)
+        if text == "uv":
+            return text
+        direction = super().parse(text)
         if not any(direction):
-            self.fail("0,0,0 is no direction", param, ctx)
+            raise ValueError("0,0,0 is no direction")
         return direction
 
 
-class PictureSize(click.ParamType):  # type: ignore[type-arg]
+class PictureSize(_Parsed):
     """The size of a picture in pixels: its width and height, ``N`` or ``WxH``."""
 
     name = "N|WxH"
@@ -165,96 +154,68 @@ class PictureSize(click.ParamType):  # type: ignore[type-arg]
     def __init__(self, low: int, high: int) -> None:
         self.low, self.high = low, high
 
-    def convert(
-        self,
-        value: str | tuple[int, int],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[int, int]:
+    def parse(self, text: str) -> tuple[int, int]:
         """Return width and height."""
-        if isinstance(value, tuple):
-            return value
-        parts = value.split("x")
+        parts = text.split("x")
         if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
-            self.fail(f"{value!r} is not a size in pixels such as 512 or 800x600", param, ctx)
+            raise ValueError(f"{text!r} is not a size in pixels such as 512 or 800x600")
         sizes = [int(part[:9]) for part in parts]
         for size in sizes:
             if not self.low <= size <= self.high:
-                self.fail(f"{size} is not in the range {self.low}<=x<={self.high}.", param, ctx)
+                raise ValueError(f"{size} is not in the range {self.low}<=x<={self.high}.")
         return sizes[0], sizes[-1]
 
 
-class Radiance(click.ParamType):  # type: ignore[type-arg]
+class Radiance(_Parsed):
     """A linear RGB radiance: one number for all channels, or three with commas between."""
 
     name = "X|R,G,B"
 
-    def convert(
-        self,
-        value: str | tuple[float, ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[float, ...]:
+    def parse(self, text: str) -> tuple[float, ...]:
         """Return one or three finite numbers, none of them below 0."""
-        if isinstance(value, tuple):
-            return value
-        numbers = _numbers(value)
-        if len(numbers) not in (1, 3):
-            self.fail(f"{value!r} is not one number, or three such as 1,0.5,0.2", param, ctx)
+        numbers = _of_channels(text)
+        if not numbers:
+            raise ValueError(f"{text!r} is not one number, or three such as 1,0.5,0.2")
         if min(numbers) < 0:
-            self.fail(f"{value!r} has a number below 0", param, ctx)
+            raise ValueError(f"{text!r} has a number below 0")
         return numbers
 
 
-class Albedo(click.ParamType):  # type: ignore[type-arg]
+class Albedo(_Parsed):
     """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
 
     name = "X|R,G,B|vertex"
 
-    def convert(
-        self,
-        value: str | tuple[float, ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> str | tuple[float, ...]:
+    def parse(self, text: str) -> str | tuple[float, ...]:
         """Return one or three numbers, or "vertex"."""
-        if isinstance(value, tuple) or value == "vertex":
-            return value
-        numbers = _numbers(value)
-        if len(numbers) not in (1, 3) or not all(0 <= number <= 1 for number in numbers):
-            self.fail(f"{value!r} is not vertex, nor one or three numbers in 0 .. 1", param, ctx)
+        if text == "vertex":
+            return text
+        numbers = _of_channels(text)
+        if not numbers or not all(0 <= number <= 1 for number in numbers):
+            raise ValueError(f"{text!r} is not vertex, nor one or three numbers in 0 .. 1")
         return numbers
 
 
-class Components(click.ParamType):  # type: ignore[type-arg]
+class Components(_Parsed):
     """How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
 
     name = "pca:K|pca:X"
 
-    def convert(
-        self,
-        value: str | float,
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> int | float:
+    def parse(self, text: str) -> int | float:
         """Return a number of components as int, or an error as float."""
-        if not isinstance(value, str):
-            return value
-        method, _, text = value.partition(":")
-        if method == "pca" and text.isascii() and text.isdigit() and int(text[:9]) > 0:
-            return int(text[:9])
-        numbers = _numbers(text)
+        method, _, amount = text.partition(":")
+        if method == "pca" and amount.isascii() and amount.isdigit() and int(amount[:9]) > 0:
+            return int(amount[:9])
+        numbers = _numbers(amount)
         if method != "pca" or len(numbers) != 1 or not 0 < numbers[0] < 1:
-            self.fail(
-                f"{value!r} is not pca:K with a number K of components, or pca:X with an error X "
-                "between 0 and 1",
-                param,
-                ctx,
+            raise ValueError(
+                f"{text!r} is not pca:K with a number K of components, or pca:X with an error X "
+                "between 0 and 1"
             )
         return numbers[0]
 
 
-class Interval(click.ParamType):  # type: ignore[type-arg]
+class Interval(_Parsed):
     """A range ``A..B`` of numbers between two limits; a single number is both of its ends."""
 
     name = "A..B"
@@ -262,73 +223,53 @@ class Interval(click.ParamType):  # type: ignore[type-arg]
     def __init__(self, low: float, high: float) -> None:
         self.low, self.high = low, high
 
-    def convert(
-        self,
-        value: str | tuple[float, float],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[float, float]:
+    def parse(self, text: str) -> tuple[float, float]:
         """Return two numbers, the first no larger than the second."""
-        if isinstance(value, tuple):
-            return value
-        ends = value.split("..")
+        ends = text.split("..")
         numbers = [_numbers(end) for end in ends]
         if len(ends) > 2 or any(len(each) != 1 for each in numbers):
-            self.fail(f"{value!r} is not a range A..B such as 0.5..1", param, ctx)
+            raise ValueError(f"{text!r} is not a range A..B such as 0.5..1")
         (first,), (last,) = numbers[0], numbers[-1]
         if not self.low <= first <= last <= self.high:
-            self.fail(f"{value!r} does not rise within {self.low:g} .. {self.high:g}", param, ctx)
+            raise ValueError(f"{text!r} does not rise within {self.low:g} .. {self.high:g}")
         return first, last
 
 
-class Levels(click.ParamType):  # type: ignore[type-arg]
+class Levels(_Parsed):
     """Levels of a split sum: their number, or the roughness of each, with commas between."""
 
     name = "N|R,R,..."
 
-    def convert(
-        self,
-        value: str | int | tuple[float, ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> int | tuple[float, ...]:
+    def parse(self, text: str) -> int | tuple[float, ...]:
         """Return the number of levels, or roughnesses that rise within 0 .. 1."""
-        if not isinstance(value, str):
-            return value
-        if value.isascii() and value.isdigit():
-            count = int(value[:9])
+        if text.isascii() and text.isdigit():
+            count = int(text[:9])
             if not 1 <= count <= MAX_LEVELS:
-                self.fail(f"{value[:9]} levels are not 1 .. {MAX_LEVELS}", param, ctx)
+                raise ValueError(f"{text[:9]} levels are not 1 .. {MAX_LEVELS}")
             return count
-        numbers = _numbers(value)
+        numbers = _numbers(text)
         if not numbers or len(numbers) > MAX_LEVELS:
-            self.fail(
-                f"{value!r} is neither a number of levels nor up to {MAX_LEVELS} roughnesses "
-                "such as 0.2,0.5,1.0",
-                param,
-                ctx,
+            raise ValueError(
+                f"{text!r} is neither a number of levels nor up to {MAX_LEVELS} roughnesses "
+                "such as 0.2,0.5,1.0"
             )
         if not all(0 <= number <= 1 for number in numbers):
-            self.fail(f"{value!r} has a roughness outside 0 .. 1", param, ctx)
+            raise ValueError(f"{text!r} has a roughness outside 0 .. 1")
         if any(a >= b for a, b in pairwise(numbers)):
-            self.fail(f"{value!r} does not rise", param, ctx)
+            raise ValueError(f"{text!r} does not rise")
         return numbers
 
 
-class Bytes(click.ParamType):  # type: ignore[type-arg]
+class Bytes(_Parsed):
     """An amount of storage such as ``32MB``, ``1.5GiB`` or a plain number of bytes."""
 
     name = "bytes"
 
-    def convert(
-        self, value: str | int, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int:
+    def parse(self, text: str) -> int:
         """Return a number of bytes, at least 1."""
-        count = parse_bytes(value) if isinstance(value, str) else value
+        count = parse_bytes(text)
         if count is None or count < 1:
-            self.fail(
-                f"{value!r} is not a number of bytes such as 32MB, 500kB or 2000000", param, ctx
-            )
+            raise ValueError(f"{text!r} is not a number of bytes such as 32MB, 500kB or 2000000")
         return count
 
 
@@ -353,6 +294,20 @@ def click_option(option: Option) -> Any:
     return click.option(
         flag, option.name, type=types[option.kind], metavar=metavar, help=option.help
     )
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is; raise the `ValueError` of a type if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a number") from None
+
+
+def _of_channels(text: str) -> tuple[float, ...]:
+    """Return one number for all channels, or three; return () if the text is neither."""
+    numbers = _numbers(text)
+    return numbers if len(numbers) in (1, 3) else ()
 
 
 def _numbers(text: str) -> tuple[float, ...]:

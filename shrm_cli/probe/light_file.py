@@ -15,7 +15,6 @@ A small one, with all that a disc needs; `docs/conventions.md` has every key::
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -27,6 +26,7 @@ from numpy.typing import NDArray
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.files import inputs
+from shrm_cli.files.toml import read_toml
 from shrm_cli.probe.disc import Disc, facing_factor, radius_of
 from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term
@@ -68,14 +68,8 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     """
     _check_options(name, options)
     path = check_file(name)
-    text = _read(path)
-    try:
-        found = tomllib.loads(text.decode())
-    except RecursionError:
-        raise ProbeError(f"{name}: nested too deeply to be a light file; write it anew") from None
-    except ValueError as error:
-        reason = " ".join(str(error).split())[:100]
-        raise ProbeError(f"{name}: no TOML ({reason}); correct it") from None
+    too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
+    found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
     inputs.note(path)
     _check_keys(name, found, {"probe", "disc", "working"})
     tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in ("probe", "disc")}
@@ -131,19 +125,6 @@ def _check_options(name: str, options: ReadOptions) -> None:
         raise ProbeError(
             f"{name}: `{changed}` says nothing about a light file; name it in a probe's table"
         )
-
-
-def _read(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            text = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise ProbeError(f"{path}: cannot be read ({error.strerror}); check it") from None
-    if len(text) > _MOST_BYTES:
-        raise ProbeError(
-            f"{path}: larger than {_MOST_BYTES:,} bytes; put many lights into an image"
-        )
-    return text
 
 
 def _tables(name: str, kind: str, found: object) -> list[dict[str, Any]]:

@@ -16,7 +16,6 @@ An example, with everything that an object may have:
 """
 
 import os
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -25,6 +24,7 @@ from typing import Any
 
 from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.inputs import note
+from shrm_cli.files.toml import read_toml
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
@@ -138,17 +138,10 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
 
 
 def _objects(name: str) -> list[Mapping[str, Any]]:
-    try:
-        if not Path(name).is_file():
-            raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
-        if Path(name).stat().st_size > _MOST_BYTES:
-            raise MeshError(f"{name}: more than {_MOST_BYTES:,} bytes, so it is no scene; name one")
-        tree = tomllib.loads(Path(name).read_bytes().decode())
-    except OSError as error:
-        raise MeshError(f"{name}: cannot be read ({error.strerror}); name another file") from error
-    except (ValueError, RecursionError) as error:
-        why = " ".join(str(error).split())[:80]
-        raise MeshError(f"{name}: not TOML ({why}); correct it") from error
+    if not Path(name).is_file():
+        raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
+    too_large = f"more than {_MOST_BYTES:,} bytes, so it is no scene; name one"
+    tree, _ = read_toml(name, "a scene", _MOST_BYTES, too_large, MeshError)
     objects = tree.get("objects")
     if set(tree) != {"objects"} or not isinstance(objects, list) or not objects:
         raise MeshError(f"{name}: a scene has tables [[objects]] and nothing else; correct it")

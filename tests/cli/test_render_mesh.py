@@ -178,7 +178,7 @@ def test_what_is_refused(folder, arguments, words):
 BALL = '[[objects]]\nmesh = "ball.obj"\n'
 BAD = {
     "": "[[objects]]",
-    "x = ": "not TOML",
+    "x = ": "no TOML",
     "x = 1": "[[objects]]",
     "objects = [1]": "none of",
     "[[objects]]": "mesh",
@@ -196,7 +196,7 @@ BAD = {
     BALL + 'map = "gone.exr"': "gone.exr",
     BALL + 'irradiance = "a.exr"': "not irradiance",
     BALL * 300: "more than 256",
-    "a = " + "[" * 5000: "not TOML",
+    "a = " + "[" * 5000: "nested too deeply",
 }
 
 
