@@ -296,6 +296,8 @@ BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error"}
 """The arguments that representations which are made for a BRDF share."""
 
 
+_MOST_BYTES = 2.0**63
+"""No machine has as many, and numbers beyond it are infinite or longer than Python converts."""
 _AMOUNT = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:([kmg]?)(i?)b)?\s*", re.IGNORECASE)
 _POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
 
@@ -309,13 +311,14 @@ def parse_bytes(text: str) -> int | None:
     Returns
     -------
     int or None
-        None where the text names no amount.
+        None where the text names no amount, or one that no number of the machine holds.
     """
     found = _AMOUNT.fullmatch(text)
     if found is None or (found[3] and not found[2]):
         return None
     unit = (1024 if found[3] else 1000) ** _POWERS[(found[2] or "").lower()]
-    return round(float(found[1]) * unit)
+    amount = float(found[1]) * unit
+    return round(amount) if amount < _MOST_BYTES else None
 
 
 def bytes_text(count: int) -> str:

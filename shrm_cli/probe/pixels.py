@@ -235,4 +235,6 @@ def _energy(pixels: Array, weights: Array) -> float:
     """Integral of the radiance, channels added."""
     if weights.shape[1] == 1:
         return float(pixels.sum(axis=(1, 2), dtype=float) @ weights[:, 0])
-    return float(np.sum(pixels.sum(axis=2, dtype=float) * weights))
+    # Whole faces of a cube arrive at once; a few rows at a time they need no memory beside them.
+    rows = zip(pixels, weights, strict=True)
+    return float(sum(row.sum(axis=1, dtype=float) @ own for row, own in rows))

@@ -136,6 +136,7 @@ def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Arr
     if image is None:
         bright = _take_bright(whole, probe)
         image = _sampled(whole, probe, target, parts, progress)
+        del whole  # large images would not leave room for their bright pixels
         if len(bright[0]):
             _add_bright(image, target, source, probe.matrix, *bright)
     if target.sampling == "border":

@@ -53,6 +53,8 @@ _known_waves = Memo(2**24)
 """Waves of some sizes and orders, those of size 64 and order 64 take 1.1 MB in single precision."""
 _BLOCK_BYTES = 2**26
 """Memory that the intermediate arrays of some maps may take."""
+_WAVE_BYTES = 40
+"""What a wave at a texel takes while it is computed: complex, and twice as cosine and sine."""
 _LARGE = 2**24
 """The values of series, times rows, above which several threads are worth their start."""
 _CACHED_BYTES = 2**21
@@ -163,17 +165,34 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
 
     is_large = fourier[0].size * len(half) > _LARGE
     parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
-    block = len(_ALONG_X) * 2 * len(result) * len(half) * result.itemsize
-    step = max(1, _CACHED_BYTES // block)
+    count = fourier[0].shape[1]
+    step = _rows_at_once(len(_ALONG_X) * len(result) * result.itemsize, count, len(half))
 
     def fill(start: int) -> None:
         rows = slice(start, start + step)
-        same, opposite = _kept_waves(fourier[0].shape[1], half[rows], half, result.dtype)
+        same, opposite = _kept_waves(count, half[rows], half, result.dtype)
         for faces, (symmetric, antisymmetric) in parts:
             even, odd = symmetric[rows] @ same, antisymmetric[rows] @ opposite
             _store_rows(even, odd, faces, start, result)
 
     at_once(fill, range(0, len(half), step), is_large)
+
+
+def _rows_at_once(series_bytes: int, count: int, half: int) -> int:
+    """Return for how many rows values stay in the processor's cache, and waves within bounds.
+
+    Parameters
+    ----------
+    series_bytes : int
+        The bytes that a single value of each face and map takes.
+    count : int
+        The waves, order + 1.
+    half : int
+        Half of the texels along a row.
+    """
+    values = 2 * series_bytes * half
+    waves = _WAVE_BYTES * count * half
+    return max(1, min(_CACHED_BYTES // values, _BLOCK_BYTES // waves))
 
 
 def _store_rows(
@@ -357,7 +376,7 @@ def _gather_faces(
     quadrants = [face[0] for face in faces]
     symmetric = np.empty((len(half), len(faces), 2, maps, (count + 1) // 2 + count // 2))
     antisymmetric = np.empty_like(symmetric)
-    step = max(1, _CACHED_BYTES // (len(faces) * 2 * maps * len(half) * 8))
+    step = _rows_at_once(len(faces) * maps * 8, count, len(half))
     for start in range(0, len(half), step):
         rows = slice(start, start + step)
         same, opposite = _kept_waves(count, half[rows], half, np.dtype(float))

@@ -42,7 +42,9 @@ def test_amounts_of_bytes(text, count):
     assert parse_bytes(text) == count
 
 
-@pytest.mark.parametrize("text", ["", "MB", "-1MB", "1TB", "1iB", "nan", "1e6", "3,2MB"])
+@pytest.mark.parametrize(
+    "text", ["", "MB", "-1MB", "1TB", "1iB", "nan", "1e6", "3,2MB", 400 * "9", 19 * "9" + "GB"]
+)
 def test_what_is_no_amount(text):
     assert parse_bytes(text) is None
 
