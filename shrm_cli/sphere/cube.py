@@ -16,6 +16,8 @@ from shrm_cli.vocabulary import Orientation, Sampling
 Array = NDArray[np.floating]
 
 _ROUNDING = 1e-9
+_ROWS_AT_ONCE = 256
+"""The rows of a face whose solid angles are computed at a time, with arrays beside them."""
 
 _RIGHT_DOWN: dict[str, str] = {
     "openexr": "+Z-Y -Z-Y +X-Z +X+Z -X-Y +X-Y",
@@ -82,10 +84,13 @@ def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
     face's edge. The six faces sum to 4 pi.
     """
     edges = cell_edges(size, sampling)
-    x, y = edges[None, :], edges[:, None]
-    corner = np.sqrt(x**2 + y**2 + 1)
-    np.arctan2(x * y, corner, out=corner)
-    return np.diff(np.diff(corner, axis=0), axis=1)
+    result: Array = np.empty((size, size))
+    for start in range(0, size, _ROWS_AT_ONCE):
+        x, y = edges[None, :], edges[start : start + _ROWS_AT_ONCE + 1, None]
+        corner = np.sqrt(x**2 + y**2 + 1)
+        np.arctan2(x * y, corner, out=corner)
+        result[start : start + _ROWS_AT_ONCE] = np.diff(np.diff(corner, axis=0), axis=1)
+    return result
 
 
 def reorient(faces: ArrayLike, orientation: Orientation) -> Array:
