@@ -2,7 +2,7 @@
 
 Each message is one line that says what is wrong, where, and what to do. Messages name arguments of
 the library in backticks, such as `size`. The command line prints the flags in their place, such as
---size.
+--size. Keys of files are in single quotes, such as 'size': no flag stands for them.
 """
 
 

@@ -29,6 +29,7 @@ from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.files.inputs import note
 from shrm_cli.files.toml import read_toml
 from shrm_cli.maps.options import listing
+from shrm_cli.messages import as_keys
 from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.vocabulary import PRECISIONS, REPRESENTATIONS
@@ -71,7 +72,7 @@ def read_manifest(name: str) -> list[Entry]:
     shared = {key: value for key, value in found.items() if key != "entry"}
     tables = found.get("entry", [{}])
     if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-        raise ProbeError(f"{name}: `entry` is no list of tables; write [[entry]]")
+        raise ProbeError(f"{name}: 'entry' is no list of tables; write [[entry]]")
     if len(tables) > _MOST_ENTRIES:
         raise ProbeError(f"{name}: {len(tables):,} entries are more than {_MOST_ENTRIES:,}")
     return [_entry(name, _merged(shared, table)) for table in tables]
@@ -99,20 +100,20 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     texts = {key: _text_list(name, key, found[key]) for key in _LISTS if key in found}
     for key in _TEXTS:
         if key in found and not isinstance(found[key], str):
-            raise ProbeError(f"{name}: `{key}` is no text; put it in quotes")
+            raise ProbeError(f"{name}: '{key}' is no text; put it in quotes")
     precision = found.get("precision", "auto")
     if precision not in PRECISIONS:
-        raise ProbeError(f"{name}: `precision` is none of {listing(PRECISIONS, 'and')}")
+        raise ProbeError(f"{name}: 'precision' is none of {listing(PRECISIONS, 'and')}")
     others = {
         key: value for key, value in found.items() if key not in (*_LISTS, *_TEXTS, "reading")
     }
     own = {key: value for key, value in others.items() if key in REPRESENTATIONS}
     for key, value in own.items():
         if not isinstance(value, dict):
-            raise ProbeError(f"{name}: `{key}` is no table; write [{key}]")
+            raise ProbeError(f"{name}: '{key}' is no table; write [{key}]")
     arguments = {key: value for key, value in others.items() if key not in own}
     if "brdf" in arguments:
-        raise ProbeError(f"{name}: `brdf` is no key; write brdfs = [...]")
+        raise ProbeError(f"{name}: 'brdf' is no key; write brdfs = [...]")
     if "probes" not in texts:
         raise ProbeError(f"{name}: an entry names no probes; write probes = [...]")
     entry = Entry(
@@ -129,27 +130,28 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
         entry.recipes()
     except ArgumentError as error:
         # A manifest has no flags, and the error is none of usage.
-        raise ProbeError(f"{name}: {error}") from None
+        raise ProbeError(f"{name}: {as_keys(error)}") from None
     return entry
 
 
 def _text_list(name: str, key: str, value: Any) -> tuple[str, ...]:
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, list) or not all(isinstance(each, str) and each for each in texts):
-        raise ProbeError(f'{name}: `{key}` is no list of texts; write {key} = ["...", "..."]')
+        example = f'{key} = ["...", "..."]'
+        raise ProbeError(f"{name}: '{key}' is no list of texts; write {example}")
     return tuple(texts)
 
 
 def _reading(name: str, found: Any) -> dict[str, Any]:
     """Return the keywords of `open_probe` that a manifest holds, checked."""
     if not isinstance(found, dict):
-        raise ProbeError(f"{name}: `reading` is no table; write [reading]")
+        raise ProbeError(f"{name}: 'reading' is no table; write [reading]")
     unknown = sorted(found.keys() - _READING)
     if unknown:
         known = ", ".join(sorted(_READING))
-        raise ProbeError(f"{name}: `{unknown[0]}` says nothing of reading; known are {known}")
+        raise ProbeError(f"{name}: {unknown[0]!r:.60} says nothing of reading; known are {known}")
     try:
         with_keywords(ReadOptions(), found)  # type: ignore[arg-type]
     except ProbeError as error:
-        raise ProbeError(f"{name}: {error}") from None
+        raise ProbeError(f"{name}: {as_keys(error)}") from None
     return dict(found)

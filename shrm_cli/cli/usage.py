@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,8 +10,7 @@ import click
 from click.core import ParameterSource
 
 from shrm_cli.errors import ArgumentError
-
-_ARGUMENT = re.compile(r"`([a-z][a-z0-9_]*)(=False)?`")
+from shrm_cli.messages import ARGUMENT
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ def flags(message: str) -> str:
     The library writes arguments in backticks: `size` becomes --size, and `split=False` becomes
     --no-split.
     """
-    return _ARGUMENT.sub(
+    return ARGUMENT.sub(
         lambda found: ("--no-" if found[2] else "--") + found[1].replace("_", "-"), message
     )
 

@@ -27,6 +27,7 @@ from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.files import inputs
 from shrm_cli.files.toml import read_toml
+from shrm_cli.messages import as_keys
 from shrm_cli.probe.disc import Disc, facing_factor, radius_of
 from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term
@@ -111,7 +112,7 @@ def _primaries(what: str, key: str, value: Any) -> tuple[float, ...] | None:
     try:
         return chromaticities_of(key, value)
     except ProbeError as error:
-        raise ProbeError(f"{what}: {error}") from None
+        raise ProbeError(f"{what}: {as_keys(error)}") from None
 
 
 def _check_options(name: str, options: ReadOptions) -> None:
@@ -129,7 +130,7 @@ def _check_options(name: str, options: ReadOptions) -> None:
 
 def _tables(name: str, kind: str, found: object) -> list[dict[str, Any]]:
     if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
-        raise ProbeError(f"{name}: `{kind}` must be tables; write [[{kind}]]")
+        raise ProbeError(f"{name}: '{kind}' must be tables; write [[{kind}]]")
     return found
 
 
@@ -145,7 +146,7 @@ def _term(what: str, path: Path, table: dict[str, Any]) -> Term:
     _check_keys(what, table, {"file", "scale"} | _PROBE_KEYS)
     file = table.get("file")
     if not isinstance(file, str) or not file:
-        raise ProbeError(f"{what}: `file` must be the name of an image")
+        raise ProbeError(f"{what}: 'file' must be the name of an image")
     if not _stays_below(file):
         raise ProbeError(
             f"{what}: {file!r:.100} leaves the light file's folder; put the image into it"
@@ -157,7 +158,7 @@ def _term(what: str, path: Path, table: dict[str, Any]) -> Term:
     try:
         probe = open_probe(os.path.join(os.path.dirname(path), file), **reading)
     except ProbeError as error:
-        raise ProbeError(f"{what}: {error}") from None
+        raise ProbeError(f"{what}: {as_keys(error)}") from None
     return Term(probe, scale)
 
 
@@ -177,7 +178,7 @@ def _disc(what: str, table: dict[str, Any], colors: tuple[float, ...] | None) ->
     _check_keys(what, table, _DISC_KEYS)
     if _only(what, table, "direction", "azimuth") == "direction":
         if "elevation" in table:
-            raise ProbeError(f"{what}: `direction` has the elevation; leave `elevation` out")
+            raise ProbeError(f"{what}: 'direction' has the elevation; leave 'elevation' out")
         direction = _direction(what, table["direction"])
     else:
         azimuth = _number(what, "azimuth", table["azimuth"], -1e6, 1e6)
@@ -205,17 +206,17 @@ def _only(what: str, table: dict[str, Any], one: str, other: str) -> str:
     """Which one of two keys there is."""
     if (one in table) == (other in table):
         said = "excludes" if one in table else "is missing, or"
-        raise ProbeError(f"{what}: `{one}` {said} `{other}`; give one of them")
+        raise ProbeError(f"{what}: '{one}' {said} '{other}'; give one of them")
     return one if one in table else other
 
 
 def _direction(what: str, value: object) -> Array:
     if not isinstance(value, list) or len(value) != 3:
-        raise ProbeError(f"{what}: `direction` must be three numbers")
+        raise ProbeError(f"{what}: 'direction' must be three numbers")
     vector = np.array([_number(what, "direction", each, -1e6, 1e6) for each in value])
     length = float(np.linalg.norm(vector))
     if length < 1e-6:
-        raise ProbeError(f"{what}: `direction` is 0; give three numbers that point to the light")
+        raise ProbeError(f"{what}: 'direction' is 0; give three numbers that point to the light")
     return np.asarray(vector / length)
 
 
@@ -223,12 +224,12 @@ def _color(what: str, key: str, value: object) -> Array:
     """One number for all channels, or three."""
     values = value if isinstance(value, list) else [value] * 3
     if len(values) != 3:
-        raise ProbeError(f"{what}: `{key}` must be one number or three")
+        raise ProbeError(f"{what}: '{key}' must be one number or three")
     return np.array([_number(what, key, each, 0, _BRIGHTEST) for each in values])
 
 
 def _number(what: str, key: str, value: object, least: float, most: float) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not least <= value <= most:  # type: ignore[operator]
-        raise ProbeError(f"{what}: `{key}` must be a number from {least:g} to {most:g}")
+        raise ProbeError(f"{what}: '{key}' must be a number from {least:g} to {most:g}")
     return float(value)  # type: ignore[arg-type]

@@ -171,6 +171,8 @@ def _actor(
         _brush(given.get("brush")),
         _vary(folder, _text(given, "vary")),
     )
+    if shown.brush == "uv" and mesh.uvs is None:
+        raise ValueError(f"brush cannot be uv: {mesh.name} has no texture coordinates; name others")
     light = shown.map or (maps[0] if maps else None)
     moved = mesh.transformed(
         transformation(

@@ -138,6 +138,32 @@ def test_layouts_that_do_not_fit(folder, layout):
     assert snapshot(folder) == before
 
 
+@pytest.mark.parametrize(
+    ("arguments", "text", "said"),
+    [
+        (
+            ["info", "a.toml"], '[[disc]]\ndirection = ["x", 1, 2]\nradius = 3\nradiance = 1\n',
+            "a.toml: disc 1: 'direction' must be a number",
+        ),
+        (
+            ["info", "a.toml"], '[[probe]]\nfile = "a.exr"\nyaw = nan\n',
+            "a.toml: probe 1: 'yaw' must be a finite number",
+        ),
+        (
+            ["batch", "a.toml"], 'probes = ["a.exr"]\nbrdfs = ["phong"]\neps = 7\n',
+            "a.toml: 'eps' 7 is not a number",
+        ),
+    ],
+)  # fmt: skip
+def test_keys_of_files_are_no_flags(tmp_path, monkeypatch, arguments, text, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.toml").write_text(text)
+    write_exr("a.exr", np.ones((4, 8, 3), np.float32))
+    result = run(*arguments)
+    assert_refused(result, 1, said)
+    assert "--" not in result.err
+
+
 def test_integers_want_linearize(folder):
     write_png(folder / "ldr.png")
     before = snapshot(folder)

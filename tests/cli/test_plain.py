@@ -295,6 +295,18 @@ def test_chains_that_cannot_be(made, tmp_path, arguments, words):
     assert not (tmp_path / "x.exr").exists()
 
 
+@pytest.mark.parametrize(("size", "advice"), [(1, 16), (7, 16), (24, 16), (40, 32)])
+def test_what_is_advised_for_other_heights_works(chain, tmp_path, size, advice):
+    """Options of prefiltering are not advised: --levels is none of `convert`."""
+    made = tmp_path / "x.exr"
+    arguments = ["convert", chain, "--to", "latlong", "--mips", "-o", made, "--size"]
+    result = run(*arguments, size)
+    assert_refused(result, 1, f"take --size {advice}")
+    assert "--levels" not in result.err
+    assert not made.exists()
+    assert run(*arguments, advice).code == 0
+
+
 def test_filaments_five_levels(made, tmp_path):
     said = json.loads(
         done(

@@ -189,6 +189,7 @@ BAD = {
     BALL + 'f0 = "unobtainium"': "unobtainium",
     BALL + "f0 = [1, 2]": "f0",
     BALL + "brush = [0, 0, 0]": "brush",
+    BALL + 'brush = "uv"': "bad.toml: object 1: brush cannot be uv",
     BALL + "scale = 0": "scale",
     BALL + "scale = inf": "scale",
     BALL + "scale = [1, 1, 1" + "0" * 400 + "]": "scale",

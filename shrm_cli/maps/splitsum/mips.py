@@ -116,9 +116,14 @@ def latlong_mips(split: SplitSum, height: int, sampling: Sampling = "center") ->
     Raises
     ------
     MapError
-        If there are too few rows.
+        If there are too few rows, or their number is no power of two.
     """
-    mip_sizes(height, len(split.levels))
+    least = 2 ** (len(split.levels) - 1)
+    if height < least or height != power_of_two(height):
+        raise MapError(
+            f"{height} rows do not halve into the {len(split.levels)} levels of the split sum; "
+            f"take `size` {max(least, power_of_two(height))}"
+        )
     levels = []
     for cube in split.levels:
         pixels = latlong_directions(2 * height, height, sampling)
