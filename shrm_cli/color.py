@@ -88,7 +88,34 @@ def same_primaries(one: Primaries | None, other: Primaries | None) -> bool:
 
 def is_possible(primaries: Primaries) -> bool:
     """Whether numbers are primaries and a white that light can be converted from and to."""
-    return _to_xyz(primaries) is not None
+    return fault_of(primaries) is None
+
+
+def fault_of(primaries: Primaries) -> str | None:
+    """Why numbers are no primaries and white of light, in a few words; None if they are.
+
+    Blue may have a y below 0, as that of ACES2065-1 and of cameras has.
+    """
+    if len(primaries) != 8 or not np.isfinite(primaries).all():
+        return "they are not eight finite numbers, x and y of red, green, blue and white"
+    if primaries[7] <= 0:
+        return f"their white has y = {primaries[7]:g}"
+    for name, y in (("red", primaries[1]), ("green", primaries[3])):
+        if y < 0:
+            return f"their {name} has y = {y:g}"
+    red, green, blue, white = np.reshape(primaries, (4, 2)).astype(float)
+    with np.errstate(all="ignore"):
+        parts = np.array([_turn(green, blue, white), _turn(blue, red, white)])
+        parts = np.append(parts, _turn(red, green, white)) / _turn(red, green, blue)
+    if not (np.isfinite(parts).all() and _to_xyz(primaries) is not None):
+        return "red, green and blue are on one line"
+    return None if (parts > 0).all() else "white is not between red, green and blue"
+
+
+def _turn(first: Array, second: Array, third: Array) -> float:
+    """Twice the area of a triangle, below 0 if its corners go round clockwise."""
+    one, other = second - first, third - first
+    return float(one[0] * other[1] - one[1] * other[0])
 
 
 def title_of(primaries: Primaries | None) -> str:

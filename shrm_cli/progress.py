@@ -57,6 +57,10 @@ class Stages:
         """Report that `done` of `total` units of the present stage are finished."""
         self._show(_STEPS * done // total if self._finished < self._total else 0)
 
+    def foretell(self, seconds: float) -> None:
+        """Hand on about how long the rest of the work will take."""
+        foretell(self._progress, seconds)
+
     def _show(self, steps: int) -> None:
         if self._progress is not None:
             self._told = max(self._told, _STEPS * self._finished + steps)

@@ -8,7 +8,16 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.color import REC709, conversion, from_rec709, luminance_weights, to_rec709
+from shrm_cli.color import (
+    REC709,
+    conversion,
+    fault_of,
+    from_rec709,
+    luminance_weights,
+    to_rec709,
+)
+from shrm_cli.errors import ProbeError
+from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import done
 from tests.probe import scenes
@@ -110,3 +119,29 @@ def test_pictures_and_metals_of_a_probe_in_other_primaries(tmp_path, monkeypatch
     made = done("prefilter", "p.exr", "--brdf", "ggx:roughness=1,f0=gold", "--json", "-o", "g.exr")
     f0 = json.loads(made)["brdf"]["parameters"]["f0"]
     np.testing.assert_allclose(f0, from_rec709(AP1) @ GOLD, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("numbers", "why"), [
+    ((0.64, -0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), "red has y = -0.33"),
+    ((0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.0), "white has y = 0"),
+    ((0.3, 0.3, 0.4, 0.4, 0.5, 0.5, 0.3127, 0.329), "on one line"),
+    ((0.3,) * 8, "on one line"),
+    ((0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.9, 0.9), "white is not between"),
+])  # fmt: skip
+def test_impossible_primaries_are_told_by_what_is_wrong(numbers, why, tmp_path):
+    """Of an argument as an error; of a file as a warning, and its numbers count as Rec.709."""
+    image = np.ones((16, 32, 3), np.float32)
+    with pytest.raises(ProbeError, match=why):
+        Probe.from_array(image, primaries=numbers)
+    probe = Probe.from_array(image, chromaticities=numbers)
+    assert probe.chromaticities is None
+    [note] = probe.report.notes
+    assert why in note
+    told = Probe.from_array(image, chromaticities=numbers, primaries="acescg")
+    assert told.chromaticities == PRIMARIES["acescg"]
+
+
+def test_encodings_whose_blue_is_no_light_are_possible():
+    """ACES2065-1 and a camera's gamut (ARRI Wide Gamut 3) have a blue with y < 0; XYZ y = 0."""
+    camera = (0.684, 0.313, 0.221, 0.848, 0.0861, -0.102, 0.3127, 0.329)
+    assert all(fault_of(each) is None for each in [*PRIMARIES.values(), camera])

@@ -1,4 +1,4 @@
-"""How much memory a comparison of representations takes, estimated before it begins.
+"""How much memory comparisons and sheets take, estimated before they begin.
 
 The estimates are sums of rates that were measured as growth of the process's peak, and rounded up.
 They are to be large enough, so that a limit is kept, and not to be exact.
@@ -118,7 +118,7 @@ def within_limit(
     columns = 1 + representations  # the truth comes first
     pictures = pixels * (columns * _PIXEL_KEPT + _PIXEL_MEASURED)
     pictures += len(heights) * size**2 * columns * _PIXEL_OF_SHEET
-    drawing = _POINT * (min(size**2, _POINTS_AT_ONCE) + _POINTS_OF_RIM * size)
+    drawing = _drawing(size)
     fixed = _PROGRAM + pictures + drawing
     own = probe.width * probe.height
     truth = max(own if each is None else 2 * each**2 for each in heights) * _PIXEL_OF_TRUTH
@@ -139,6 +139,41 @@ def within_limit(
             "the number of views",
         )
     return Memory(needed(max_size), limit, max_size)
+
+
+def check_sheet(pixels: int, size: int, held: int, limit: int | None = None) -> None:
+    """Check, before it is drawn, that a sheet of spheres does not take too much memory.
+
+    Parameters
+    ----------
+    pixels : int
+        Of the sheet.
+    size : int
+        Width and height of a sphere's picture, pixels.
+    held : int
+        Bytes of the frames of a moving picture that are kept until it is written.
+    limit : int, optional
+        The most bytes that it may take; `default_max_memory` by default.
+
+    Raises
+    ------
+    ArgumentError
+        If it would take more.
+    """
+    limit = default_max_memory() if limit is None else limit
+    needed = _PROGRAM + pixels * _PIXEL_OF_SHEET + _drawing(size) + held
+    if needed > limit:
+        frames = f", of which its frames take {bytes_text(held)}" if held else ""
+        cure = "`frames`, or name .mp4 or frames such as turn.%04d.png" if held else "`size`"
+        raise ArgumentError(
+            "max_memory",
+            f"{bytes_text(limit)} is too little: the sheet takes {bytes_text(needed)}{frames}; "
+            f"raise it, lower {'`size` or ' if held else ''}{cure}",
+        )
+
+
+def _drawing(size: int) -> int:
+    return _POINT * (min(size**2, _POINTS_AT_ONCE) + _POINTS_OF_RIM * size)
 
 
 def _physical() -> list[int]:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
-from shrm_cli.lights.split import refuse_overflow, split_lamps
+from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lamps import PolarRows
+from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.base import Grid
@@ -29,6 +30,8 @@ _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
 _PLATEAU, _PLATEAU_OVER_MEAN = 4.0, 4.0
 """As many pixels of exactly the same largest value, which is the mean times this, are suspected to
 be clipped; pixels count by their areas, because the whole row at a pole is one of them."""
+_LEAST_GREEN = 1e-6
+"""Light with less green, over its largest channel, has none: it is what rounding left."""
 _MOST_PLATEAU = 0.2
 """A larger share of the sphere at the maximum is no clipped light, but a constant probe."""
 
@@ -54,8 +57,8 @@ class ProbeStatistics:
     temperature, duv : float, optional
         Correlated colour temperature of the mean in kelvin, and its distance from the black body.
         None where it has none.
-    white_balance : ndarray, shape (3,)
-        The mean over its green.
+    white_balance : ndarray, shape (3,), optional
+        The mean over its green. None of light without green.
     direction : ndarray, shape (3,)
         Unit, world axes: where the light comes from, by the linear harmonics of the luminance.
         0 of light without a direction.
@@ -79,7 +82,7 @@ class ProbeStatistics:
     chromaticity: tuple[float, float] | None
     temperature: float | None
     duv: float | None
-    white_balance: Array
+    white_balance: Array | None
     direction: Array
     directionality: float
     clipped: str
@@ -89,7 +92,7 @@ class ProbeStatistics:
     def summary(self) -> dict[str, Any]:
         """The numbers by name, for JSON. Directions are azimuth and elevation in degrees."""
         white = {
-            "over_green": self.white_balance.tolist(),
+            "over_green": None if self.white_balance is None else self.white_balance.tolist(),
             "xy": None if self.chromaticity is None else list(self.chromaticity),
             "kelvin": self.temperature,
             "duv": self.duv,
@@ -139,7 +142,7 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         weights = probe.grid.weights(polar.start, polar.start + len(polar.excess))
         analysis.add(polar.start, polar.light, weights)
     coefficients = analysis.coefficients()
-    refuse_overflow(probe, coefficients)
+    refuse_overflow(probe.name, coefficients)
     light = transform_coefficients(coefficients, probe.matrix)
     mean = light[0] / np.sqrt(4 * np.pi)
     point = chromaticity(mean, probe.chromaticities)
@@ -158,13 +161,18 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),
-        white_balance=mean / mean[1] if mean[1] > 0 else np.zeros(3),
+        white_balance=_over_green(mean),
         direction=direction,
         directionality=directionality,
         clipped=gathered.clipped(mean),
         primaries=_primaries(probe),
         lamps=split_lamps(probe, count=lamps).lamps if lamps and mean.any() else (),
     )
+
+
+def _over_green(mean: Array) -> Array | None:
+    """A colour over its green, None where that is nothing beside the others."""
+    return mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None
 
 
 def _primaries(probe: Probe) -> str:

@@ -144,16 +144,14 @@ def lighting_of(probe: Probe, order: int, what: What = "radiance", window: str =
     OrderError
         If the order is outside 0 .. 512.
     MapError
-        If the window is unknown, or the light is beyond 32-bit floats.
+        If the window is unknown.
     ProbeError
-        If the probe cannot be read.
+        If the probe cannot be read, or its light is beyond 32-bit floats.
     """
     if not 0 <= order <= MAX_ORDER_F:
         raise OrderError(f"order {order} is outside 0 .. {MAX_ORDER_F}")
     parse_window(window)
     light = project(probe, order).coefficients
-    if not np.isfinite(light).all():
-        raise MapError(f"{probe.name}: its light is beyond 32-bit floats; dim it")
     series = lambert_factors(order)[degrees(order)][:, None] * light
     return make_window(window, series).apply(light if what == "radiance" else series)
 

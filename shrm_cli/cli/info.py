@@ -45,6 +45,7 @@ def info(
     from shrm_cli.brdf.measured.reading.table_file import is_table
     from shrm_cli.brdf.spec import is_measured_file
     from shrm_cli.maps.file import is_map
+    from shrm_cli.maps.shader.file import read_layers_facts
     from shrm_cli.transfer.file import is_transfer, read_transfer
 
     warnings: list[str] = []
@@ -61,6 +62,9 @@ def info(
         what = "to probes; FILE is an environment-BRDF table"
         refuse_inapplicable(reading_rules(False, what))
         values = {"kind": "environment-BRDF table", **table}
+    elif (textures := read_layers_facts(file)) is not None:
+        refuse_inapplicable(reading_rules(False, "to probes; FILE holds the textures of a map"))
+        values = {"kind": "textures of --shader", **textures}
     elif is_measured_file(file):
         refuse_inapplicable(reading_rules(False, "to probes; FILE is a measured BRDF"))
         values = _describe_measured(file)

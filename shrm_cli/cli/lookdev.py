@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,8 +20,8 @@ from shrm_cli.cli.options import (
     shared_options,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Within
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes, Within
+from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
 from shrm_cli.files.inputs import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
@@ -80,6 +81,11 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     "--fps", type=Within(0.1, 120), metavar="X",
     help="Frames a second of a moving picture.  [default: 24]",
 )  # fmt: skip
+@click.option(
+    "--max-memory", type=Bytes(), metavar="BYTES",
+    help="The most memory that the sheet may take, such as 2GB: GIF and APNG hold all frames.  "
+    "[default: half of the machine's]",
+)  # fmt: skip
 @precision_option
 @probe_sampling_option
 @read_options
@@ -94,6 +100,7 @@ def lookdev(
     exposure: float | None,
     frames: int | None,
     fps: float | None,
+    max_memory: int | None,
     precision: Precision,
     sampling: str | None,
     as_json: bool,
@@ -115,8 +122,9 @@ def lookdev(
     """
     from pathlib import Path
 
+    from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files.animation import check_animation, is_animated
+    from shrm_cli.files.animation import check_animation, held_bytes, is_animated
     from shrm_cli.lookdev.columns import Wanted, make_column
     from shrm_cli.lookdev.names import material_names, probe_names
     from shrm_cli.lookdev.sheet import Grid
@@ -150,6 +158,8 @@ def lookdev(
         parse_spec(spec)  # what is wrong with a material is said before the work begins
     grid = Grid(len(specs), len(probes), size)
     grid.check()
+    pixels = grid.shape[0] * grid.shape[1]
+    check_sheet(pixels, size, held_bytes(output, pixels, steps) if steps else 0, max_memory)
     wanted = Wanted(specs, to, given, size, exposure)
     with progress_bar("prefiltering", quiet) as progress:
         columns = _made(probes, reading, wanted, Stages(progress, len(probes)), make_column)
@@ -213,7 +223,7 @@ def _made(
 def _failures(columns: Sequence[Column], specs: Sequence[str]) -> list[str]:
     """Return a line for each cell without a map."""
     return [
-        f"{column.path}, {spec}: {cell.error.removeprefix(f'{column.path}: ')}"
+        f"{column.path}, {spec}: {flags(cell.error.removeprefix(f'{column.path}: '))}"
         for column in columns
         for spec, cell in zip(specs, column.cells, strict=True)
         if cell.map is None
@@ -248,9 +258,13 @@ class _Shown:
         from shrm_cli.lookdev.sheet import draw_grid
 
         heads = [_head(column, name) for column, name in zip(self.columns, self.names, strict=True)]
-        for done, viewer in enumerate(self.viewers):
+        begun = perf_counter()
+        for done, viewer in enumerate(self.viewers, 1):
             yield draw_grid(self.grid, heads, self.sides, self.tiles(viewer))
-            self._stages.done(done + 1, len(self.viewers))
+            self._stages.done(done, len(self.viewers))
+            if done == 1:
+                left = len(self.viewers) - 1
+                self._stages.foretell((perf_counter() - begun) * left)
 
 
 def _head(column: Column, name: str) -> str:

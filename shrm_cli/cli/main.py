@@ -121,6 +121,11 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(f"{flags(str(error))}; see {_command(arguments)} --help", 2)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
+    except _Stopped as stop:
+        # A terminal that was closed, which sends SIGHUP, has nobody to tell.
+        if stop.number == signal.SIGTERM:
+            echo_message("Error: stopped by SIGTERM")
+        sys.exit(stop.code)
     except BrokenPipeError:
         # The process that reads the output has gone, so there is nobody left to tell.
         if sys.stderr is not None:
@@ -174,6 +179,14 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
 
 
+class _Stopped(SystemExit):
+    """An exit because of a signal."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(128 + number)
+        self.number = number
+
+
 def _stop(number: int, frame: FrameType | None) -> Any:
     """Unwind on a signal as an exit does, so that temporary files are removed."""
-    sys.exit(128 + number)
+    raise _Stopped(number)

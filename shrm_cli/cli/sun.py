@@ -164,6 +164,8 @@ def _result(probe: str, split: LampSplit) -> dict[str, Any]:
 
 def _doubts(split: LampSplit) -> list[str]:
     """Return what a user should know of the lamps, a line each."""
+    import numpy as np
+
     lines = [
         f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
         for number, lamp in enumerate(split.lamps, 1)
@@ -174,6 +176,13 @@ def _doubts(split: LampSplit) -> list[str]:
         lines.append(
             f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
             "are less like discs"
+        )
+    if split.proof.rms > split.error:
+        turned = not np.array_equal(split.probe.matrix, np.eye(3))
+        cure = "turning it resampled its pixels, do that later" if turned else "check it before use"
+        lines.append(
+            f"residual and discs change the irradiance by {split.proof.rms:.3%} RMS, more than "
+            f"the {split.error:.3g} that `error` allows; {cure}"
         )
     return lines
 

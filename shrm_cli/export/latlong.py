@@ -93,7 +93,7 @@ def rgbe(image: Array) -> NDArray[np.uint8]:
 
 def _limited(made: Package, name: str, image: Array) -> Array:
     if not np.isfinite(image).all():
-        raise MapError(f"{name}: pixels are not finite; read the probe with `fix_nonfinite`")
+        raise MapError(f"{name}: pixels are not finite; its light is beyond 32-bit floats, dim it")
     limited, found = clipped(image)
     warning = clip_warning(name, _HALF, [found])
     if warning is not None:

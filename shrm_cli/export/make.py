@@ -1,6 +1,7 @@
 """From a probe, or from maps that were made of it, to the files that an engine loads."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -184,7 +185,10 @@ def export(
     if texels is None and engine.formats:
         texels = FORMATS[engine.formats[0]]
     size = light.levels[0].shape[1] if light.levels else asked.size or engine.default_size
-    made = engine.pack(light, Wishes(size, texels))
+    try:
+        made = engine.pack(light, Wishes(size, texels))
+    except MapError as error:  # which names the level or the file that it was to be in
+        raise MapError(f"{source.title}: {error}") from None
     if not made.files:
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     made.told[:0] = told
@@ -321,11 +325,23 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
         If a file cannot be written, or would replace another one.
     """
     paths = [folder / file.name for file in package.files]
+    with _made(folder), keeping(*map(str, paths if kept else [])), together():
+        for file, path in zip(package.files, paths, strict=True):
+            file.write(path)
+    return paths
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make a folder, and remove it again if it is made and nothing comes into it."""
+    is_new = not folder.exists()
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made ({error.strerror}); name another") from error
-    with keeping(*map(str, paths if kept else [])), together():
-        for file, path in zip(package.files, paths, strict=True):
-            file.write(path)
-    return paths
+    try:
+        yield
+    finally:
+        if is_new:
+            with suppress(OSError):  # it holds what was written
+                folder.rmdir()

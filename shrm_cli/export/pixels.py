@@ -93,8 +93,7 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
     broken = int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
     if broken:
         raise MapError(
-            f"{what}: {broken} texels are not finite; read the probe with `fix_nonfinite`, "
-            "or dim it"
+            f"{what}: {broken} texels are not finite; its light is beyond 32-bit floats, dim it"
         )
     largest = np.array(chosen.largest)
     above = int(np.count_nonzero((image > largest).any(axis=-1)))

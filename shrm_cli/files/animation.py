@@ -23,6 +23,9 @@ Image8 = NDArray[np.uint8]
 ANIMATED = (".apng", ".gif", ".mp4")
 """The suffixes of moving pictures."""
 
+_HELD = {".apng": 10, ".gif": 4}
+"""Bytes for each pixel of all frames, measured as growth of the process's peak and rounded up."""
+
 _MP4_OPTIONS = (
     # Sizes must be even, and the colours are those of HDTV and not of old television.
     "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv",
@@ -35,6 +38,19 @@ _MP4_OPTIONS = (
 def is_animated(path: str | os.PathLike[str]) -> bool:
     """Whether a file's name is that of a moving picture."""
     return Path(path).suffix.lower() in ANIMATED
+
+
+def held_bytes(path: str | os.PathLike[str], pixels: int, frames: int) -> int:
+    """Return how many bytes of memory the frames of a moving picture take while it is written.
+
+    Parameters
+    ----------
+    path : path-like
+    pixels : int
+        Of a frame.
+    frames : int
+    """
+    return _HELD.get(Path(path).suffix.lower(), 0) * pixels * frames
 
 
 def check_animation(path: str | os.PathLike[str]) -> None:
@@ -97,9 +113,8 @@ def _write_by_pillow(
     suffix: str,
 ) -> None:
     library = _pillow(path)
-    images = [library.fromarray(frame) for frame in frames]
-    if suffix == ".gif":
-        images = [image.quantize(256) for image in images]
+    shown = (library.fromarray(frame) for frame in frames)
+    images = [image.quantize(256) if suffix == ".gif" else image for image in shown]
     temporary.touch()  # raises the system's error in its own words
     images[0].save(
         temporary,

@@ -58,15 +58,18 @@ def _excess(data: mmap.mmap) -> str:
     try:
         (flags,) = struct.unpack_from("<I", data, len(MAGIC))
         while parts == 0 or (flags & _MULTI_PART and data[at] != 0):
-            attributes = 0
+            attributes = channels = 0
             while data[at] != 0:
                 name, at = _word(data, at)
-                _, at = _word(data, at)
+                type_name, at = _word(data, at)
                 (size,) = struct.unpack_from("<i", data, at)
                 at += 4
                 if not 0 <= size <= len(data) - at:
                     return ""
-                if name == b"channels" and _count_channels(data, at, at + size) > MOST_CHANNELS:
+                # A list of channels takes as long to read under any name.
+                if name == b"channels" or type_name == b"chlist":
+                    channels += _count_channels(data, at, at + size)
+                if channels > MOST_CHANNELS:
                     return f"more than {MOST_CHANNELS:,} channels"
                 at += size
                 attributes += 1

@@ -302,16 +302,17 @@ def _examined(
 
 def _rounded(plane: Array) -> tuple[Array, float, float]:
     """Return values in half precision, and the sums of squares of them and of what that loses."""
-    flat = plane.reshape(-1)
-    half = np.empty(flat.shape, np.float16)
+    half = np.empty(plane.shape, np.float16)
     whole = lost = 0.0
-    for start in range(0, flat.size, _VALUES_AT_ONCE):
-        part = slice(start, start + _VALUES_AT_ONCE)
-        half[part] = flat[part]
-        values = flat[part].astype(float)
-        rest = values - half[part]
+    # A channel of an image is no contiguous array, so that all of it at once would be copied.
+    step = max(_VALUES_AT_ONCE // max(plane[:1].size, 1), 1)
+    for start in range(0, len(plane), step):
+        part = slice(start, start + step)
+        half[part] = plane[part]
+        values = plane[part].astype(float).ravel()
+        rest = values - half[part].ravel()
         whole, lost = whole + float(values @ values), lost + float(rest @ rest)
-    return half.reshape(plane.shape), whole, lost
+    return half, whole, lost
 
 
 def open_file(path: str | os.PathLike[str]) -> StoredFile:

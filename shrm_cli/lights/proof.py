@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from shrm_cli.lights.lamp import Light
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.disc import Disc, disc_coefficients
+from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 
 Array = NDArray[np.floating]
 
 ORDER = 32
-"""Degrees of the light that are counted. Of a point's irradiance those beyond hold 1e-6 of the
-square."""
+"""Degrees of the light that are counted, where pixels are fine enough. Of a point's irradiance
+those beyond hold 1e-6 of the square."""
 _NORMALS = 2048
 """Normals among which the largest difference is looked for: any is within 3 degrees of one."""
 _VALUES_AT_ONCE = 2**23
@@ -40,6 +41,11 @@ class Proof:
     maximum: float
     scale: float
     worst: Array
+
+
+def order_on(grid: Grid) -> int:
+    """The degrees in which light on a grid is compared: no finer ones than its pixels have."""
+    return min(ORDER, grid.resolved_order)
 
 
 def prove(before: Array, residual: Array, discs: Sequence[Disc]) -> Proof:
@@ -68,7 +74,7 @@ def irradiance_rms(coefficients: Array) -> float:
     return float(np.sqrt((_irradiance(coefficients) ** 2).sum() / (4 * np.pi)))
 
 
-def light_coefficients(light: Light, order: int = ORDER) -> Array:
+def light_coefficients(light: Light, order: int) -> Array:
     """Coefficients of light at points, shape ((order+1)^2, 3), as sums over them."""
     result = np.zeros(((order + 1) ** 2, 3))
     step = max(_VALUES_AT_ONCE // len(result), 1)

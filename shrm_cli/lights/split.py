@@ -5,16 +5,16 @@ allowed. Each becomes a disc. Where discs change the irradiance by more than the
 fit them worst become several discs, and in the end stay in the probe.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shrm_cli.errors import ProbeError
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
 from shrm_cli.lights.pixels import SpherePixels
-from shrm_cli.lights.proof import ORDER, Proof, irradiance_rms, light_coefficients, prove
+from shrm_cli.lights.proof import Proof, irradiance_rms, light_coefficients, order_on, prove
 from shrm_cli.lights.search import find_regions
 from shrm_cli.lights.surroundings import Filled, fill_regions
 from shrm_cli.probe.coarse import LEAST_ROWS, coarse_probe
@@ -97,8 +97,9 @@ class LampSplit:
     @cached_property
     def proof(self) -> Proof:
         """How far the irradiance of residual and discs is from that of the probe."""
-        before = project(self.probe, ORDER).coefficients
-        after = project(self.residual_probe, ORDER).coefficients
+        order = order_on(self.probe.grid)
+        before = project(self.probe, order).coefficients
+        after = project(self.residual_probe, order).coefficients
         return prove(before, after, self.discs)
 
 
@@ -110,6 +111,7 @@ class _Candidate:
     level: float
     source: Array
     filled: Filled
+    order: int
     parts: list[Light] = field(default_factory=list)
     discs: list[Disc] = field(default_factory=list)
     wrong: Array = field(default_factory=lambda: np.zeros(0))
@@ -120,7 +122,8 @@ class _Candidate:
             self._set([self.light], radius)
         while len(self.parts) < count:
             pairs = zip(self.parts, self.discs, strict=True)
-            at = int(np.argmax([irradiance_rms(_wrong(*each)) for each in pairs]))
+            wrongs = [_wrong(part, [disc], self.order) for part, disc in pairs]
+            at = int(np.argmax([irradiance_rms(each) for each in wrongs]))
             pieces = _halves(self.parts[at])
             if len(pieces) < 2:
                 return
@@ -128,20 +131,7 @@ class _Candidate:
 
     def _set(self, parts: list[Light], radius: float | None) -> None:
         self.parts, self.discs = parts, [disc_of(part, radius) for part in parts]
-        self.wrong = light_coefficients(self.light, ORDER) - disc_coefficients(self.discs, ORDER)
-
-
-def refuse_overflow(probe: Probe, numbers: ArrayLike) -> None:
-    """Raise an error if numbers that follow from the light of a probe are not finite.
-
-    Raises
-    ------
-    ProbeError
-    """
-    if not np.isfinite(numbers).all():
-        raise ProbeError(
-            f"{probe.name}: its light is beyond 32-bit floats; dim it, or give `clamp`"
-        )
+        self.wrong = _wrong(self.light, self.discs, self.order)
 
 
 def split_lamps(
@@ -176,8 +166,8 @@ def split_lamps(
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)
-    scale = irradiance_rms(project(coarse, ORDER).coefficients)
-    refuse_overflow(probe, scale)
+    order = order_on(coarse.grid)
+    scale = irradiance_rms(project(coarse, order).coefficients)
     # The brightness is the mean of three channels, the scale the root of the sum of their squares.
     regions = find_regions(image, pixels, error * scale / np.sqrt(3))
     kept = regions[:count]
@@ -190,7 +180,8 @@ def split_lamps(
             pixels.areas(filled.numbers),
         )  # fmt: skip
         if light.flux.sum() > 0:
-            candidates.append(_Candidate(light, region.level, flat[region.numbers], filled))
+            source = flat[region.numbers]
+            candidates.append(_Candidate(light, region.level, source, filled, order))
     radius = None if sun_radius is None else float(np.radians(sun_radius))
     chosen = _fitted(candidates, error * scale, radius)
     lamps = tuple(
@@ -220,8 +211,8 @@ def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> 
     return candidates
 
 
-def _wrong(light: Light, disc: Disc) -> Array:
-    return light_coefficients(light, ORDER) - disc_coefficients([disc], ORDER)
+def _wrong(light: Light, discs: Sequence[Disc], order: int) -> Array:
+    return light_coefficients(light, order) - disc_coefficients(discs, order)
 
 
 def _halves(light: Light) -> list[Light]:

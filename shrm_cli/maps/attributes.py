@@ -55,8 +55,19 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     reflection_map : Map
     order_p : int
         The order P of the map, which may be lower than that of its BRDF.
+
+    Raises
+    ------
+    MapError
+        If its errors are no numbers, as of light whose squares are beyond floats: no reader would
+        take such a file.
     """
     info = reflection_map.info
+    if not np.isfinite([info.predicted_error, info.filter_error, info.added_error]).all():
+        raise MapError(
+            f"{info.probe}: the error of its map cannot be computed, because the light is too "
+            "bright for 32-bit floats; dim it, or give `clamp`"
+        )
     header: dict[str, Any] = {
         "shrm:representation": reflection_map.representation,
         "shrm:version": reflection_map.format_version,

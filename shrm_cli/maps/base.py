@@ -31,6 +31,7 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.files.parts import Part
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.look_up import look_up_error
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.sampling import CubeSampler
@@ -296,7 +297,8 @@ class Map(ABC):
         Returns
         -------
         Map
-            The new map, whose `info` includes what the filtering adds to the relative RMS error.
+            The new map, whose `info` includes what the filtering adds to the relative RMS error,
+            and what bilinear look-ups in the new cubes cost.
 
         Raises
         ------
@@ -330,8 +332,11 @@ class Map(ABC):
         before = self.planes()
         after = [CubeSampler(plane, self.sampling)(directions) for plane in before]
         lost = _lost(before[0], after[0], self.sampling, sampling)
-        error = float(np.hypot(self.info.added_error, lost))
-        return self.with_planes(after, sampling, replace(self.info, added_error=error))
+        info = replace(self.info, added_error=float(np.hypot(self.info.added_error, lost)))
+        if info.filter_error:
+            order = info.order_carried + info.order_p
+            info = replace(info, filter_error=look_up_error(after[0], sampling, order))
+        return self.with_planes(after, sampling, info)
 
     def to_shrm(self, order_p: int | None = None, frame: "Frame | None" = None) -> "Shrm":
         """Return the SHRM that the map holds, or the one that fits it best.

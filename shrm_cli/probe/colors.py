@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.color import conversion, same_primaries, title_of
+from shrm_cli.color import conversion, fault_of, same_primaries, title_of
 from shrm_cli.probe.image import ConvertedImage, ProbeImage
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
 
@@ -54,6 +54,14 @@ class ColorReading:
         asked = {"primaries": given, "working": working}
         record = {name: list(each) for name, each in asked.items() if each is not None}
         notes = []
+        fault = None if stated is None else fault_of(stated)
+        if fault is not None:
+            if given is None:
+                notes.append(
+                    f"no light has the primaries that it says ({fault}); taken for Rec.709, "
+                    "`primaries` tells others"
+                )
+            own, stated = given, None
         if given is not None and stated is not None and not same_primaries(given, stated):
             notes.append(
                 f"it says that its primaries are {title_of(stated)}; `primaries` "
@@ -61,7 +69,7 @@ class ColorReading:
             )
         if working is None:
             return cls(own, own, None, tuple(notes), record)
-        if own is None:
+        if own is None and fault is None:
             notes.append(
                 f"nothing tells its primaries; taken for Rec.709 and converted to "
                 f"{title_of(working)}; `primaries` tells others"

@@ -101,7 +101,8 @@ def _curve(data: bytes) -> Curve | None:
         if count == 0:
             return _identity
         if count == 1:
-            return _power(struct.unpack_from(">H", data, 12)[0] / 256)
+            (exponent,) = struct.unpack_from(">H", data, 12)
+            return _power(exponent / 256) if exponent else None
         table = np.frombuffer(data, ">u2", offset=12)[:count] / 65535
         if len(table) != count:
             return None
@@ -122,9 +123,14 @@ def _power(exponent: float) -> Curve:
     return lambda values: np.maximum(values, 0) ** exponent
 
 
-def _parametric(kind: int, numbers: list[float]) -> Curve:
-    """``(a x + b)^g + e`` from d on and ``c x + f`` below it; types leave some of these out."""
+def _parametric(kind: int, numbers: list[float]) -> Curve | None:
+    """``(a x + b)^g + e`` from d on and ``c x + f`` below it; types leave some of these out.
+
+    None where the exponent g is not positive: that is no curve from black to white.
+    """
     g, a, b, c, d, e, f = numbers[0], 1.0, 0.0, 0.0, -np.inf, 0.0, 0.0
+    if g <= 0:
+        return None
     if kind > 0:
         a, b = numbers[1:3]
         d = -b / a if a else 0.0
@@ -136,7 +142,8 @@ def _parametric(kind: int, numbers: list[float]) -> Curve:
         e, f = numbers[5:7]
 
     def curve(values: Array) -> Array:
-        above = np.maximum(a * values + b, 0) ** g + e
+        with np.errstate(over="ignore"):  # pixels that are not finite are refused later
+            above = np.maximum(a * values + b, 0) ** g + e
         return np.where(values >= d, above, c * values + f)
 
     return curve

@@ -128,6 +128,10 @@ class ImageFile:
             raise ProbeError(f"{path}: a table that shrm made, not a light probe; name the probe")
         if spec.getattribute("shrm:brdf_table") is not None:
             raise ProbeError(f"{path}: a table of a BRDF, not a light probe; it belongs to `brdf`")
+        if spec.getattribute("shrm:textures") is not None:
+            raise ProbeError(
+                f"{path}: textures that shrm made of a map, not a light probe; name the probe"
+            )
         chosen = choose_layer(path, source, part, layer)
         spec = source.spec()
         if spec.deep:

@@ -21,10 +21,13 @@ _MOST_ROWS = 32
 _PART = 4
 """These rows are no more than the height over this."""
 _STANDS_OUT = 4.0
-"""What is brighter than the mean of the polar rows times this is a lamp.
+"""What is brighter than the mean of the polar rows without their lamps, times this, is a lamp.
 
 Smooth light is at most so bright that its waves are longer than the rows are high.
 """
+_PASSES, _SETTLED = 16, 0.99
+"""The mean is taken anew, with lamps dimmed to the limit, until the limit falls by less than this.
+A lamp that raised its own limit would be smooth in part: a row of 32 lost .8 % of its light."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +99,22 @@ class PolarRows:
             ratios, areas = (each[start : start + self._count] for each in self._ratios)
             # Numpy takes several times as long for the maximum along an axis of three.
             brightest = np.maximum(np.maximum(cap[..., 0], cap[..., 1]), cap[..., 2])
-            limit = _STANDS_OUT * float(areas @ brightest.mean(axis=1) / areas.sum())
+            limit = _limit(brightest, areas / areas.sum())
             if brightest.max() > limit:
-                excess = cap * (1 - limit / np.maximum(brightest, limit))[..., None]
+                most = np.maximum(brightest, max(limit, float(np.finfo(np.float32).tiny)))
+                excess = cap * (1 - limit / most)[..., None]
                 yield Lamps(start, excess, cap - excess, ratios[:, None, None])
+
+
+def _limit(brightest: Array, shares: Array) -> float:
+    """What is brighter is a lamp, of radiance (rows, width) in rows with shares of the area."""
+    limit = float(brightest.max())
+    for _ in range(_PASSES):
+        before = limit
+        limit = _STANDS_OUT * float(shares @ np.minimum(brightest, before).mean(axis=1))
+        if limit >= _SETTLED * before:
+            break
+    return limit
 
 
 def lamps_of(grid: Grid, image: Array) -> Iterator[Lamps]:

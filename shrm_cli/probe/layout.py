@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, IMAGE_LAYOUTS, Layout, grid_name
-from shrm_cli.sphere.cube import reorient
+from shrm_cli.sphere.cube import reorient, reoriented
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.registry import grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
@@ -172,10 +172,11 @@ def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Arr
     """
     cube = CUBES[layout]
     size = stack.shape[1]
-    # Between the two orientations faces are only flipped: the way back is the way there.
-    faces = reorient(stack.reshape(len(FACES), size, size, -1), orientation)
+    faces = stack.reshape(len(FACES), size, size, -1)
     image = np.zeros((cube.rows * size, cube.columns * size, faces.shape[-1]), dtype=stack.dtype)
     for face, (column, row, turned) in enumerate(cube.places):
-        part = faces[face, ::-1, ::-1] if turned else faces[face]
+        # Between the two orientations faces are only flipped: the way back is the way there.
+        part = reoriented(faces[face], face, orientation)
+        part = part[::-1, ::-1] if turned else part
         image[row * size : (row + 1) * size, column * size : (column + 1) * size] = part
     return image

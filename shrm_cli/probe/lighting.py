@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.probe.lamps import PolarRows
+from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import order_of
@@ -108,12 +109,18 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     Raises
     ------
     ProbeError
-        If the probe cannot be read.
+        If the probe cannot be read, or a coefficient is beyond 32-bit floats.
 
     References
     ----------
     Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
+    found = _project(probe, order, progress)
+    refuse_overflow(probe.name, found.coefficients)
+    return found
+
+
+def _project(probe: Probe, order: int, progress: Progress | None) -> Lighting:
     if type(probe) is Probe:
         return _project_image(probe, order, progress)
     # Most runs have no other probes, and are spared the loading of these modules.

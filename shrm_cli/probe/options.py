@@ -8,7 +8,7 @@ from typing import Any, Literal, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.color import is_possible
+from shrm_cli.color import fault_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import LAYOUTS, Layout
 from shrm_cli.probe.pixels import PixelPolicy
@@ -179,11 +179,15 @@ def chromaticities_of(
         numbers = tuple(float(each) for each in value)
     except (TypeError, ValueError, OverflowError):
         numbers = ()
-    if not is_possible(numbers):
+    if len(numbers) != 8 or not np.isfinite(numbers).all():
         raise ProbeError(
             f"`{argument}` {value!r:.100} is neither one of {', '.join(PRIMARIES)} nor eight "
             "numbers, x and y of red, green, blue and white"
         )
+    fault = fault_of(numbers)
+    if fault is not None:
+        known = ", ".join(f"{number:g}" for number in numbers)
+        raise ProbeError(f"`{argument}` {known}: no light has such primaries ({fault}); correct it")
     return numbers
 
 

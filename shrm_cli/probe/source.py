@@ -17,6 +17,8 @@ Array = NDArray[np.floating]
 
 _TILE_ROWS = 8
 """Rows of a tile, which has twice as many columns."""
+_BAND_ROWS = 16 * _TILE_ROWS
+"""Rows whose tiles are made at a time."""
 _TINY = 1e-300
 
 
@@ -61,25 +63,42 @@ class Source:
         probe = coarse_probe(probe, LEAST_ROWS)
         directions, light = _pixels(probe) if height is None else _reduced(probe, height)
         pixels = light.shape[0] * light.shape[1]
-        directions, light = _tiles(directions, "edge"), _tiles(light, "constant")
-        lit = light.any(axis=(1, 2))
-        directions, light = directions[lit], light[lit]
-        axes = directions.mean(axis=1)
-        axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), _TINY)
-        cosines = np.einsum("tmk,tk->tm", directions, axes).min(axis=1)
-        angles = np.arccos(np.clip(cosines, -1, 1))
-        directions = np.ascontiguousarray(directions.swapaxes(1, 2), dtype=dtype)
-        return cls(directions, light.astype(dtype), axes.astype(dtype), angles, pixels)
+        # Tiles are copies, so that those of a large probe are made of a few rows at a time.
+        bands = [
+            _lights(directions[row : row + _BAND_ROWS], light[row : row + _BAND_ROWS], dtype)
+            for row in range(0, len(light), _BAND_ROWS)
+        ]
+        del directions, light  # or they would be in memory beside two copies of all tiles
+        tiles, radiant, axes, angles = (np.concatenate(each) for each in zip(*bands, strict=True))
+        return cls(tiles, radiant, axes, angles, pixels)
+
+
+def _lights(directions: Array, light: Array, dtype: type) -> tuple[Array, Array, Array, Array]:
+    """The tiles of some rows: directions, light, axes and angles as `Source` has them."""
+    directions, light = _tiles(directions, "edge"), _tiles(light, "constant")
+    lit = light.any(axis=(1, 2))
+    directions, light = directions[lit], light[lit]
+    axes = directions.mean(axis=1)
+    axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), _TINY)
+    cosines = np.einsum("tmk,tk->tm", directions, axes).min(axis=1)
+    angles = np.arccos(np.clip(cosines, -1, 1))
+    directions = np.ascontiguousarray(directions.swapaxes(1, 2), dtype=dtype)
+    return directions, light.astype(dtype), axes.astype(dtype), angles
 
 
 def _pixels(probe: Probe) -> tuple[Array, Array]:
     """World directions and radiance times solid angle of a probe's pixels, (H, W, 3) each."""
-    return probe.grid.directions() @ probe.matrix.T, _light(probe.grid, probe.image())
+    light = _light(probe.grid, probe.image())
+    directions = probe.grid.directions()
+    for start in range(0, len(directions), _BAND_ROWS):
+        directions[start : start + _BAND_ROWS] @= probe.matrix.T
+    return directions, light
 
 
 def _reduced(probe: Probe, height: int) -> tuple[Array, Array]:
     """The same of the lat-long that a probe is averaged down to."""
-    return LatLong(height).directions(), latlong_light(probe, height)
+    light = latlong_light(probe, height)
+    return LatLong(height).directions(), light
 
 
 def latlong_light(probe: Probe, height: int) -> Array:
@@ -110,7 +129,8 @@ def _light(grid: Grid, image: Array) -> Array:
     pixels = image.astype(float)
     for lamps in lamps_of(grid, image):
         pixels[lamps.start : lamps.start + len(lamps.excess)] += lamps.light
-    return pixels * grid.weights()[..., None]
+    pixels *= grid.weights()[..., None]
+    return pixels
 
 
 def _tiles(image: Array, mode: Literal["constant", "edge"]) -> Array:

@@ -126,7 +126,8 @@ def _false_colors(found: ProbeStatistics, seen: Preview) -> Html:
 
 
 def _numbers(probe: Probe, found: ProbeStatistics, seen: Preview) -> Sequence[tuple[Part, Part]]:
-    white = words.color(found.white_balance)
+    balance = found.white_balance
+    white = "none, there is no green" if balance is None else words.color(balance)
     if found.temperature is not None:
         white = f"{found.temperature:,.0f} K, {white} over green"
     azimuth, elevation = to_azimuth_elevation(found.direction)

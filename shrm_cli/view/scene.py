@@ -13,6 +13,7 @@ from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
@@ -169,16 +170,12 @@ def make_scene(
             "colours are shown and measured in linear Rec.709, converted from "
             f"{title_of(others[0])}"
         )
+    _check_size(blocks, max_size)  # before the truth, which takes long
     if probe is not None:
         if truth.size:
             _add_truth(scene, maps, files, probe, start, truth, progress)
         _add_sky(scene, probe.in_primaries(REC709), max_size)
-    if max_size is not None and blocks.encoded_bytes > max_size:
-        raise MapError(
-            f"the page would hold {_megabytes(blocks.encoded_bytes)} of data, more than "
-            f"{_megabytes(max_size)}; leave `output` out to serve it, raise `max_size`, or make "
-            "smaller maps by `shrm convert`"
-        )
+    _check_size(blocks, max_size)
     description["notes"] = scene.remarks
     return scene
 
@@ -260,5 +257,10 @@ def _metals(primaries: tuple[float, ...] | None) -> list[dict[str, Any]]:
     return [{"name": name, "f0": [float(x) for x in np.clip(f0, 0, 1)]} for name, f0 in known]
 
 
-def _megabytes(count: int) -> str:
-    return f"{count / 1e6:.3g} MB"
+def _check_size(blocks: Blocks, max_size: int | None) -> None:
+    if max_size is not None and blocks.encoded_bytes > max_size:
+        raise MapError(
+            f"the page would hold {bytes_text(blocks.encoded_bytes)} of data, more than "
+            f"{bytes_text(max_size)}; leave `output` out to serve it, raise `max_size`, or make "
+            "smaller maps by `shrm convert`"
+        )

@@ -1,12 +1,13 @@
 """`shrm export`: files, folder, what is said, and what is refused in one line."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 
 from shrm_cli.vocabulary import PRIMARIES
-from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
 
 
@@ -182,3 +183,18 @@ def test_engines_get_colours_of_rec709(folder, rng):
     told, of_map = coefficients("wide.irradiance.exr")
     assert "from ACEScg to linear Rec.709" in told
     np.testing.assert_allclose(of_map, plain, rtol=0, atol=1e-5)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")
+def test_a_full_disk_leaves_no_folder(folder):
+    """A limit on files' sizes is as good as a full disk; the first file may be small enough."""
+    code = f"import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n{MAIN}"
+    code = code.replace(MAIN, f"resource.setrlimit(resource.RLIMIT_FSIZE, (2500, 2500))\n{MAIN}")
+    (folder / "old").mkdir()
+    before = snapshot(folder)
+    for name in ("new", "old"):
+        result = process("export", "sky.exr", "--for", "filament", "-o", name, code=code)
+        assert_refused(result, 1, f"{name}/sky_ibl.ktx: cannot be written", "make room")
+    assert snapshot(folder) == before
+    assert not (folder / "new").exists()
+    assert not list((folder / "old").iterdir())

@@ -376,3 +376,29 @@ def test_a_light_file(folder):
     assert pairs["discs"].startswith("azimuth 90, elevation 0, radius 90, solid angle 6.28319")
     assert pairs["probes"].startswith("file probe.exr, scale 2, 2, 2")
     assert_refused(run("info", "lights.toml", "--layout", "strip"), 1, "--layout says nothing")
+
+
+def test_light_without_green_has_no_balance_over_it(tmp_path):
+    image = np.zeros((16, 32, 3), np.float32)
+    image[..., 2] = 1
+    write_exr(tmp_path / "blue.exr", image)
+    assert "over green none, xy 0.15, 0.06" in done("info", tmp_path / "blue.exr")
+    found = json.loads(done("info", tmp_path / "blue.exr", "--json"))
+    assert found["white_balance"]["over_green"] is None
+
+
+def test_textures_of_a_map_are_called_so(folder):
+    """Their parts are no lights to choose from."""
+    done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", "m.exr", "--size", 8)
+    done("convert", "m.exr", "--to", "layers", "-o", "t.exr")
+    values = json.loads(done("info", "t.exr", "--json"))
+    assert (values["kind"], values["of"]) == ("textures of --shader", "shrm")
+    assert values["probe"] == "probe.exr"
+    layers, height, width = values["shrm_layers"]
+    assert layers == json.loads(done("info", "m.exr", "--json"))["maps"]
+    assert min(height, width) > 8
+    _, told = lines(done("info", "t.exr"))
+    assert told["shrm layers"] == f"{layers}, {height}, {width}"
+    assert_refused(run("info", "t.exr", "--layout", "latlong"), 2, "holds the textures of a map")
+    result = run("prefilter", "t.exr", "--brdf", "phong", "-o", "x.exr")
+    assert_refused(result, 1, "t.exr", "textures that shrm made", "name the probe")

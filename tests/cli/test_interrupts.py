@@ -84,7 +84,8 @@ def test_sigint_exits_130_and_leaves_nothing(folder):
 
 def test_sigterm_leaves_nothing(folder):
     before = snapshot(folder)
-    assert struck(folder, signal.SIGTERM) == (128 + signal.SIGTERM, "", "")
+    code, out, err = struck(folder, signal.SIGTERM)
+    assert (code, out, err) == (128 + signal.SIGTERM, "", "Error: stopped by SIGTERM\n")
     assert snapshot(folder) == before
 
 
@@ -189,3 +190,40 @@ def test_a_running_writer_keeps_its_temporary(folder):
         child.communicate(timeout=30)
     assert sorted(snapshot(folder)) == ["out.exr", "probe.exr"]
     assert (folder / "out.exr").read_bytes() == whole
+
+
+# Says that a file is half written, of commands that write by other means than OpenEXR's.
+SLOW_SYNC = f"""
+import os, signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+def wait(number):
+    print("half", flush=True)
+    time.sleep(20)
+os.fsync = wait
+{MAIN}"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("command", [
+    ("export", "probe.exr", "--for", "json", "-o", "made"),
+    ("sun", "probe.exr", "-o", "rest.exr", "--light-file", "sun.toml"),
+    ("lookdev", "probe.exr", "--brdf", "lambertian", "--size", "16", "-o", "sheet.html"),
+    ("view", "map.exr", "-o", "page.html"),
+    ("contact", "map.exr", "-o", "page.html"),
+    ("report", "probe.exr", "--brdf", "lambertian", "--picture-size", "16", "--no-flip",
+     "--truth-height", "8", "--no-view", "--view", "0,0", "-o", "page.html"),
+])  # fmt: skip
+def test_pages_and_folders_appear_whole_or_not_at_all(tmp_path, monkeypatch, command, number):
+    monkeypatch.chdir(tmp_path)
+    write_exr("probe.exr", noise())
+    if "map.exr" in command:
+        run("prefilter", "probe.exr", "--to", "irradiance", "-o", "map.exr")
+    before = sorted(tmp_path.rglob("*"))
+    with start(*command, code=SLOW_SYNC) as child:
+        assert child.stdout.readline() == "half\n"
+        child.send_signal(number)
+        _, err = child.communicate(timeout=30)
+    assert child.returncode == 128 + number
+    said = "stopped by SIGTERM" if number == signal.SIGTERM else "interrupted"
+    assert err.strip().splitlines()[-1] == f"Error: {said}"
+    assert sorted(tmp_path.rglob("*")) == before

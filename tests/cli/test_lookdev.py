@@ -1,5 +1,6 @@
 """`shrm lookdev`: its cells are the pictures of `shrm render` of the maps of `shrm prefilter`."""
 
+import itertools
 import json
 
 import numpy as np
@@ -151,3 +152,35 @@ def test_what_does_not_fit_is_refused(folder, arguments, code, words):
     before = (folder / "dim.exr").read_bytes()
     assert_refused(run("lookdev", "dim.exr", "--brdf", RED, *arguments), code, words)
     assert (folder / "dim.exr").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["turn.gif", "turn.apng"])
+def test_frames_that_do_not_fit_into_memory_are_refused_before_work(folder, monkeypatch, name):
+    def fail(*_):
+        raise AssertionError("maps were made")
+
+    monkeypatch.setattr("shrm_cli.lookdev.columns.make_column", fail)
+    probe = "dim.exr"
+    long = ["--brdf", "lambertian", "--size", "1024", "--frames", "9999", "-o", name]
+    found = run("lookdev", probe, *long, "--max-memory", "4GB")
+    assert_refused(found, 2, "--max-memory 4 GB is too little", "frames take", ".mp4")
+    still = ["--brdf", "lambertian", "--size", "1024", "-o", "a.png", "--max-memory", "1MB"]
+    assert_refused(run("lookdev", probe, *still), 2, "--max-memory 1 MB is too little", "--size")
+    assert not (folder / name).exists()
+
+
+def test_a_long_turntable_says_how_long_it_takes(folder, monkeypatch):
+    """A frame takes a second by a clock that moves a second when it is looked at."""
+    seconds = itertools.count()
+    monkeypatch.setattr("shrm_cli.cli.lookdev.perf_counter", lambda: next(seconds))
+    probe = "dim.exr"
+    few = ["--brdf", "lambertian", "--size", "16", "--frames", "9", "-o", "a.%02d.png"]
+    assert "rendering takes about 8 s more" in run("lookdev", probe, *few, terminal=True).err
+
+
+def test_why_a_cell_fails_is_told_in_flags(folder):
+    image = np.ones((16, 32, 3), np.float32)
+    image[3, 3] = np.nan
+    write_exr(folder / "nan.exr", image)
+    found = run("lookdev", "nan.exr", "--brdf", "lambertian", "-o", "a.png")
+    assert_refused(found, 1, "nan.exr, lambertian", "--fix-nonfinite")

@@ -251,7 +251,11 @@ def fail(*_):
 spec.parse_spec = fail
 {MAIN}"""
     result = process("brdf", "phong", code=code)
-    assert (result.code, result.out, result.err) == (128 + signal.SIGTERM, "cleaned up\n", "")
+    assert (result.code, result.out, result.err) == (
+        128 + signal.SIGTERM,
+        "cleaned up\n",
+        "Error: stopped by SIGTERM\n",
+    )
 
 
 def test_it_runs_as_a_module():

@@ -102,3 +102,15 @@ def test_what_is_refused(folder, arguments, code, parts):
     before = snapshot(folder)
     assert_refused(run("sun", *arguments), code, *parts)
     assert snapshot(folder) == before
+
+
+def test_a_proof_beyond_the_allowed_error_is_a_warning(folder):
+    """A probe of few rows is resampled when it is turned, which its light does not survive."""
+    image = np.full((16, 32, 3), 0.1, np.float32)
+    image[3, 5] = 1e4
+    write_exr(folder / "small.exr", image)
+    found = run("sun", "small.exr", "--yaw", "33", "--pitch", "40")
+    assert found.code == 0
+    assert "Warning: small.exr: residual and discs change the irradiance by 2." in found.err
+    assert "--error" in found.err
+    assert "change the irradiance" not in run("sun", "small.exr").err

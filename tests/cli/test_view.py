@@ -115,6 +115,16 @@ def test_what_is_refused(folder, arguments, code, part):
     assert snapshot(folder) == before
 
 
+def test_a_page_that_is_too_large_is_refused_before_the_truth(folder, monkeypatch):
+    def fail(*_):
+        raise AssertionError("the truth was computed")
+
+    monkeypatch.setattr("shrm_cli.view.scene.truth_pictures", fail)
+    arguments = ["glossy.exr", "--probe", "probe.exr", "-o", "a.html", "--max-size", "10"]
+    assert_refused(run("view", *arguments), 1, "more than 10 bytes", "--max-size")
+    assert not (folder / "a.html").exists()
+
+
 def test_maps_that_shaders_cannot_show(folder):
     done("product", "ward", "--order", "2", "--size", "8", "-o", "p.exr")
     result = run("view", "p.exr", "-o", "a.html")

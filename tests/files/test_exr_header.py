@@ -60,6 +60,15 @@ def test_channels(tmp_path, headers):
     assert excess(written(headers, tmp_path)) == f"more than {MOST_CHANNELS:,} channels"
 
 
+def test_channels_under_another_name(tmp_path, headers):
+    """The library reads every list of channels, and takes as long for it."""
+    half = MOST_CHANNELS // 2
+    headers.parts[0].append(Attribute(b"chAnnels", b"chlist", channel_list(half)))
+    assert excess(written(headers, tmp_path)) == ""
+    headers.parts[0].append(Attribute(b"others", b"chlist", channel_list(half)))
+    assert excess(written(headers, tmp_path)) == f"more than {MOST_CHANNELS:,} channels"
+
+
 def test_parts(tmp_path):
     part = b"a\0int\0\4\0\0\0\0\0\0\0\0"
     start = b"\x76\x2f\x31\x01\2\x10\0\0"

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.proof import prove
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe import coarse
@@ -12,6 +13,7 @@ from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.sky import SUN_RADIUS, sky, sun_radiance
+from shrm_cli.sphere.quadrature import spiral_directions
 from tests import oracles
 from tests.lights import rooms
 from tests.lights.rooms import long_lamp, probe, round_lamp, unit
@@ -62,6 +64,47 @@ def test_the_sun_of_a_sky(elevation):
     forced = split_lamps(split.probe, sun_radius=0.2655).lamps[0]
     assert forced.radius == pytest.approx(np.radians(0.2655))
     np.testing.assert_allclose(forced.irradiance, lamp.irradiance, rtol=1e-3)
+
+
+def polar(rows, height, sampling):
+    """A dim room with a lamp in one texel, or all, of its first rows."""
+    image = np.full((height, 2 * height, 3), 0.1, np.float32)
+    image[: rows or 1, slice(5, 6) if rows == 0 else slice(None)] = 6e4
+    return Probe.from_array(image, "latlong", sampling=sampling)
+
+
+def disc_irradiance(disc, normals, count=2000):
+    """Of surfaces with these normals, as a sum over points that share the disc's area."""
+    down = 1 - (np.arange(count) + 0.5) / count * (1 - np.cos(disc.radius))
+    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    helper = np.cross(disc.direction, np.eye(3)[np.argmin(np.abs(disc.direction))])
+    right = helper / np.linalg.norm(helper)
+    points = down[:, None] * disc.direction + np.sqrt(1 - down**2)[:, None] * (
+        np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * np.cross(disc.direction, right)
+    )
+    mean = np.maximum(normals @ points.T, 0).mean(axis=1)
+    return mean[:, None] * disc.radiance * disc.solid_angle
+
+
+@pytest.mark.parametrize(("rows", "height", "sampling"), [
+    (0, 16, "center"), (0, 32, "center"), (0, 32, "border"),
+    (1, 32, "center"), (1, 64, "center"), (2, 64, "center"),
+])  # fmt: skip
+def test_lamps_at_a_pole_keep_their_irradiance(rows, height, sampling):
+    """Against sums over the pixels by their solid angles, and by what the proof itself says."""
+    split = split_lamps(polar(rows, height, sampling))
+    assert len(split.lamps) == 1
+    assert split.proof.rms <= split.error
+    pixels = SpherePixels(split.probe.grid)
+    numbers = np.arange(2 * height**2)
+    points, areas = pixels.directions(numbers), pixels.areas(numbers)
+    normals = spiral_directions(1000)
+    light = (split.probe.image() - split.residual.astype(float)).reshape(-1, 3)
+    there = light.any(axis=1)
+    taken = np.maximum(normals @ points[there].T, 0) @ (areas[there, None] * light[there])
+    given = sum(disc_irradiance(disc, normals) for disc in split.discs)
+    scale = np.sqrt((taken**2).sum(axis=1).mean())
+    assert np.sqrt(((taken - given) ** 2).sum(axis=1).mean()) < 2e-3 * scale
 
 
 def row_areas(height):

@@ -10,6 +10,8 @@ from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.shrm.summed import SummedShrm
+from tests import bilinear
 from tests.brute_force import unit
 from tests.maps.scenes import make_shrm, normals_of, relative_rms, rms, uniform_points
 
@@ -118,3 +120,31 @@ def test_precision_is_kept(name):
             assert made.components.dtype == dtype
         else:
             assert values_of(made).dtype == dtype
+
+
+@pytest.mark.parametrize("kind", ["shrm", "local", "compressed", "sum", "cabral"])
+@pytest.mark.parametrize(("size", "sampling"), [(12, "center"), (40, "center"), (17, "border")])
+def test_the_error_of_look_ups_is_that_of_the_new_size(rng, kind, size, sampling):
+    """Four texels weighted by hand, against the same light on a cube four times as fine."""
+    options = {"order_f": 8, "size": 24}
+    source = make_shrm(frame="local" if kind == "local" else "global", **options)
+    source = replace(source, info=replace(source.info, filter_error=0.9))
+    if kind == "sum":
+        source = SummedShrm((source, make_shrm(seed=1, **options)), source.info)
+    elif kind in MAKERS:
+        source = MAKERS[kind](source)
+    found = source.resampled(size, sampling)
+    fine = make_shrm(order_f=8, size=160).planes()[0]
+    coarse = make_shrm(order_f=8, size=size, sampling=sampling).planes()[0]
+    places = unit(rng, 4000)
+    truth = bilinear.look_up(fine, places)
+    seen = bilinear.look_up(coarse, places, sampling)
+    measured = rms(seen - truth) / rms(truth)
+    # Two terms as strong as each other have 1 / sqrt 2 of the error, which is relative to both.
+    expected = measured / np.sqrt(2) if kind == "sum" else measured
+    print(f"{kind} {size} {sampling}: {found.info.filter_error:.5f}, measured {expected:.5f}")
+    assert found.info.filter_error == pytest.approx(expected, rel=0.15)
+
+
+def test_errors_that_nobody_stated_are_not_made_up():
+    assert make_shrm(size=12).resampled(8).info.filter_error == 0

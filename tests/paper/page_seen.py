@@ -16,6 +16,7 @@ from tests.paper.seen import (
     CMFT_PART,
     CMFT_SECONDS,
     PRINCIPAL,
+    SAME_BYTES,
     VIEW_ALONE,
     PhongCube,
     Seen,
@@ -36,7 +37,8 @@ for, as all maps did once; "{AFTER}" is the default (as one map, without terms),
 visible orders of the light, in as many bytes. "{VIEW_ALONE}" is the map of three times the order F,
 as far as the same cubes support it, with the same P: what it misses is the view beyond P.
 "{PRINCIPAL}" is the map of `--to principal` with as many cubes of the same size, or with
-{MAX_PRINCIPAL_MAPS} larger ones that take no more bytes."""
+{MAX_PRINCIPAL_MAPS} larger ones that take no more bytes, and "{SAME_BYTES}" the best one that takes
+no more, mostly of more cubes that are smaller."""
     errors = f"""RMS is the relative error over all mirror directions and views, or about the
 normal (`lambertian`, `oren-nayar`) over all normals and views above them, at {extent.seen_pairs}
 pairs that are drawn where the light and the error are, beside the predicted one. "On a GPU" are

@@ -1,8 +1,9 @@
 """Pairs of a mirror direction and a view where reflected light is bright, for errors of maps.
 
 A lamp's few directions hold most of the light and of the error of maps, so that pairs that are
-drawn evenly tell little of either. These are drawn where maps are bright, and where two of them
-differ. Their weights undo that: sums with them are integrals over the measure of predicted errors.
+drawn evenly tell little of either. These are drawn where maps are bright, where two of them differ,
+and where bilinear look-ups differ from either. Their weights undo that: sums with them are
+integrals over the measure of predicted errors.
 About the mirror direction that is all mirror directions and views, which are the pixels of spheres
 in parallel projection from all sides; about the normal it is all normals and all views above them.
 """
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from shrm_cli.maps.base import Map
 from shrm_cli.sphere.directions import bisector
 from tests.bilinear import AXES
+from tests.paper.looked_up import looked_up
 
 Array = NDArray[np.floating]
 
@@ -49,7 +51,7 @@ class Pairs:
 
 
 def bright_pairs(default: Map, other: Map, count: int) -> Pairs:
-    """Draw pairs of a mirror direction and a view, neighbors in their normals one after the other.
+    """Draw pairs of a normal and a view, neighbors in their normals one after the other.
 
     Parameters
     ----------
@@ -60,57 +62,67 @@ def bright_pairs(default: Map, other: Map, count: int) -> Pairs:
     count : int
     """
     rng = np.random.default_rng(count)
-    directions, density = _bright_directions(default, _CANDIDATES * count, rng)
-    views, of_views = _grazing_views(directions, rng)
+    centers, density = _bright_directions(default, _CANDIDATES * count, rng)
+    is_normal = default.center == "normal"
+    cosines, of_views = _grazing_cosines(len(centers), 1 if is_normal else 2, rng)
     density = density * of_views
-    first, last = (each.glimpse(directions, views) for each in (default, other))
-    energies = [np.sum(each**2, axis=1) for each in (first, first - last)]
-    wanted = _EVERYWHERE + sum(each / np.average(each, weights=1 / density) for each in energies)
+    # The view is twice as far from the mirror direction as from the normal.
+    views = _views_at(centers, cosines if is_normal else 2 * cosines**2 - 1, rng)
+    normals = centers if is_normal else bisector(centers, views)
+    mirrored = 2 * cosines[:, None] * normals - views
+    first, last = (each.glimpse(mirrored, views) for each in (default, other))
+    filtered = [
+        looked_up(each, normals, views) - each.radiance(normals, views) for each in (default, other)
+    ]
+    energies = [np.sum(each**2, axis=1) for each in (first, first - last, *filtered)]
+    means = [np.average(each, weights=1 / density) for each in energies]
+    wanted = _EVERYWHERE + sum(
+        each / mean for each, mean in zip(energies, means, strict=True) if mean > 0
+    )
     chosen = _drawn(wanted / density, count)
-    normals = bisector(directions[chosen], views[chosen])
-    along = np.lexsort((np.arctan2(normals[:, 1], normals[:, 0]), np.round(4 * normals[:, 2])))
-    chosen = chosen[along]
-    weights = 1 / wanted[chosen]
-    if default.center == "normal":
-        # Mirror directions turn twice as far as normals do: dR = 4 (N.V) dN for a given view.
-        weights /= np.sum(normals[along] * views[chosen], axis=1)
-    return Pairs(normals[along], views[chosen], weights[:, None])
+    along = np.arctan2(normals[chosen, 1], normals[chosen, 0]), np.round(4 * normals[chosen, 2])
+    chosen = chosen[np.lexsort(along)]
+    return Pairs(normals[chosen], views[chosen], 1 / wanted[chosen][:, None])
 
 
-def _grazing_views(directions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Draw views, more of them grazing than there are, and return their density.
+def _grazing_cosines(count: int, power: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Draw N.V of views, more of them grazing than there are, and return their density.
 
-    Half of them are spread evenly, which makes N.V^2 even. For the other half the logarithm of N.V
-    is even, because a hundredth of all views has N.V < .1, where some maps have nearly all of
-    their error.
+    Half of them are spread as evenly as the views of a measure are. For the other half the
+    logarithm of N.V is even, because a hundredth of all views about a mirror direction has
+    N.V < .1, where some maps have nearly all of their error.
 
     Parameters
     ----------
-    directions : ndarray, shape (n, 3)
-        Mirror directions of the views.
+    count : int
+    power : int
+        The power of N.V that even views make even: 1 for views above a normal, 2 for all views
+        of a mirror direction.
 
     Returns
     -------
-    views : ndarray, shape (n, 3)
-    density : ndarray, shape (n,)
-        Relative to that of even views.
+    cosines, density : ndarray, shape (count,)
+        The density is relative to that of even views.
     """
-    count, span = len(directions), -np.log(_GRAZING)
+    span = -np.log(_GRAZING)
     drawn = rng.random(count)
-    cosines = np.where(rng.random(count) < 0.5, np.sqrt(drawn), np.exp(-span * drawn))
-    density = 0.5 + np.where(cosines > _GRAZING, 0.25 / (cosines**2 * span), 0.0)
-    # The view is twice as far from the mirror direction as from the normal.
-    along = 2 * cosines**2 - 1
-    across = np.cross(directions, rng.normal(size=(count, 3)))
-    across *= (np.sqrt(1 - along**2) / np.linalg.norm(across, axis=1))[:, None]
-    return along[:, None] * directions + across, density
+    cosines = np.where(rng.random(count) < 0.5, drawn ** (1 / power), np.exp(-span * drawn))
+    grazing = 1 / (power * cosines**power * span)
+    return cosines, 0.5 + 0.5 * np.where(cosines > _GRAZING, grazing, 0.0)
+
+
+def _views_at(centers: Array, cosines: Array, rng: np.random.Generator) -> Array:
+    """Draw views at angles from central directions, shape (n, 3), of any azimuth."""
+    across = np.cross(centers, rng.normal(size=centers.shape))
+    across *= (np.sqrt(1 - cosines**2) / np.linalg.norm(across, axis=1))[:, None]
+    return cosines[:, None] * centers + across
 
 
 def _bright_directions(made: Map, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Draw directions by the light of a map over all views, and return their density.
 
-    The squares of harmonic coefficients are that light's energy. About the normal it is that of
-    normals, which is of use for the mirror directions of broad lobes too.
+    The squares of harmonic coefficients are that light's energy. The directions are central ones of
+    the map: normals, or mirror directions.
     """
     (plane,) = made.planes()
     size = made.size

@@ -63,6 +63,8 @@ _NEIGHBORS = 16
 """Pixels that are lit together; lights below the horizons of all of them are left out."""
 _LEAST_PIXELS = 3
 """The pixels within which half of the energy of a lobe must lie."""
+_STRICTER = 0.1
+"""The tolerance, in units of the default's, that asks for more than the default's bytes."""
 _TEXELS = 1000
 """The texels of a cube that are compared with the truth."""
 
@@ -92,14 +94,23 @@ def principal(default: Map) -> tuple[str, dict[str, Any]]:
     return "principal", {"maps": maps, "size": size}
 
 
-AFTER, BEFORE, VIEW_ALONE, PRINCIPAL = "after", "before", "P alone", "principal"
+def same_bytes(default: Map) -> tuple[str, dict[str, Any]]:
+    """The best principal map of the default's bytes, whatever the number of its cubes."""
+    size = 2 * sum(plane.size for plane in default.planes())
+    return "principal", {"eps": _STRICTER * default.info.tolerance, "max_size": size}
+
+
+AFTER, BEFORE, VIEW_ALONE = "after", "before", "P alone"
+PRINCIPAL, SAME_BYTES = "principal", "principal, same bytes"
 
 
 def ways(brdf: Brdf) -> dict[str, Way]:
     """Return what the default map of a BRDF is compared with."""
     if brdf.zonal:
         return {BEFORE: before}
-    return {BEFORE: before, VIEW_ALONE: view_alone, PRINCIPAL: principal}
+    return {
+        BEFORE: before, VIEW_ALONE: view_alone, SAME_BYTES: same_bytes, PRINCIPAL: principal,
+    }  # fmt: skip
 
 
 def _by_hand(default: Map, order_f: int) -> dict[str, Any]:

@@ -59,8 +59,14 @@ def test_default_and_principal_maps_keep_the_bars_under_a_bare_sun(rows):
         {(phong, seen.AFTER)},
         {(microfacet, seen.AFTER)},
         {(microfacet, seen.PRINCIPAL)},
-        {(microfacet, seen.PRINCIPAL)},
-        {(phong, seen.AFTER), (microfacet, seen.AFTER), (microfacet, seen.PRINCIPAL)},
+        {(microfacet, seen.SAME_BYTES)},
+        {(microfacet, seen.SAME_BYTES)},
+        {
+            (phong, seen.AFTER),
+            (microfacet, seen.AFTER),
+            (microfacet, seen.PRINCIPAL),
+            (microfacet, seen.SAME_BYTES),
+        },
     ]
     for bar, about in enumerate(expected):
         found = cases(bar, rows)
@@ -81,8 +87,13 @@ def test_the_maps_as_they_were_miss_them_at_the_same_bytes(rows):
 
 
 def test_principal_maps_have_as_many_bytes(rows):
-    after, other = (seen.find(rows, SPECS[1], "sun", w) for w in (seen.AFTER, seen.PRINCIPAL))
+    after, other, best = (
+        seen.find(rows, SPECS[1], "sun", way)
+        for way in (seen.AFTER, seen.PRINCIPAL, seen.SAME_BYTES)
+    )
     assert (other.bytes, other.size) == (after.bytes, after.size)
+    assert 0.9 * after.bytes < best.bytes <= after.bytes
+    assert best.gpu_rms < other.gpu_rms
 
 
 def test_the_page_names_the_maps_that_miss_their_bar(rows):

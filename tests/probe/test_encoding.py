@@ -220,3 +220,15 @@ def test_profiles_that_are_cut_off(count):
     profile = icc((b"rTRC", struct.pack(">4sII", b"curv", 0, count) + bytes(7)))
     for end in range(len(profile) + 1):
         linear_curve(profile[:end])
+
+
+@pytest.mark.parametrize("data", [para(0, -2.2), para(3, 0, 1, 0, 1, 0), curv(0)])
+def test_powers_that_are_not_positive_are_no_curves(data):
+    assert linear_curve(icc((b"rTRC", data))) is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_curves_that_overflow_do_so_silently():
+    """The pixels are counted and refused later."""
+    curve = linear_curve(icc((b"rTRC", para(1, 30000, 30000, 1))))
+    assert np.isinf(curve(np.array([1.0])))

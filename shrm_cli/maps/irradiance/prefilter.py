@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.errors import MapError, OrderError
+from shrm_cli.errors import OrderError
 from shrm_cli.maps.irradiance.irradiance import (
     POLYNOMIAL_ORDER,
     Irradiance,
@@ -72,9 +72,9 @@ def prefilter(
     OrderError
         If the order is outside 0 .. 512.
     MapError
-        If the window is unknown, the cube is too large, or the light is beyond 32-bit floats.
+        If the window is unknown, or the cube is too large.
     ProbeError
-        If the probe cannot be read.
+        If the probe cannot be read, or its light is beyond 32-bit floats.
     """
     if not 0 <= order_f <= MAX_ORDER_F:
         raise OrderError(f"order F = {order_f} is outside 0 .. {MAX_ORDER_F}")
@@ -83,8 +83,6 @@ def prefilter(
     check_size(order_f, 0, size)
     high = min(max(_HIGH_ORDER, 2 * order_f), MAX_ORDER_F)
     lighting = project(probe, high, progress)
-    if not np.isfinite(lighting.coefficients).all():
-        raise MapError(f"{probe.name}: its light is beyond 32-bit floats; dim it")
     captured = _captured(order_f)
     orders = Orders(order_f, 0, max(1 - captured, 0.0), captured)
     info = replace(

@@ -1,10 +1,10 @@
 """Files of the textures that the code of a map reads, for programs that load images."""
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.parts import Part, write_parts
+from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.packing import pack
 from shrm_cli.maps.stored import image_channels
@@ -12,6 +12,9 @@ from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
+
+_MARK = "shrm:textures"
+"""The attribute by which these files are known."""
 
 
 def write_layers(
@@ -45,7 +48,7 @@ def write_layers(
     if not textures:
         raise MapError(f"{made.what} has no textures: its code holds all numbers")
     about = {
-        "shrm:textures": "layers",
+        _MARK: "layers",
         "shrm:of": made.representation,
         "shrm:probe": harmless(made.info.probe),
         # Parts of different sizes must share a canvas.
@@ -60,3 +63,32 @@ def write_layers(
     ]
     pixel_type = write_parts(path, parts, "float" if precision == "auto" else precision)
     return pixel_type, {texture.name: texture.values.shape[:3] for texture in textures}
+
+
+def read_layers_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """What a file of textures says of itself; None if a file is none.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    dict or None
+        The representation and the probe of the map that they were made from, and layers, height
+        and width of each texture by its name.
+
+    Raises
+    ------
+    MapError
+        If the file is damaged.
+    """
+    file = peek(path)
+    if file is None or not file.first.text(_MARK):
+        return None
+    shapes: dict[str, list[int]] = {}
+    for part in file.parts:
+        name = part.name.rpartition(".")[0] or part.name
+        layers, *_ = shapes.get(name, [0])
+        shapes[name] = [layers + 1, part.height, part.width]
+    return {"of": file.first.text("shrm:of"), "probe": file.first.text("shrm:probe"), **shapes}

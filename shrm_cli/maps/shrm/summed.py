@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.look_up import look_up_error
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.sphere.cube import cube_solid_angles
@@ -34,6 +35,14 @@ def joint_error(strengths: Sequence[float], errors: Sequence[float]) -> float:
     """
     whole = max(sum(strengths), 1e-300)
     return float(np.linalg.norm(np.multiply(strengths, errors)) / whole)
+
+
+def _stating(
+    term: Shrm | CompressedShrm, added_error: float, filter_error: float
+) -> Shrm | CompressedShrm:
+    """A term with other errors in its record."""
+    info = replace(term.info, added_error=added_error, filter_error=filter_error)
+    return replace(term, info=info)
 
 
 def rms(term: Shrm | CompressedShrm) -> float:
@@ -124,14 +133,22 @@ class SummedShrm(Map):
         MapError
             If a term would be too large.
         """
-        # What is known of the error of a term may be that of the whole sum, as files have it, so
-        # that what each term loses here is found without it.
+        # What is known of the errors of a term may be those of the whole sum, as files have it, so
+        # that what each term loses here is found without them.
         bare = [replace(term, info=replace(term.info, added_error=0.0)) for term in self.terms]
         moved = [cast("Shrm | CompressedShrm", term.resampled(size, sampling)) for term in bare]
-        own = joint_error([rms(term) for term in bare], [each.info.added_error for each in moved])
-        added = float(np.hypot(self.info.added_error, own))
-        terms = tuple(replace(each, info=replace(each.info, added_error=added)) for each in moved)
-        return SummedShrm(terms, replace(self.info, added_error=added))
+        if all(one is other for one, other in zip(bare, moved, strict=True)):
+            return self
+        strengths = [rms(term) for term in bare]
+        own = joint_error(strengths, [each.info.added_error for each in moved])
+        info = replace(self.info, added_error=float(np.hypot(self.info.added_error, own)))
+        if self.info.filter_error:
+            order = self.info.order_carried + self.info.order_p
+            looked_up = [look_up_error(term.planes()[0], term.sampling, order) for term in moved]
+            info = replace(info, filter_error=joint_error(strengths, looked_up))
+        errors = info.added_error, info.filter_error
+        terms = tuple(_stating(each, *errors) for each in moved)
+        return SummedShrm(terms, info)
 
     def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Refuse: a sum has no single SHRM, because its terms have different centers.

@@ -9,7 +9,7 @@ from scipy.special import eval_legendre
 
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.errors import MapError, OrderError
+from shrm_cli.errors import MapError, OrderError, ProbeError
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import (
@@ -320,7 +320,7 @@ def test_what_is_refused(tmp_path):
     with pytest.raises(MapError, match="lower `size`"):
         prefilter_irradiance(probe, size=2**20)
     blinding = write_probe(tmp_path, np.full((64, 128, 3), 3e38))
-    with np.errstate(all="ignore"), pytest.raises(MapError, match=r"probe\.exr: .* dim it"):
+    with np.errstate(all="ignore"), pytest.raises(ProbeError, match=r"probe\.exr: .* dim it"):
         prefilter_irradiance(blinding)
 
 

@@ -75,8 +75,8 @@ def test_more_bytes_make_less_error(probe):
 
 
 def test_it_says_what_the_bytes_cost(probe):
-    made = make(probe, max_size="60kB")
-    (line,) = [each for each in made.warnings if "60 kB" in each]
+    made = make(probe, max_size="40kB")
+    (line,) = [each for each in made.warnings if "40 kB" in each]
     info = made.map.info
     assert f"P = {info.order_p} of the 2 that `eps` 0.03 asks for" in line
     assert f"RMS error {info.predicted_error:.1%} predicted" in line
