@@ -182,7 +182,8 @@ class LobeExpander:
     def _projected(self, table: Array, samples: Array) -> Array:
         """Integrate over theta_i, with Legendre functions: shape (max_q+1, F+1, n, channels)."""
         count, views, channels, _ = samples.shape
-        by_q = np.moveaxis(samples, -1, 0).reshape(-1, count, views * channels)
+        by_q = np.moveaxis(samples.astype(table.dtype, copy=False), -1, 0)
+        by_q = by_q.reshape(-1, count, views * channels)
         result = np.zeros((self.max_q + 1, self.order_f + 1, views * channels))
         for q in range(min(self.max_q, self.order_f) + 1):
             result[q, q:] = table[q, : self.order_f + 1 - q] @ np.ascontiguousarray(by_q[q])
@@ -199,14 +200,17 @@ class LobeExpander:
         theta, weights = self.rule.nodes(count)
         coarse_weights = self.rule.nodes(count // 3)[1]
         shape = self.max_q + 1, self.order_f + 1
-        functions, coarse = np.empty((*shape, count)), np.empty((*shape, count // 3))
+        # Sums of single samples are no more exact for factors in double precision.
+        dtype = np.float32 if self._is_single else np.float64
+        functions: Array = np.empty((*shape, count), dtype)
+        coarse: Array = np.empty((*shape, count // 3), dtype)
 
         def fill(start: int) -> None:
             rows = slice(start, start + _NODES_AT_ONCE)
             thirds = slice(start // 3, (start + _NODES_AT_ONCE) // 3)
             table = legendre_table(self.order_f, np.cos(theta[rows]), max_m=self.max_q)
-            np.multiply(table[..., 1::3], coarse_weights[thirds], out=coarse[..., thirds])
-            np.multiply(table, weights[rows], out=functions[..., rows])
+            coarse[..., thirds] = table[..., 1::3] * coarse_weights[thirds]
+            functions[..., rows] = table * weights[rows]
 
         at_once(fill, range(0, count, _NODES_AT_ONCE), functions.size > _LARGE)
         self._tables[count] = functions, coarse
