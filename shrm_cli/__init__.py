@@ -15,7 +15,10 @@ nothing. docs/library.md documents the public names.
 import importlib
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+
+# Type checkers know this name and take it for true. The module `typing` is not loaded for it:
+# Ctrl-C prints a traceback of Python's own until `shrm_cli.__main__` listens to it.
+TYPE_CHECKING = False
 
 __version__ = "0.1.0"
 
@@ -48,6 +51,8 @@ _HOMES = {
 __all__ = [*_HOMES, "__version__"]
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from shrm_cli.brdf.base import Brdf as Brdf
     from shrm_cli.brdf.base import Parameter as Parameter
     from shrm_cli.brdf.spec import parse_spec as parse_spec
@@ -72,7 +77,7 @@ if TYPE_CHECKING:
     from shrm_cli.settings import using as using
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -5,10 +5,13 @@ The child writes half of its temporary file, says so, and waits: signals always 
 
 import os
 import signal
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+import shrm_cli
 from tests.cli.helpers import MAIN, noise, process, read_exr, run, snapshot, start, write_exr
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
@@ -104,6 +107,25 @@ def test_hangups_are_ignored_under_nohup(folder):
         child.communicate(timeout=30)
     assert child.returncode == 0
     assert not [name for name in os.listdir(folder) if ".shrm-" in name]
+
+
+def test_little_is_loaded_before_ctrl_c_is_listened_to():
+    """Ctrl-C prints a traceback of Python's own until then."""
+    code = """
+import sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        print(name)
+sys.meta_path.insert(0, Finder())
+import shrm_cli.__main__
+"""
+    found = subprocess.run(
+        [sys.executable, "-S", "-c", code], capture_output=True, text=True, check=True,
+        env={**os.environ, "PYTHONPATH": str(Path(shrm_cli.__file__).parents[1])},
+    )  # fmt: skip
+    loaded = found.stdout.split()
+    assert {"shrm_cli", "shrm_cli.__main__", "signal"} <= set(loaded)
+    assert not {"typing", "re", "pathlib", "dataclasses", "click", "numpy"} & set(loaded)
 
 
 def test_sigint_while_the_command_line_is_loaded():
