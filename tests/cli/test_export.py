@@ -186,6 +186,7 @@ def test_engines_get_colours_of_rec709(folder, rng):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")
+@pytest.mark.slow
 def test_a_full_disk_leaves_no_folder(folder):
     """A limit on files' sizes is as good as a full disk; the first file may be small enough."""
     code = f"import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n{MAIN}"

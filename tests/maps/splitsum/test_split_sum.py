@@ -312,6 +312,7 @@ def test_dark_places_of_real_probes_keep_their_light(real_probes, rng, name):
         assert dark_error(probe, level, roughness, rng) < 0.005, roughness
 
 
+@pytest.mark.slow
 def test_the_predicted_error_is_that_of_the_level(real_probes, rng):
     """As much as the fading leaves out, against brute force, where the tolerance is loose."""
     probe = open_probe(real_probes / "studio.exr")
