@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions, energy_above
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.sphere.bilinear import bilinear_errors, energy_places
+from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
 from shrm_cli.sphere.clebsch_gordan import zonal_coupling
-from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 _LAST_DEGREES = 16
 """The number of the light's last known degrees whose mean density the unknown degrees take."""
-_PLACES_ORDER, _PLACES_SIZE = 24, 16
-"""The order of the light and the size of the cube that tell where its details are."""
+_PLACES_ORDER = 24
+"""The largest order of the light that tells where its details are."""
 INVISIBLE = 1e-4
 """The RMS of a part of the reflected light, relative to the light's mean, that is never seen. It is
 half a per cent of the darkest places that `shrm compare` judges, those of 2 % of the mean."""
@@ -260,8 +259,6 @@ def filtering_error(
 def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
     """Return where on the faces of a cube the finest details of the reflected light are.
 
-    Bilinear filtering loses what its second derivatives tell, which a small cube shows well enough.
-
     Parameters
     ----------
     lighting : Lighting
@@ -275,12 +272,9 @@ def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
     """
     order = min(len(lobe) - 1, lighting.order, _PLACES_ORDER)
     degree = np.arange(order + 1)
-    by_degree = lobe[: order + 1] * (degree * (degree + 1) / np.sqrt(2 * degree + 1))[:, None]
+    by_degree = lobe[: order + 1] / np.sqrt(2 * degree + 1)[:, None]
     each = np.repeat(by_degree, 2 * degree + 1, axis=0)
-    series = lighting.coefficients[: (order + 1) ** 2] * each
-    if not series.any():
-        return None
-    return energy_places(synthesize_cube(series, _PLACES_SIZE, dtype=np.float32))
+    return detail_places(lighting.coefficients[: (order + 1) ** 2] * each)
 
 
 def truncated_lobe_error(

@@ -3,18 +3,17 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.sphere.bilinear import bilinear_errors, energy_places
+from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.harmonics import degrees
-from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 _ORDERS_A_TEXEL = 2
 """Texels show no more degrees than this many for each of them along an edge."""
-_PLACES_SIZE = 16
-"""Texels of the cube that tells where on the faces the details lie."""
+_PLACES_ORDER = 16
+"""The largest degree that tells where on the faces the details lie."""
 
 
 def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
@@ -48,9 +47,6 @@ def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
     energy = np.bincount(degree, weights=np.sum(coefficients**2, axis=1))
     if not energy.any():
         return 0.0
-    # What linear interpolation loses are second derivatives, and a small cube shows where they are.
-    few = degree <= _PLACES_SIZE
-    details = coefficients[few] * (degree * (degree + 1))[few, None]
-    places = energy_places(synthesize_cube(details, _PLACES_SIZE)) if details.any() else None
+    places = detail_places(coefficients[degree <= _PLACES_ORDER])
     errors = bilinear_errors(order, size, sampling, places)
     return float(np.sqrt(errors @ energy / energy.sum()))

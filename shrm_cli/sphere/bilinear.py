@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.memo import Memo, kept_order
+from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -27,6 +29,8 @@ _DIRECTIONS = 8
 """Directions of waves, over half a turn."""
 _known_errors = Memo(2**22)
 """The errors at each place, of some orders and sizes; those of order 128 take 66 kB."""
+_PLACES_SIZE = 16
+"""Texels of the cube that tells where on the faces details lie."""
 _BEYOND = 1 / 12
 """The mean square of the weight of texels beyond an edge, within half a texel of it."""
 
@@ -110,6 +114,28 @@ def energy_places(cubes: Array) -> Array:
     # The face's two axes can be exchanged, too.
     energy = energy + energy.T
     return np.asarray(energy / max(energy.sum(), 1e-300))
+
+
+def detail_places(series: Array) -> Array | None:
+    """Return where on the faces of a cube the finest details of functions are.
+
+    Bilinear filtering loses what second derivatives tell, which a small cube shows well enough.
+
+    Parameters
+    ----------
+    series : ndarray, shape ((order+1)^2, n)
+        The functions' coefficients over real harmonics, to an order that a small cube shows.
+
+    Returns
+    -------
+    ndarray or None
+        The argument of `bilinear_errors`; None where there is no detail.
+    """
+    degree = degrees(order_of(len(series)))
+    details = series * (degree * (degree + 1))[:, None]
+    if not details.any():
+        return None
+    return energy_places(synthesize_cube(details, _PLACES_SIZE, dtype=np.float32))
 
 
 def _advances(s: Array, t: Array) -> tuple[Array, Array]:
