@@ -8,6 +8,7 @@ About the mirror direction that is all mirror directions and views, which are th
 in parallel projection from all sides; about the normal it is all normals and all views above them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,15 +51,15 @@ class Pairs:
         return float(np.sqrt(missed / np.sum(self.weights * truth**2)))
 
 
-def bright_pairs(default: Map, other: Map, count: int) -> Pairs:
+def bright_pairs(default: Map, others: Sequence[Map], count: int) -> Pairs:
     """Draw pairs of a normal and a view, neighbors in their normals one after the other.
 
     Parameters
     ----------
     default : Map
         A center-sampled map of a single cube of harmonics.
-    other : Map
-        A map of the same light with other errors.
+    others : sequence of Map
+        Maps of the same light with other errors, the best one last.
     count : int
     """
     rng = np.random.default_rng(count)
@@ -70,11 +71,11 @@ def bright_pairs(default: Map, other: Map, count: int) -> Pairs:
     views = _views_at(centers, cosines if is_normal else 2 * cosines**2 - 1, rng)
     normals = centers if is_normal else bisector(centers, views)
     mirrored = 2 * cosines[:, None] * normals - views
-    first, last = (each.glimpse(mirrored, views) for each in (default, other))
-    filtered = [
-        looked_up(each, normals, views) - each.radiance(normals, views) for each in (default, other)
-    ]
-    energies = [np.sum(each**2, axis=1) for each in (first, first - last, *filtered)]
+    maps = default, *others
+    *found, best = (each.glimpse(mirrored, views) for each in maps)
+    filtered = [looked_up(each, normals, views) - each.radiance(normals, views) for each in maps]
+    differing = [found[0], *(each - best for each in found), *filtered]
+    energies = [np.sum(each**2, axis=1) for each in differing]
     means = [np.average(each, weights=1 / density) for each in energies]
     wanted = _EVERYWHERE + sum(
         each / mean for each, mean in zip(energies, means, strict=True) if mean > 0

@@ -189,8 +189,7 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
         for k, probe in enumerate(probes):
             own = slice(3 * k, 3 * k + 3)
             made = make_maps(brdf, probe)
-            maps = [each for each, _ in made.values()]
-            pairs = bright_pairs(maps[0], maps[-1], extent.seen_pairs)
+            pairs = error_pairs(made, extent.seen_pairs)
             alone = Light(light.directions, light.power[:, own])
             truth = lit(brdf, pairs.normals, pairs.views, alone)
             pictures = [truth[:, own] for truth in truths]
@@ -226,6 +225,12 @@ def make_maps(brdf: Brdf, probe: Probe) -> dict[str, tuple[Map, float]]:
         other = prefilter_with_facts(probe, to, {"brdf": brdf, **options}).map
         made[way] = other, time.perf_counter() - started
     return made
+
+
+def error_pairs(made: dict[str, tuple[Map, float]], count: int) -> Pairs:
+    """Draw the pairs that tell the errors of the maps that `make_maps` returns."""
+    judged = [way for way in (SAME_BYTES, PRINCIPAL) if way in made] or [BEFORE]
+    return bright_pairs(made[AFTER][0], [made[way][0] for way in judged], count)
 
 
 def _row(

@@ -128,7 +128,7 @@ def test_pairs_make_integrals_over_all_mirror_directions_and_views(probe):
             prefilter(probe, "microfacet:sigma=0.2", to=to, size=32, max_size="1MB")
             for to in ("shrm", "principal")
         )
-    pairs = bright_pairs(default, other, 10000)
+    pairs = bright_pairs(default, [other], 10000)
     cosines = np.sum(pairs.normals * pairs.views, axis=1, keepdims=True)
     mirrored = 2 * cosines * pairs.normals - pairs.views
     weights = pairs.weights / pairs.weights.sum()
@@ -143,7 +143,7 @@ def test_pairs_about_the_normal_make_integrals_over_all_normals_and_views_above(
     with settings.using(cache=False):
         default = prefilter(probe, "oren-nayar", size=16, split=False)
         other = prefilter(probe, "oren-nayar", to="principal", maps=1, size=16)
-    pairs = bright_pairs(default, other, 10000)
+    pairs = bright_pairs(default, [other], 10000)
     weights = pairs.weights[:, 0] / pairs.weights.sum()
     for axis in np.eye(3):
         assert np.sum(weights * (1 + pairs.normals @ axis) ** 2) == pytest.approx(4 / 3, abs=0.08)

@@ -207,7 +207,8 @@ def _planner(
     light: Projection, brdf: Brdf, want: _Wanted, divide: bool, sampling: Sampling
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
-    order, max_q = _first_order(brdf), min(_FIRST_Q, MAX_Q)
+    most_q = 0 if brdf.zonal else MAX_Q
+    order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
     tolerance, error = want.tolerance, want.error
     limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
 
@@ -220,8 +221,8 @@ def _planner(
         transfer = _transfer(brdf, order, max_q, light.progress)
         # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
         above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
-        if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < MAX_Q:
-            max_q = MAX_Q
+        if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
+            max_q = most_q
             if above <= limit or order >= MAX_ORDER_F:
                 continue
         elif order >= MAX_ORDER_F:
@@ -233,9 +234,9 @@ def _planner(
             order = 2 * order
             continue
         if error is None and want.maps is None and _fills_budget(factorized(), want):
-            if max_q == MAX_Q:
+            if transfer.max_q == most_q:
                 return factorized()
-            max_q = MAX_Q
+            max_q = most_q
             continue
         # Sharp lobes need far more, and every try costs the time to sample the BRDF.
         octaves = 2 if above > _SHARP else 1
@@ -244,7 +245,7 @@ def _planner(
             if brdf.is_measured:
                 octaves = min(octaves, _MOST_OCTAVES)
             # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
-            max_q = MAX_Q if octaves > 1 else max_q
+            max_q = most_q if octaves > 1 else max_q
         order = min(2**octaves * order, MAX_ORDER_F)
 
 
@@ -300,7 +301,7 @@ def _unknown_light(planner: Planner) -> tuple[float, float]:
 
 def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
-    accuracy, max_q = _ACCURACY[brdf.is_measured], 0 if brdf.zonal else max_q
+    accuracy = _ACCURACY[brdf.is_measured]
     return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
 
 

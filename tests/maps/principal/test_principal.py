@@ -233,6 +233,16 @@ def test_no_degrees_are_computed_for_cubes_that_the_bytes_rule_out(room, monkeyp
     assert np.linalg.norm(radiance[0] - radiance[1]) < 0.01 * np.linalg.norm(radiance[1])
 
 
+@pytest.mark.filterwarnings("ignore:1.2 MB hold no map:shrm_cli.errors.ShrmWarning")
+def test_all_azimuthal_orders_are_known_where_bytes_bound_a_map(room, monkeypatch):
+    """Plastic at grazing views has more of them than are computed first, and they are an error."""
+    asked = {"brdf": "ggx:roughness=0.3,f0=0.04", "to": "principal", "max_size": 1_200_000}
+    bounded = prefilter(room, **asked)
+    monkeypatch.setattr(principal_prefilter, "_fills_budget", lambda *_: False)
+    expected = prefilter(room, **asked).info.predicted_error
+    assert bounded.info.predicted_error == pytest.approx(expected, rel=0.02)
+
+
 def test_zonal_lobes_need_one_map(room):
     for eps in (0.1, 0.001):
         assert prefilter(room, "phong:exponent=20", to="principal", eps=eps).cube_count == 1
