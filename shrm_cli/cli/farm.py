@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.cli.options import with_options
 from shrm_cli.cli.terminal import echo
 
 if TYPE_CHECKING:
@@ -48,9 +49,7 @@ def farm_options(command: Command) -> Command:
             help="Make one part of N, or several, as the command lines of farms do.",
         ),
     ]  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return with_options(command, options)
 
 
 def write_farm_files(

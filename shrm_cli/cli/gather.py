@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.cli.options import with_options
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import MAX_COLLECTED_ORDER
 
@@ -38,9 +39,7 @@ def gather_options(command: Command) -> Command:
             help="Factors of the degrees, as `shrm prefilter --to irradiance --window` has them.",
         ),
     ]  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return with_options(command, options)
 
 
 def gathering_of(collect: str | None, order: int, what: What, window: str) -> Gathering | None:

@@ -7,7 +7,12 @@ from typing import Any, TypeVar
 
 import click
 
-from shrm_cli.cli.options import precision_option, representation_options, shared_options
+from shrm_cli.cli.options import (
+    precision_option,
+    representation_options,
+    shared_options,
+    with_options,
+)
 from shrm_cli.maps.options import Option
 from shrm_cli.vocabulary import SAMPLINGS
 
@@ -45,8 +50,6 @@ def making_options(
     ]  # fmt: skip
 
     def add(command: Command) -> Command:
-        for option in reversed(options):
-            command = option(command)
-        return command
+        return with_options(command, options)
 
     return add

@@ -58,7 +58,8 @@ probe_sampling_option = click.option(
 )  # fmt: skip
 
 
-def _apply(command: Command, options: list[Callable[[Command], Command]]) -> Command:
+def with_options(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:
+    """Add options to a command, which its help lists in this order."""
     for option in reversed(options):
         command = option(command)
     return command
@@ -77,7 +78,7 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None
 
 def output_options(command: Command) -> Command:
     """Add the options --json and --quiet."""
-    return _apply(
+    return with_options(
         command,
         [
             click.option("--json", "as_json", is_flag=True, help="Print results as JSON."),
@@ -107,12 +108,12 @@ def report_options(command: Command) -> Command:
         is_eager=True,
         help="Threads for image files and integrals; the rest takes one.  [default: all]",
     )
-    return _apply(command, [output_options, threads, cache_option])
+    return with_options(command, [output_options, threads, cache_option])
 
 
 def read_options(command: Command) -> Command:
     """Add the options about reading a probe's file; `make_read_options` takes their values."""
-    return _apply(
+    return with_options(
         command,
         [
             click.option("--layout", type=click.Choice(IMAGE_LAYOUTS), help="Layout of the probe."),
@@ -208,7 +209,7 @@ READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp", *COLORS)
 
 def shared_options(*names: str) -> Callable[[Command], Command]:
     """Return a decorator that adds options which several representations share, by name."""
-    return lambda command: _apply(command, [click_option(SHARED[name]) for name in names])
+    return lambda command: with_options(command, [click_option(SHARED[name]) for name in names])
 
 
 def representation_options(
@@ -216,7 +217,7 @@ def representation_options(
 ) -> Callable[[Command], Command]:
     """Return a decorator that adds the wanted ones of all representations' own options."""
     options = all_options(descriptions()).values()
-    return lambda command: _apply(
+    return lambda command: with_options(
         command, [click_option(option) for option in options if wanted(option)]
     )
 

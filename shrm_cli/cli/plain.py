@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.conversion import Converted, open_source
-from shrm_cli.cli.options import progress_bar
+from shrm_cli.cli.options import progress_bar, with_options
 from shrm_cli.cli.outputs import map_stem, picture_attributes
 from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation
@@ -50,9 +50,7 @@ def plain_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Of split sums made with --mips, to latlong or openexr: one mip-mapped file.",
         ),
     ]  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return with_options(command, options)
 
 
 def plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, Applies]:

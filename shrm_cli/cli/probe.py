@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.cli.options import with_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import AzimuthElevation, Radiance
 from shrm_cli.files.whole import check_target
@@ -54,9 +55,7 @@ def output_options(command: Command) -> Command:
         ),
         click.option("--quiet", is_flag=True, help="Print nothing on success."),
     ]
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return with_options(command, options)
 
 
 @click.group()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.cli.options import with_options
 from shrm_cli.cli.types import Brush, Vector, Within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
@@ -67,9 +68,7 @@ def mesh_options(command: Command) -> Command:
             "product textures.",
         ),
     ]  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return with_options(command, options)
 
 
 def refuse_mesh_options(mesh: str | None) -> None:
