@@ -90,9 +90,10 @@ def energies_beyond(
     The BRDF's own energy there is known, because its whole energy is. What lies at higher degrees
     than the known ones follows from how the known ones fall. The light that it meets is estimated
     twice, and the smaller one counts: the light goes on as a small lamp's does, with ``(2l+1)``
-    times the mean power of its last known degrees; or all energy of the light that is left sits in
-    the first unknown degree, as in eq. 5.19. The rest has higher azimuthal orders than the known
-    ones, which glossy lobes have at grazing views, and lies at known degrees of the light.
+    times the mean power of its last known degrees, up to the degree where its energy is used up; or
+    all energy of the light that is left sits in the first unknown degree, as in eq. 5.19. The rest
+    has higher azimuthal orders than the known ones, which glossy lobes have at grazing views, and
+    lies at known degrees of the light.
 
     Parameters
     ----------
@@ -111,9 +112,36 @@ def energies_beyond(
     light, spread = weighted_power(lighting, order), coefficients.spread
     density = light[max(order + 1 - _LAST_DEGREES, 0) :].mean(axis=0)
     light_left = np.maximum(lighting.energy - lighting.power()[: order + 1].sum(axis=0), 0.0)
-    met = np.minimum(density, _convolution_measure(order + 1)[-1] * light_left)
+    met = density * _lit_share(coefficients.degree_energy, above, density, light_left)
+    met = np.minimum(met, _convolution_measure(order + 1)[-1] * light_left)
     beside = np.sum(light * spread, axis=0) / np.maximum(spread.sum(axis=0), 1e-300)
     return float(np.sum(met * above)), float(np.sum(beside * aside))
+
+
+def _lit_share(known: Array, above: Array, density: Array, light_left: Array) -> Array:
+    """Return the part of a BRDF's energy at unknown degrees that light of a density lights.
+
+    Light of the power ``density (2l+1) / 4 pi`` in each degree l ends where its energy does. The
+    energy of the BRDF falls by the same ratio from octave to octave, as its last known octave and
+    the whole of the unknown ones tell.
+
+    Parameters
+    ----------
+    known : ndarray, shape (F+1, 3)
+        The energy of the BRDF at each known degree.
+    above : ndarray, shape (3,)
+        That of all unknown degrees.
+    density : ndarray, shape (3,)
+        ``4 pi / (2l+1)`` times the power of the light in an unknown degree l.
+    light_left : ndarray, shape (3,)
+        The energy of the light at unknown degrees.
+    """
+    first = len(known)
+    squares = 4 * np.pi * light_left / np.maximum(density, 1e-300) / first**2
+    octaves = np.log2(1 + squares) / 2
+    last = known[first // 2 :].sum(axis=0)
+    ratio = above / np.maximum(above + last, 1e-300)
+    return np.asarray(1 - ratio**octaves)
 
 
 def own_energies_beyond(

@@ -10,6 +10,7 @@ from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import (
     carried_order,
+    energies_beyond,
     energy_beyond,
     error_bound,
     predicted_error,
@@ -89,6 +90,25 @@ def test_energy_beyond_is_never_more_than_the_light_has():
     power = np.ones((21, 3))
     assert energy_beyond(lit(power), known) == 0
     assert energy_beyond(lit(power, power.sum(axis=0) + 1e-3), known) > 0
+
+
+@pytest.mark.parametrize(
+    ("spec", "order"),
+    [("phong:exponent=100", 12), ("ggx:roughness=0.6", 32), ("microfacet:sigma=0.3", 24)],
+)
+@pytest.mark.parametrize("extent", [0.5, 1, 2])
+def test_light_that_ends_is_met_by_few_of_the_unknown_degrees(spec, order, extent):
+    """The power of a blurred lamp falls from degrees on that are known, or are not."""
+    brdf = parse_spec(spec)
+    max_q = 0 if brdf.zonal else 12
+    known, whole = (compute_transfer(brdf, f, max_q, 1e-4) for f in (order, 4 * order))
+    degree = np.arange(4 * order + 1.0)[:, None]
+    power = np.repeat((2 * degree + 1) * np.exp(-((degree / (extent * order)) ** 2)), 3, axis=1)
+    light = (4 * np.pi / (2 * degree + 1)) * power
+    expected = np.sum((light * whole.degree_energy)[order + 1 :])
+    found, _ = energies_beyond(lit(power[: order + 1], power.sum(axis=0)), known)
+    assert expected > 0
+    assert 0.8 < np.sqrt(found / expected) < 1.45
 
 
 @pytest.mark.slow
