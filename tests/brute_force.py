@@ -19,11 +19,14 @@ def microfacet(sigma):
     def rho_hat(reflection, view, light):
         normal = reflection + view
         normal = normal / np.sqrt(normal @ normal)
-        half = light + view
-        cosine = (half @ normal) / np.sqrt(np.sum(half**2, axis=1))
+        cosine_i = light @ normal
+        lit = np.flatnonzero(cosine_i > 0)
+        # The half vector is (L + V) / |L + V|, and |L + V|^2 = 2 + 2 L.V for unit vectors.
+        cosine = (cosine_i[lit] + view @ normal) / np.sqrt(2 + 2 * (light @ view)[lit])
         theta_h = np.arccos(np.clip(cosine, -1, 1))
-        value = np.exp(-(theta_h**2) / sigma**2) / (4 * np.pi * sigma**2)
-        return np.where(light @ normal > 0, value, 0)
+        values = np.zeros(len(light))
+        values[lit] = np.exp(-(theta_h**2) / sigma**2) / (4 * np.pi * sigma**2)
+        return values
 
     return rho_hat
 

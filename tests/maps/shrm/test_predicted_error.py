@@ -32,8 +32,9 @@ def write(path, image):
 
 @pytest.mark.parametrize("sigma", [0.2, 0.5])
 @pytest.mark.parametrize("name", ["city", "interior", "studio", "sunset"])
-def test_measured_error_is_the_predicted_one(real_probes, tmp_path, name, sigma):
-    image = reduced(real_probes / f"{name}.exr")
+@pytest.mark.parametrize("height", [64, pytest.param(HEIGHT, marks=pytest.mark.slow)])
+def test_measured_error_is_the_predicted_one(real_probes, tmp_path, height, name, sigma):
+    image = reduced(real_probes / f"{name}.exr", height)
     measured, predicted, bound = errors(tmp_path, f"{name} {sigma}", image, sigma, PAIRS)
     assert abs(measured - predicted) < 0.1 * predicted
     assert measured < bound
