@@ -87,12 +87,16 @@ def _functions(made: SphericalHarmonicExponential, table: Table, words: Words) -
 
 
 def _lobe(speech: Language) -> list[str]:
-    """Write directions, spread and albedo of GGX's lobe."""
+    """Write directions, spread and albedo of GGX's lobe.
+
+    Half precision has no number for the tail of a mirror that faces the viewer: its moments become
+    0 one after the other, and a mean without length has no direction.
+    """
     across = speech.minus(speech.scale("dot(n, v)", "n"), "v")
     mean = speech.combined(["lobe.y / lobe.x", "lobe.z / lobe.x"], ["n", across])
     return [
         f"    vec3 whole = {speech.combined(['f0', '(1.0 - f0)'], ['base', 'tail'])};",
-        "    vec3 lobe = whole.x > 0.0 ? whole : base;",
+        "    vec3 lobe = whole.y > 0.0 ? whole : base;",
         f"    vec3 mean = {mean};",
         "    float s = max(-log(length(mean)), 0.0), albedo = whole.x;",
         f"    vec3 d = {speech.scale('(1.0 / length(mean))', 'mean')}, "

@@ -68,14 +68,14 @@ def run(command, text=""):
     )
 
 
-def in_c(folder, made, normals, views, roughness, f0):
-    """What the code in C computes for each pair."""
+def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32):
+    """What the code in C computes for each pair, with textures of some precision."""
     compiler = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
     if compiler is None:
         pytest.skip("no compiler of C")
     load = ""
     for texture in pack(made):
-        texture.values.tofile(folder / texture.name)
+        texture.values.astype(dtype).astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
     surface = f", {roughness}, shrm_vec{f0}" if made.needs_surface else ""
     source, program = folder / "main.c", folder / "main"
@@ -97,6 +97,15 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
         found = in_c(tmp_path, made, normals, views, roughness, f0)
         truth = cases.expected(made, normals, views, roughness, f0)
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("roughness", np.linspace(0.06, 0.2, 5))
+def test_exponentials_are_numbers_where_half_loses_the_tail(tmp_path, roughness):
+    """Of a surface of f0 = 0 that faces the viewer; smaller halves than 6e-8 are 0."""
+    made, (normals, _) = cases.FORMS["she lobe"](), cases.points(20)
+    found = in_c(tmp_path, made, normals, normals, roughness, (0.0, 0.0, 0.0), np.float16)
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() < 1e-5
 
 
 def compiled(folder, language, code, head, call):
