@@ -173,6 +173,11 @@ def together() -> Iterator[None]:
                 temporary.unlink(missing_ok=True)
 
 
+def cut_off() -> OSError:
+    """Return the error of a file that has no end, though the library that wrote it reports none."""
+    return OSError(0, "it was not written whole; is the disk full?")
+
+
 def _check_same(temporary: Path, target: Path) -> None:
     if not filecmp.cmp(temporary, target, shallow=False):
         raise kept(target, "other inputs or options made it")

@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import pytest
 
 from shrm_cli.cli.main import main
 
@@ -21,6 +23,10 @@ MAIN = "from shrm_cli.cli.main import main; main()"
 NO_MODULES = "import sys; sys.dont_write_bytecode = True"
 """What a process does first whose files may be cut off: Python 3.11 would keep compiled modules
 that are, and fail to import them ever after."""
+
+
+FAULTS = int(os.environ.get("FAULTS", "1"))
+"""How many moments and places of a fault are tried; all that are asked for take an hour."""
 
 
 @dataclass(frozen=True)
@@ -145,3 +151,18 @@ def polynomial_light(directions):
     green = 2.0 + 0.7 * y + 0.4 * x * z - 0.3 * x * y * z
     blue = 1.0 - 0.3 * z + 0.2 * x * y + 0.3 * y * y * y
     return np.stack([red, green, blue], axis=-1)
+
+
+@contextlib.contextmanager
+def mounted(folder, options):
+    """A file system in memory on a new folder, with options of `mount`, such as its size."""
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
+    if os.geteuid() != 0 or shutil.which("mount") is None:
+        pytest.skip("only root can mount a file system")
+    if subprocess.run(command, capture_output=True).returncode != 0:
+        pytest.skip("this root may not mount a file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
