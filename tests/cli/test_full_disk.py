@@ -13,9 +13,13 @@ import pytest
 from tests.cli.helpers import (
     FAULTS,
     NO_MODULES,
+    assert_refused,
     environment,
+    mounted,
     noise,
+    process,
     run,
+    snapshot,
     write_exr,
 )
 
@@ -127,3 +131,18 @@ def test_no_command_takes_what_was_cut_off_for_whole(prepared, tmp_path, part):
         assert "cannot be written (" in line, where
         assert "name another" in line, where
         assert "is 8-bit" not in out, where
+
+
+def test_a_disk_that_is_too_small_for_unfinished_work(tmp_path):
+    """It is a mapped file: without room for all of it the process would die of SIGBUS."""
+    rows = range(1, 200)
+    corners = [f"v {x} {y % 3} {y}" for y in range(200) for x in (0, 1)]
+    faces = [f"f {2 * y - 1} {2 * y} {2 * y + 2}" for y in rows]
+    (tmp_path / "mesh.obj").write_text("\n".join([*corners, *faces]))
+    with mounted(tmp_path / "small", "size=16k") as small:
+        found = process(
+            "transfer", tmp_path / "mesh.obj", "--samples", "4", "-o", small / "out.npz"
+        )
+        reason = "cannot be written (No space left on device); make room"
+        assert_refused(found, 1, f"out.npz.part: {reason}")
+        assert snapshot(small) == {}
