@@ -20,11 +20,15 @@ from shrm_cli.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = "from shrm_cli.cli.main import main; main()"
+WHOLE = "from shrm_cli.__main__ import main; main()"
+"""What the installed command runs: it obeys Ctrl-C while the command line loads, too."""
 NO_MODULES = "import sys; sys.dont_write_bytecode = True"
 """What a process does first whose files may be cut off: Python 3.11 would keep compiled modules
 that are, and fail to import them ever after."""
 
 
+MESH = "v 0 1 0\nv 1 0 1\nv -1 0 1\nv -1 0 -1\nv 1 0 -1\nf 1 3 2\nf 1 4 3\nf 1 5 4\nf 1 2 5\n"
+"""A pyramid without its base, as OBJ."""
 FAULTS = int(os.environ.get("FAULTS", "1"))
 """How many moments and places of a fault are tried; all that are asked for take an hour."""
 

@@ -17,6 +17,7 @@ import pytest
 from tests.cli.helpers import (
     FAULTS,
     MAIN,
+    WHOLE,
     Run,
     environment,
     noise,
@@ -28,8 +29,6 @@ from tests.cli.helpers import (
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 
-# What the installed command runs: it obeys Ctrl-C while the command line loads, too.
-WHOLE = "from shrm_cli.__main__ import main; main()"
 COMMANDS = {
     "prefilter": ("prefilter", "probe.exr", "--brdf", "ggx:roughness=0.4", "-o", "out.exr"),
     "frames": ("render", "m.exr", "--frames", "12", "--size", "32", "-o", "out.%04d.png"),

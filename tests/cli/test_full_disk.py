@@ -12,6 +12,7 @@ import pytest
 
 from tests.cli.helpers import (
     FAULTS,
+    MESH,
     NO_MODULES,
     assert_refused,
     environment,
@@ -86,9 +87,6 @@ for name, command in json.loads(sys.argv[1]).items():
         left = sorted(left - expected if name == "frames" else left)
         print(json.dumps([name, limit, whole.err, found.code, found.out, found.err, left]))
 """
-
-# A pyramid, and what is below it.
-MESH = "v 0 1 0\nv 1 0 1\nv -1 0 1\nv -1 0 -1\nv 1 0 -1\nf 1 3 2\nf 1 4 3\nf 1 5 4\nf 1 2 5\n"
 
 
 @pytest.fixture(scope="module")
