@@ -78,7 +78,7 @@ demo: $(VENV)/.installed
 	$(SHRM) prefilter build/demo/sky.exr --brdf '$(LACQUER)' -o build/demo/lacquer.shrm.exr
 	$(SHRM) compare build/demo/lacquer.shrm.exr --probe build/demo/sky.exr --view 110,15 \
 	  --exposure -4 --no-flip -o build/demo/lacquer.png $(DEMO_FLAGS)
-	@echo 'The picture is $(CURDIR)/build/demo/lacquer.png: truth, map, difference'
+	@echo "The picture is $$(pwd)/build/demo/lacquer.png: truth, map, difference"
 
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -113,22 +113,19 @@ probes:
 
 # ---- batch ------------------------------------------------------------------------------------
 
-# probes/batch.py writes the jobs as a makefile of their own, because make itself cannot handle spaces,
-# quotes, $ and % in names. The variables are handed over as they are, without being expanded.
+# probes/batch.py finds what is out of date and has make run it, because make itself cannot handle
+# spaces, quotes, $ and % in names. The variables are handed over as they are, without being expanded.
 HANDED := PROBES BRDFS FORMS EPS PREFILTER_FLAGS RENDER_FLAGS $(filter FLAGS_%,$(.VARIABLES))
 $(foreach v,$(HANDED),$(eval export BATCH_$(v) := $$(value $(v))))
 export BATCH_SHRM := $(SHRM)
+export BATCH_MAKE := $(MAKE)
 
-# -k: a job that fails does not stop the others, but the run fails.
+# Whether make was told to say what it would do (-n, -q, -t), which lines that begin with + ignore.
+ONLY_SAY := $(foreach f,n q t,$(findstring $(f),$(filter-out --%,$(firstword -$(MAKEFLAGS)))))
+
+# +: the jobs run as many at once as this make may.
 batch: $(VENV)/.installed
-	@$(PYTHON) -B probes/batch.py
-	@+$(MAKE) --no-print-directory -k -f build/.batch/jobs.mk; made=$$?; \
-	  if ls build/*.exr >/dev/null 2>&1 && { [ ! -e build/index.html ] || \
-	      [ -n "$$(find build/.batch -name '*.done' -newer build/index.html)" ]; }; then \
-	    $(SHRM) contact build/*.exr --quiet --title 'make batch' -o build/index.html || made=1; \
-	  fi; \
-	  [ $$made = 0 ] || { echo 'Some jobs failed, see above; the others are in build/'; exit 1; }
-	@echo 'Maps and pictures are in $(CURDIR)/build/, and index.html shows all of them'
+	@+$(PYTHON) -B probes/batch.py $(if $(strip $(ONLY_SAY)),--dry-run)
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,12 +1,12 @@
-"""What `make batch` has to do: this writes the jobs as a makefile of their own.
+"""What `make batch` does: it finds what is out of date, and has make run those jobs side by side.
 
 Make cannot handle spaces, quotes, ``$`` and ``%`` in the names of its targets. So the jobs have
-numbers for names, and stamps in ``build/.batch`` for targets; the names of probes, BRDFs and maps
-stand in the commands alone, quoted for the shell. Make still decides what is out of date, and runs
-the jobs side by side.
+digests for names, and stamps in ``build/.batch`` for targets; the names of probes, BRDFs and maps
+stand in the commands alone, quoted for the shell. A stamp tells what its output was made of.
 
 The lists PROBES, BRDFS and FORMS are words as in a shell, so that quotes keep a name with spaces
-together. Make hands them over in the environment. It runs with any Python, and needs no packages.
+together. Make hands them over in the environment. With ``--dry-run`` the commands are printed, and
+nothing is done. It runs with any Python, and needs no packages.
 """
 
 from __future__ import annotations
@@ -16,25 +16,39 @@ import hashlib
 import json
 import os
 import shlex
+import signal
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import Any, NamedTuple
 
 BUILD = Path("build")
-JOBS = BUILD / ".batch"
+STAMPS = BUILD / ".batch"
+PAGE = BUILD / "index.html"
 FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 LONGEST = 80
 """The most bytes of a probe's or a BRDF's part of a file's name."""
+ENDING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+"""The signals that end a process; Windows has no SIGHUP."""
 
 
 def words(name: str) -> list[str]:
-    """Split a variable of the makefile into words, each once."""
+    """Split a variable of the makefile into words, as a shell does."""
     try:
         found = shlex.split(os.environ.get(f"BATCH_{name}", ""))
     except ValueError as error:
         sys.exit(f"Error: {name}: {error}; quote names as in a shell")
-    if any(ord(letter) < 32 for word in found for letter in word):
+    if any(map(has_controls, found)):
         sys.exit(f"Error: {name}: names with control characters cannot be baked")
-    return list(dict.fromkeys(found))
+    return found
+
+
+def has_controls(name: str) -> bool:
+    """Whether a name has control characters, of which some end the lines of a makefile."""
+    return any(ord(letter) < 32 for letter in name)
 
 
 def probes() -> list[str]:
@@ -55,8 +69,12 @@ def label(text: str) -> str:
     data = os.fsencode(plain)
     if len(data) <= LONGEST:
         return plain
-    digits = hashlib.sha256(os.fsencode(text)).hexdigest()[:8]
-    return f"{data[: LONGEST - 9].decode(errors='ignore')}-{digits}"
+    return f"{data[: LONGEST - 9].decode(errors='ignore')}-{digest(text)[:8]}"
+
+
+def digest(text: str) -> str:
+    """Return 64 digits that stand for a text."""
+    return hashlib.sha256(os.fsencode(text)).hexdigest()
 
 
 def brdf_label(spec: str) -> str:
@@ -79,103 +97,214 @@ def brdf_files(spec: str) -> list[str]:
     return sorted({name for name in names if os.path.isfile(name)})
 
 
-def stamp(files: list[str]) -> list[list[object]]:
+def state(files: list[str]) -> list[list[object]]:
     """Return what changes when files change: their names, times and sizes."""
     stats = [(name, os.stat(name)) for name in files]
     return [[name, status.st_mtime_ns, status.st_size] for name, status in stats]
 
 
+class Job(NamedTuple):
+    """A command that makes a file.
+
+    Attributes
+    ----------
+    command : list of str
+    stamp : pathlib.Path
+        The file that tells what the output was made of.
+    made_of : str
+        What this stamp says where the output is there and up to date.
+    is_due : bool
+        Whether it is not.
+    """
+
+    command: list[str]
+    stamp: Path
+    made_of: str
+    is_due: bool
+
+    def rule(self, after: Job | None) -> str:
+        """Return the rule of a makefile that does the job, after another one if that is due.
+
+        The stamp is not there while the command runs: if that is killed, the job is due again.
+        """
+        before = after.stamp if after and after.is_due else ""
+        line = shlex.join(self.command).replace("$", "$$")
+        return f"{self.stamp}: {before}\n\t@rm -f $@\n\t{line}\n\t@echo {self.made_of} >$@"
+
+
+def job(output: Path, command: list[str], inputs: object, after: Job | None = None) -> Job:
+    """Return the job that makes a file.
+
+    Parameters
+    ----------
+    output : pathlib.Path
+    command : list of str
+    inputs : JSON value
+        What else the output depends on; the job is due again when it changes.
+    after : Job, optional
+        A job whose output this one reads.
+    """
+    stamp = STAMPS / f"{digest(str(output))[:16]}.done"
+    made_of = digest(json.dumps([command, inputs, after and after.made_of]))
+    says = stamp.read_bytes().split() if stamp.exists() else None
+    is_made = output.exists() and says == [made_of.encode()]
+    return Job(command, stamp, made_of, not is_made or bool(after and after.is_due))
+
+
 class Jobs:
-    """The rules of the makefile, in their order, and the outputs that they make."""
+    """All jobs, by their outputs in their order, and what cannot be done."""
 
     def __init__(self) -> None:
+        self.made: dict[Path, Job] = {}
         self.rules: list[str] = []
-        self.made: dict[str, str] = {}
+        self.missing: list[str] = []
 
-    def add(self, output: Path, command: list[str], inputs: object, after: str = "") -> str:
-        """Add a job, and return the name of its stamp.
-
-        Parameters
-        ----------
-        output : Path
-            The file that the command makes.
-        command : list of str
-        inputs : JSON value
-            What else the output depends on; the job is done again when it changes.
-        after : str
-            The stamp of a job that has to be done before.
-        """
-        name = str(output)
-        if name in self.made:
+    def add(
+        self, output: Path, command: list[str], inputs: object, after: Job | None = None
+    ) -> Job:
+        """Add the job that `job` returns, if no other one makes this output."""
+        if output in self.made:
             sys.exit(
-                f"Error: {name} would be made of {self.made[name]} and of {command[2]}: names of "
-                "probes, and of BRDFs, must differ; rename one of the same name"
+                f"Error: {output} would be made of {self.made[output].command[2]} and of "
+                f"{command[2]}: names of probes, and of BRDFs, must differ; rename one of the same "
+                "name"
             )
-        self.made[name] = command[2]
-        base = JOBS / hashlib.sha256(os.fsencode(name)).hexdigest()[:16]
-        done, wanted = base.with_suffix(".done"), base.with_suffix(".in")
-        if not output.exists():
-            done.unlink(missing_ok=True)
-        write(wanted, json.dumps([command, inputs]))
-        line = shlex.join(command).replace("$", "$$")
-        self.rules.append(f"{done}: {wanted} {after}\n\t{line}\n\t@touch $@")
-        return str(done)
-
-    def fail(self, what: str) -> None:
-        """Add a job that says what is wrong, and fails."""
-        text = shlex.quote(f"Error: {what}").replace("$", "$$")
-        name = f"missing-{len(self.rules)}"
-        self.rules.append(f"{name}:\n\t@echo {text} >&2; false")
+        self.made[output] = added = job(output, command, inputs, after)
+        if added.is_due:
+            self.rules.append(added.rule(after))
+        return added
 
     def text(self) -> str:
-        """Return the makefile."""
-        targets = " ".join(rule.partition(":")[0] for rule in self.rules)
-        return "\n".join([f"all: {targets}", ".PHONY: all", *self.rules, ""])
+        """Return the makefile of the jobs that are due."""
+        due = " ".join(str(each.stamp) for each in self.made.values() if each.is_due)
+        return "\n".join([f"all: {due}", f".PHONY: all {due}", *self.rules, ""])
 
 
-def write(path: Path, text: str) -> None:
-    """Write a file if it does not hold this text yet; its time says when it changed."""
-    data = os.fsencode(text)  # names may be no UTF-8
-    if not path.exists() or path.read_bytes() != data:
-        path.write_bytes(data)
-
-
-def variable(name: str) -> list[str]:
-    """Return the options in a variable of the makefile, which may repeat themselves."""
-    return shlex.split(os.environ.get(f"BATCH_{name}", ""))
+def page_of(shrm: str, maps: list[str]) -> Job:
+    """Return the job that puts maps onto one page; it is due again when one has changed."""
+    command = [shrm, "contact", *maps, "--quiet", "--title", "make batch", "-o", str(PAGE)]
+    return job(PAGE, command, state([name for name in maps if os.path.exists(name)]))
 
 
 def bake(shrm: str, probe: str, jobs: Jobs) -> None:
     """Add the jobs of a probe: a map and its picture for each BRDF, and a file for each form."""
+    if has_controls(probe):
+        jobs.missing.append(f"{probe!a}: names with control characters cannot be baked; rename it")
+        return
     missing = [name for name in probe_files(probe) if not os.path.isfile(name)]
     if missing:
-        jobs.fail(f"{missing[0]}: no such file; check PROBES")
+        jobs.missing.append(f"{missing[0]}: no such file; check PROBES")
         return
-    light, stem = stamp(probe_files(probe)), Path(probe).stem
+    light, stem = state(probe_files(probe)), Path(probe).stem
     stem = stem if len(os.fsencode(stem)) <= LONGEST else label(stem)
-    for spec in words("BRDFS"):
+    for spec in dict.fromkeys(words("BRDFS")):
         baked = BUILD / f"{stem}.{brdf_label(spec)}.shrm.exr"
-        options = ["--brdf", spec, "--eps", *variable("EPS"), *variable("PREFILTER_FLAGS")]
+        options = ["--brdf", spec, "--eps", *words("EPS"), *words("PREFILTER_FLAGS")]
         command = [shrm, "prefilter", probe, *options, "-o", str(baked)]
-        done = jobs.add(baked, command, [light, stamp(brdf_files(spec))])
+        done = jobs.add(baked, command, [light, state(brdf_files(spec))])
         picture = baked.with_suffix(".png")
-        options = [*variable("RENDER_FLAGS"), "-o", str(picture)]
+        options = [*words("RENDER_FLAGS"), "-o", str(picture)]
         jobs.add(picture, [shrm, "render", str(baked), *options], [], done)
-    for form in words("FORMS"):
+    for form in dict.fromkeys(words("FORMS")):
         formed = BUILD / f"{stem}.{label(form)}.exr"
-        options = ["--to", form, *variable(f"FLAGS_{form}"), "-o", str(formed)]
+        options = ["--to", form, *words(f"FLAGS_{form}"), "-o", str(formed)]
         jobs.add(formed, [shrm, "prefilter", probe, *options], light)
 
 
-def main() -> None:
-    """Write ``build/.batch/jobs.mk``."""
-    JOBS.mkdir(parents=True, exist_ok=True)
-    jobs = Jobs()
-    for probe in probes():
-        bake(os.environ["BATCH_SHRM"], probe, jobs)
+def carry_out(command: list[str], **options: Any) -> bool:
+    """Run a command, and return whether it succeeded.
+
+    A signal that would end this process ends it after the command, which a terminal has sent it
+    too. SIGTERM comes to one process alone, and is passed on.
+    """
+    received: list[int] = []
+    children: list[subprocess.Popen[bytes]] = []
+
+    def pass_on() -> None:
+        if signal.SIGTERM in received:
+            for child in children:
+                child.terminate()
+
+    def receive(number: int, frame: object) -> None:
+        received.append(number)
+        pass_on()
+
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+            signal.signal(number, receive)
+    children.append(subprocess.Popen(command, **options))
+    pass_on()  # what came before there was a child
+    code = children[0].wait()
+    if received:
+        sys.exit(128 + received[0])
+    return code == 0
+
+
+def run(jobs: Jobs) -> bool:
+    """Have make run the jobs that are due, and return whether all succeeded.
+
+    A job that fails does not stop the others. The makefile has no name, so that several runs at
+    once have one each, and nothing stays of them. Make's own descriptors, by which it shares its
+    number of jobs, stay open for the one that is started here.
+    """
     if not jobs.rules:
+        return True
+    with tempfile.TemporaryFile(dir=STAMPS) as makefile:
+        makefile.write(os.fsencode(jobs.text()))  # names may be no UTF-8
+        makefile.seek(0)
+        os.set_inheritable(makefile.fileno(), True)
+        name = f"/dev/fd/{makefile.fileno()}"
+        options = ["--no-print-directory", "--no-builtin-rules", "-k", "-f", name]
+        return carry_out([os.environ["BATCH_MAKE"], *options], close_fds=False)
+
+
+def say(text: str) -> None:
+    """Print a line, whatever the names in it are."""
+    sys.stdout.buffer.write(os.fsencode(f"{text}\n"))
+
+
+def say_what_is_due(shrm: str, jobs: Jobs) -> None:
+    """Print the commands that would be run, in their order."""
+    due = [each.command for each in jobs.made.values() if each.is_due]
+    maps = {str(path) for path in [*BUILD.glob("*.exr"), *jobs.made] if path.suffix == ".exr"}
+    page = page_of(shrm, sorted(maps))
+    for command in [*due, *([page.command] if due or page.is_due else [])]:
+        say(shlex.join(command))
+
+
+def make_all(shrm: str, jobs: Jobs) -> bool:
+    """Do the jobs that are due, then the page, and return whether all succeeded."""
+    STAMPS.mkdir(parents=True, exist_ok=True)
+    succeeded = run(jobs)
+    maps = sorted(str(path) for path in BUILD.glob("*.exr"))
+    page = page_of(shrm, maps)
+    if maps and page.is_due:
+        if not carry_out(page.command):
+            return False
+        page.stamp.write_text(page.made_of)
+    return succeeded
+
+
+def main() -> None:
+    """Bake every pair, or say what that would be."""
+    shrm, jobs = os.environ["BATCH_SHRM"], Jobs()
+    for probe in probes():
+        bake(shrm, probe, jobs)
+    for what in jobs.missing:
+        sys.stderr.buffer.write(os.fsencode(f"Error: {what}\n"))
+    if not jobs.made and not jobs.missing:
         sys.exit("Error: nothing to bake: name one of PROBES and one of BRDFS or FORMS at least")
-    write(JOBS / "jobs.mk", jobs.text())
+    if sys.argv[1:] == ["--dry-run"]:
+        say_what_is_due(shrm, jobs)
+        sys.exit(1 if jobs.missing else 0)
+    try:
+        succeeded = make_all(shrm, jobs) and not jobs.missing
+    except OSError as error:
+        sys.exit(f"Error: {error.filename or BUILD}: {error.strerror}; nothing can be made there")
+    if not succeeded:
+        say("Some jobs failed, see above; the others are in build/")
+        sys.exit(1)
+    say(f"Maps and pictures are in {Path.cwd() / BUILD}/, and index.html shows all of them")
 
 
 if __name__ == "__main__":

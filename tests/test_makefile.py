@@ -3,6 +3,7 @@
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -11,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+
+from tests.cli.helpers import snapshot
 
 ROOT = Path(__file__).resolve().parents[1]
 BRDFS = "microfacet:sigma=0.3 phong:exponent=8"
@@ -22,7 +25,7 @@ pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is no
 STAND_IN = """#!/bin/sh
 echo "$@" >>calls
 for output; do :; done
-if grep -q broken "$2"; then
+if grep -qs broken "$2"; then
     echo "Error: $2: broken; mend it" >&2
     exit 1
 fi
@@ -78,7 +81,13 @@ class Project:
         (self.folder / name).write_text(text)
 
     def make(self, *arguments):
-        """Run make, free of what an outer make says in the environment."""
+        """Run make to its end."""
+        with self.begin(*arguments) as child:
+            out, err = child.communicate(timeout=120)
+        return subprocess.CompletedProcess(child.args, child.returncode, out, err)
+
+    def begin(self, *arguments, **options):
+        """Start make, free of what an outer make says in the environment."""
         ours = (
             "MAKE",
             "MFLAGS",
@@ -91,17 +100,19 @@ class Project:
             "PYTHON",
         )
         names = [name for name in os.environ if not name.startswith(ours)]
-        return subprocess.run(
+        return subprocess.Popen(
             ["make", *arguments],
             cwd=self.folder,
             env={name: os.environ[name] for name in names} | {"LC_ALL": "C"},
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
-            timeout=120,
+            **options,
         )
 
-    def batch(self, *arguments, probes="probes/a.exr probes/b.exr", brdfs=BRDFS):
-        return self.make("batch", f"PROBES={probes}", f"BRDFS={brdfs}", *arguments)
+    def batch(self, *arguments, probes="probes/a.exr probes/b.exr", brdfs=BRDFS, eps="0.03"):
+        asked = f"PROBES={probes}", f"BRDFS={brdfs}", f"EPS={eps}"
+        return self.make("batch", *asked, *arguments)
 
     def calls(self):
         """How `shrm` was called since the last time, in alphabetical order, but for the page."""
@@ -216,9 +227,9 @@ def test_another_brdf_adds_its_pairs(baked):
 
 
 def test_another_tolerance_bakes_everything_again(baked):
-    assert baked.batch("EPS=0.1").returncode == 0
+    assert baked.batch(eps="0.1").returncode == 0
     assert baked.calls() == both("ab", eps="0.1")
-    assert baked.batch("EPS=0.1").returncode == 0
+    assert baked.batch(eps="0.1").returncode == 0
     assert baked.calls() == []
 
 
@@ -376,6 +387,7 @@ def test_six_faces_are_one_probe(project):
     ("asked", "words"),
     [
         ({"probes": "'probes/a.exr"}, "PROBES: No closing quotation; quote names as in a shell"),
+        ({"eps": "'0.1"}, "EPS: No closing quotation; quote names as in a shell"),
         ({"brdfs": "x/p.brdf y/p.brdf"}, "must differ; rename one of the same name"),
     ],
 )
@@ -388,6 +400,98 @@ def test_what_cannot_be_baked_is_said_in_a_line(project, asked, words):
     assert result.stderr.startswith("Error: ")
     assert words in result.stderr.splitlines()[0]
     assert project.calls() == []
+
+
+@pytest.mark.parametrize("option", ["-n", "-q", "-t", "-nk", "--just-print"])
+def test_a_dry_run_says_what_is_due_and_does_nothing(project, option):
+    asked = {"probes": "probes/a.exr", "brdfs": "phong:exponent=8"}
+    before = snapshot(project.folder)
+    said = project.batch(option, **asked)
+    assert (said.returncode, said.stderr) == (0, "")
+    stem = "build/a.phong-exponent-8.shrm"
+    commands = [
+        f"prefilter probes/a.exr --brdf phong:exponent=8 --eps 0.03 -o {stem}.exr",
+        f"render {stem}.exr -o {stem}.png",
+        f"contact {stem}.exr --quiet --title 'make batch' -o build/index.html",
+    ]
+    lines = said.stdout.splitlines()[-3:]
+    assert lines == [f".venv/bin/shrm {command}" for command in commands]
+    assert snapshot(project.folder) == before
+
+
+def test_a_dry_run_of_a_clean_clone_says_that_it_is_set_up_first(project):
+    shutil.rmtree(project.folder / ".venv")
+    before = snapshot(project.folder)
+    said = project.batch("-n")
+    assert (said.returncode, said.stderr) == (0, "")
+    assert "-m venv .venv" in said.stdout
+    assert said.stdout.count(".venv/bin/shrm prefilter") == 4
+    assert snapshot(project.folder) == before
+
+
+def test_a_dry_run_after_the_run_has_nothing_to_say(baked):
+    said = baked.batch("-n", "-j4")
+    assert (said.returncode, said.stderr) == (0, "")
+    assert ".venv/bin/shrm" not in said.stdout
+    baked.write("probes/a.exr", "other light")
+    before = snapshot(baked.folder)
+    assert baked.batch("-n").stdout.count(".venv/bin/shrm") == len(both("a")) + 1
+    assert "probes/no.exr: no such file" in baked.batch("-n", probes="probes/no.exr").stderr
+    assert snapshot(baked.folder) == before
+    assert baked.all_calls() == []
+
+
+def test_the_project_may_lie_in_a_folder_of_any_name(tmp_path):
+    (tmp_path / "it's my folder").mkdir()
+    project = Project(tmp_path / "it's my folder")
+    result = project.batch()
+    assert (result.returncode, result.stderr) == (0, "")
+    assert f"Maps and pictures are in {project.folder}/build/" in result.stdout
+    demo = project.make("demo")
+    assert (demo.returncode, demo.stderr) == (0, "")
+    assert f"The picture is {project.folder}/build/demo/lacquer.png" in demo.stdout
+
+
+def test_a_name_that_no_makefile_can_hold_fails_alone(project):
+    project.write("probes/new\nline.exr", "light")
+    result = project.batch(probes="probes/*.exr")
+    assert result.returncode != 0
+    assert "Error: 'probes/new\\nline.exr': names with control characters" in result.stderr
+    assert "Some jobs failed" in result.stdout
+    assert project.built() == outputs("a", "b")
+
+
+# Says that it has begun, and goes on until it is told to end, which it says too.
+ENDLESS = """#!/bin/sh
+trap 'echo >"ended.$$"; exit 143' TERM
+echo >"begun.$$"
+for try in $(seq 500); do sleep 0.02; done
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+def test_a_make_that_is_stopped_ends_its_jobs(project):
+    def count(what):
+        return len(list(project.folder.glob(f"{what}.*")))
+
+    project.install(ENDLESS)
+    with project.begin("batch", "-j4", "PROBES=probes/*.exr", f"BRDFS={BRDFS}") as make:
+        wait_until(lambda: count("begun") == 4)
+        make.send_signal(signal.SIGTERM)
+        out, _ = make.communicate(timeout=30)
+    assert make.returncode not in (0, 1)
+    assert "Maps and pictures are in" not in out
+    wait_until(lambda: count("ended") == 4)
+    project.install(STAND_IN)
+    assert project.batch().returncode == 0
+    assert project.calls() == both("ab")
+
+
+def wait_until(is_true):
+    end = time.monotonic() + 30
+    while not is_true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 @pytest.mark.parametrize("nothing", [{"probes": ""}, {"brdfs": ""}, {"probes": "no/*.exr"}])

@@ -1,6 +1,5 @@
 """Representations of prefiltered light compared for one probe: storage, time and errors."""
 
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from shrm_cli.analysis.memory import Memory, within_limit
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ShrmError
 from shrm_cli.files.picture import Picture
+from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
@@ -271,8 +271,8 @@ def _judge(
     """
     pictures: list[Picture | None] = []
     failures, files, stored, seconds = [], 0, 0, 0.0
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.exr"
+    with scratch_folder() as folder:
+        path = folder / "map.exr"
         for count, group in enumerate(groups(representation.name, plan.surfaces), start=1):
             try:
                 seconds += _make(representation, plan, group, path, stages.within)

@@ -5,7 +5,6 @@ as JSON has them, with what was made, or with the error.
 """
 
 import os
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -25,6 +24,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.inputs import protecting
+from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.files.whole import check_target
 from shrm_cli.maps.file import store
 from shrm_cli.prefilter import prefilter_with_facts
@@ -228,7 +228,7 @@ def _written(output: str) -> Iterator[str]:
         check_target(output)
         yield output
         return
-    with tempfile.TemporaryDirectory(prefix="shrm-") as folder:
+    with scratch_folder() as folder:
         local = os.path.join(folder, output.rsplit("/", 1)[-1])
         yield local
         remote.publish(local, output)

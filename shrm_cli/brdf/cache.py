@@ -57,7 +57,13 @@ _CODE = ("brdf", "sphere")
 
 
 def folder() -> Path:
-    """The folder of the entries: what the settings, else the environment, else the system says."""
+    """The folder of the entries: what the settings, else the environment, else the system says.
+
+    Raises
+    ------
+    OutputError
+        If the system knows no home folder of the user, as in containers.
+    """
     set_here = settings.current().cache
     if isinstance(set_here, Path):
         return set_here
@@ -66,7 +72,13 @@ def folder() -> Path:
         return Path(chosen)
     import platformdirs
 
-    return Path(platformdirs.user_cache_dir("shrm"))
+    with contextlib.suppress(RuntimeError):  # older versions return a path that begins with ~
+        found = Path(platformdirs.user_cache_dir("shrm"))
+        if found.is_absolute():
+            return found
+    raise OutputError(
+        f"there is no home folder for the cache of coefficients; set HOME or {FOLDER_VARIABLE}"
+    )
 
 
 def cached_coefficients(
@@ -193,7 +205,10 @@ def _from_disk(
     key = _key(kind.content.__name__, brdf, parameters) if is_used else None
     if key is None:
         return compute(brdf, *parameters, **more)
-    path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
+    try:
+        path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
+    except OutputError:
+        return compute(brdf, *parameters, **more)
     found = _read(path, key, kind, parameters[:2])
     if found is None:
         start = time.perf_counter()

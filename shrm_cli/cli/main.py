@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from shrm_cli import __version__, settings
-from shrm_cli.cli.terminal import echo_message
+from shrm_cli.cli.terminal import echo_message, tell_nobody
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
 from shrm_cli.errors import ArgumentError, ShrmError
@@ -128,8 +128,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(stop.code)
     except BrokenPipeError:
         # The process that reads the output has gone, so there is nobody left to tell.
-        if sys.stderr is not None:
-            sys.stderr.close()
+        tell_nobody()
         sys.exit(1)
     except Exception as error:
         if "--debug" in arguments:
@@ -170,13 +169,15 @@ def _open_standard_streams() -> None:
     """Give streams that were closed before the process began to the null device.
 
     Otherwise the next file that is opened would get the number of stderr, for example, and what
-    libraries print there would be written into it.
+    libraries print there would be written into it. That results cannot be printed stays an error.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+    if sys.stderr is None:
+        tell_nobody()
 
 
 class _Stopped(SystemExit):

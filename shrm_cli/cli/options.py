@@ -272,7 +272,7 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
 
     It is None if there is no terminal, or if `quiet` is set.
     """
-    if quiet or sys.stderr is None or not sys.stderr.isatty():
+    if quiet or not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm

@@ -118,8 +118,16 @@ def _cut(text: str, most: int) -> str:
 def _write(text: str, err: bool) -> None:
     stream = sys.stderr if err else sys.stdout
     if stream is None:  # it was closed before the process began
-        if err:
-            return
         raise OSError(errno.EBADF, os.strerror(errno.EBADF))
     encoding = getattr(stream, "encoding", None) or "utf-8"
-    click.echo(text.encode(encoding, "backslashreplace").decode(encoding), file=stream)
+    try:
+        click.echo(text.encode(encoding, "backslashreplace").decode(encoding), file=stream)
+    except OSError:
+        if not err:
+            raise
+        tell_nobody()  # what is done does not fail because nobody can be told of it
+
+
+def tell_nobody() -> None:
+    """Drop all that goes to stderr from now on."""
+    sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, it stays open

@@ -28,7 +28,7 @@ def ticking(label: str, total: int, quiet: bool) -> Iterator[Callable[[Totals], 
         Jobs in all.
     quiet : bool
     """
-    if quiet or sys.stderr is None:
+    if quiet:
         yield lambda totals: None
     elif sys.stderr.isatty():
         from tqdm import tqdm

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from shrm_cli import settings
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import MOST_CHANNELS, excess
+from shrm_cli.files.exr_header import MOST_CHANNELS, ends_whole, excess
 from shrm_cli.files.noise import quiet
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
-from shrm_cli.files.whole import replacing
+from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.parallel import in_order
 
 Array = NDArray[np.floating]
@@ -64,6 +64,9 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
                 file.write(str(temporary))
         except RuntimeError as error:  # its message ends with the system's reason
             raise OSError(0, str(error).rpartition('". ')[2].rstrip(".")) from error
+        # OpenEXR tells nobody if its last write fails, which closing the file is.
+        if not ends_whole(temporary):
+            raise cut_off()
 
 
 def _header(part: Part) -> dict[str, Any]:

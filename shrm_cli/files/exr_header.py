@@ -1,8 +1,9 @@
-"""What an OpenEXR file's headers claim, counted before any library reads them.
+"""What an OpenEXR file's headers claim, counted before any library reads them, and its end.
 
 Libraries take minutes for a file of a hundred thousand attributes, and cannot be interrupted in
 that time. This reads nothing but names and lengths, stops at a limit, and leaves damaged headers to
-the libraries, which say what is wrong with them.
+the libraries, which say what is wrong with them. Of files that were just written it tells whether
+the end is missing, which the library does not.
 
 References
 ----------
@@ -12,6 +13,8 @@ References
 import mmap
 import os
 import struct
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from shrm_cli.vocabulary import MAX_ORDER_P
@@ -25,6 +28,8 @@ MOST_CHANNELS = 3 * (MAX_ORDER_P + 1) ** 2
 MOST_PARTS = 2**14
 """The most parts of a file: those of a light field of 128 x 128 views."""
 
+_BEGIN = 2 * len(MAGIC)
+"""Where the first header begins, behind the version and flags."""
 _MULTI_PART = 0x1000
 _MOST_NAME = 256
 _CHANNEL = 16  # bytes of a channel behind its name
@@ -52,28 +57,61 @@ def excess(path: str | os.PathLike[str]) -> str:
             return _excess(data)
 
 
+def ends_whole(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file of scan lines has all its chunks, to the last byte of the last one.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that OpenEXR has written; it may be cut off anywhere.
+    """
+    with (
+        open(path, "rb") as stream,
+        suppress(IndexError, struct.error, ValueError),
+        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+    ):
+        return _end_of_chunks(data) == len(data)
+    return False
+
+
+def _end_of_chunks(data: mmap.mmap) -> int:
+    """Return the place behind the last chunk, or 0 where the tables of chunks have holes."""
+    has_parts, at = _has_parts(data), _BEGIN
+    while at == _BEGIN or (has_parts and data[at] != 0):
+        for _, _, begin, size in _attributes(data, at):
+            at = begin + size
+        at += 1
+    at += has_parts
+    # The tables of all parts follow each other, and behind them is the first chunk.
+    (first,) = struct.unpack_from("<Q", data, at)
+    table = struct.unpack_from(f"<{(first - at) // 8}Q", data, at)
+    if 0 in table:
+        return 0
+    begin = max(table) + 4 * has_parts + 4  # the numbers of the part and of the line
+    (size,) = struct.unpack_from("<i", data, begin)
+    return int(begin + 4 + size)
+
+
+def _has_parts(data: mmap.mmap) -> bool:
+    """Whether a file has several parts, with a zero behind the last one's header."""
+    (flags,) = struct.unpack_from("<I", data, len(MAGIC))
+    return bool(flags & _MULTI_PART)
+
+
 def _excess(data: mmap.mmap) -> str:
     """Walk through the headers as far as they are sound."""
-    at, parts = 2 * len(MAGIC), 0
+    at, parts = _BEGIN, 0
     try:
-        (flags,) = struct.unpack_from("<I", data, len(MAGIC))
-        while parts == 0 or (flags & _MULTI_PART and data[at] != 0):
-            attributes = channels = 0
-            while data[at] != 0:
-                name, at = _word(data, at)
-                type_name, at = _word(data, at)
-                (size,) = struct.unpack_from("<i", data, at)
-                at += 4
-                if not 0 <= size <= len(data) - at:
-                    return ""
+        while parts == 0 or (_has_parts(data) and data[at] != 0):
+            channels = 0
+            for count, (name, type_name, begin, size) in enumerate(_attributes(data, at), 1):
+                at = begin + size
                 # A list of channels takes as long to read under any name.
                 if name == b"channels" or type_name == b"chlist":
-                    channels += _count_channels(data, at, at + size)
+                    channels += _count_channels(data, begin, at)
                 if channels > MOST_CHANNELS:
                     return f"more than {MOST_CHANNELS:,} channels"
-                at += size
-                attributes += 1
-                if attributes > MOST_ATTRIBUTES:
+                if count > MOST_ATTRIBUTES:
                     return f"more than {MOST_ATTRIBUTES} attributes"
             at += 1
             parts += 1
@@ -82,6 +120,19 @@ def _excess(data: mmap.mmap) -> str:
     except (IndexError, struct.error, ValueError):
         pass
     return ""
+
+
+def _attributes(data: mmap.mmap, at: int) -> Iterator[tuple[bytes, bytes, int, int]]:
+    """Name, type, place and size of each attribute of the header that begins at a place."""
+    while data[at] != 0:
+        name, at = _word(data, at)
+        type_name, at = _word(data, at)
+        (size,) = struct.unpack_from("<i", data, at)
+        at += 4
+        if not 0 <= size <= len(data) - at:
+            raise ValueError("an attribute beyond the end")
+        yield name, type_name, at, size
+        at += size
 
 
 def _word(data: mmap.mmap, at: int) -> tuple[bytes, int]:

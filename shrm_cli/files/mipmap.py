@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.parts import choose_pixel_type
-from shrm_cli.files.whole import replacing
+from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.vocabulary import PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -73,7 +73,7 @@ def _write(
         if not target.write_image(np.ascontiguousarray(level, dtype=np.float32)):
             raise OSError(0, target.geterror() or "it was not written whole")
     if not target.close() or target.has_error:
-        raise OSError(0, "it was not written whole; is the disk full?")
+        raise cut_off()
 
 
 def _spec(level: Array, pixel_type: PixelType, attributes: Mapping[str, Any]) -> Any:
@@ -99,7 +99,7 @@ def _check(path: Path, levels: Sequence[Array]) -> None:
     for index, level in enumerate(levels):
         if source is None or not _holds(source, index, level.shape):
             oiio.geterror()
-            raise OSError(0, "it was not written whole; is the disk full?")
+            raise cut_off()
 
 
 def _holds(source: Any, index: int, shape: tuple[int, ...]) -> bool:

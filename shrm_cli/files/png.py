@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.whole import replacing
+from shrm_cli.files.whole import cut_off, replacing
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 """The empty IEND chunk with which every whole PNG file ends."""
@@ -99,7 +99,7 @@ def _write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
     # On a full disk both calls return True and only set has_error. They do not even set it if the
     # last block fails, which closing the file writes: then the end of the file is missing.
     if not written or target.has_error or not _ends_whole(path):
-        raise OSError(0, "it was not written whole; is the disk full?")
+        raise cut_off()
 
 
 def _ends_whole(path: Path) -> bool:

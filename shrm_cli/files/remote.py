@@ -11,13 +11,13 @@ a block at a time, and what is written is made on disk, whole, before it is uplo
 import contextlib
 import os
 import re
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
 from shrm_cli.errors import RemoteError
+from shrm_cli.files.scratch import scratch_folder
 
 MOST_BYTES = 2**32
 """The most bytes that are fetched of one file unless the caller says otherwise."""
@@ -102,10 +102,10 @@ def fetched(
     RemoteError
         If the file cannot be fetched, has more bytes, or ends before its stated size.
     """
-    with tempfile.TemporaryDirectory(prefix=".shrm-", dir=folder) as own:
+    with scratch_folder(folder) as own:
         with _errors(url):
             system, path = _opened(url)
-            copy = Path(own) / _name_of(url, path)
+            copy = own / _name_of(url, path)
             _download(system, path, copy, shown(url), most_bytes)
         yield copy
 

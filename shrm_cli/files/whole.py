@@ -116,10 +116,10 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         new file differs from it, or if the block raises an OSError, such as for a full disk.
     """
     target = Path(target)
-    # The prefix holds the machine's name, because machines that share a folder do not share
-    # process numbers.
-    prefix = f".{target.stem[:_STEM]}{_MARK}{platform.node()[:_HOST]}-"
-    _remove_abandoned(target.parent, prefix, target.suffix)
+    prefix = own_prefix(target.stem[:_STEM])
+    for left in abandoned(target.parent, prefix, target.suffix):
+        with contextlib.suppress(OSError):
+            left.unlink(missing_ok=True)
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
     try:
         _check_replaceable(target)
@@ -173,6 +173,11 @@ def together() -> Iterator[None]:
                 temporary.unlink(missing_ok=True)
 
 
+def cut_off() -> OSError:
+    """Return the error of a file that has no end, though the library that wrote it reports none."""
+    return OSError(0, "it was not written whole; is the disk full?")
+
+
 def _check_same(temporary: Path, target: Path) -> None:
     if not filecmp.cmp(temporary, target, shallow=False):
         raise kept(target, "other inputs or options made it")
@@ -185,15 +190,34 @@ def kept(target: str | os.PathLike[str], why: str) -> OutputError:
     )
 
 
-def _remove_abandoned(folder: Path, prefix: str, suffix: str) -> None:
-    """Remove the target's temporary files whose processes no longer run on this machine."""
+def own_prefix(name: str) -> str:
+    """Return what the names of this machine's temporary files begin with, before a process number.
+
+    It holds the machine's name, because machines that share a folder do not share the numbers.
+    """
+    return f".{name}{_MARK}{platform.node()[:_HOST]}-"
+
+
+def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
+    """Return temporary files and folders whose processes no longer run on this machine.
+
+    Parameters
+    ----------
+    folder : Path
+    prefix : str
+        What `own_prefix` returns.
+    suffix : str, optional
+        What their names end in.
+    """
+    found = []
     with contextlib.suppress(OSError):
         for name in os.listdir(folder):  # which is fast, as folders may hold ten thousands
             if not (name.startswith(prefix) and name.endswith(suffix)):
                 continue
             process = name[len(prefix) :].split("-")[0]
             if process.isdigit() and not _is_running(int(process)):
-                (folder / name).unlink(missing_ok=True)
+                found.append(folder / name)
+    return found
 
 
 def _is_running(process: int) -> bool:

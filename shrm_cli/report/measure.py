@@ -1,6 +1,5 @@
 """What a report tells of maps: they are made, written, read and set beside the truth."""
 
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, MapError, ShrmError
+from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map, store
 from shrm_cli.maps.provenance import common_brdf, record_of, same_brdf, spec_of
@@ -206,10 +206,10 @@ def measure_maps(probe: Probe, plan: Plan, progress: Progress | None = None) -> 
     found = Measured(probe, plan)
     stages = Stages(progress, 2 * len(recipes))
     alone = []
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch_folder() as folder:
         for count, recipe in enumerate(recipes, start=1):
             try:
-                made = _made(probe, recipe, Path(folder) / "map.exr", stages.within)
+                made = _made(probe, recipe, folder / "map.exr", stages.within)
                 if recipe.brdf is None:
                     alone.append(made)
                 else:

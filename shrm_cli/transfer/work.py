@@ -3,7 +3,8 @@
 A file lets a run that was interrupted go on where it stopped. It begins with a header of fixed
 length, which names what is computed by a digest of all inputs and options. Then come one 64-bit
 mark for each block, and the arrays. A mark holds the CRC-32 of its block's bytes, so that a block
-which did not reach the disk whole is computed again. A file of other inputs is begun anew.
+which did not reach the disk whole is computed again. A file of other inputs is replaced by a new
+one, and a process that works on it keeps it, without a name.
 """
 
 import math
@@ -12,11 +13,13 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.whole import replacing
 
 Floats = NDArray[np.float32]
 Shapes = Mapping[str, tuple[int, ...]]
@@ -27,6 +30,8 @@ SUFFIX = ".part"
 
 _MAGIC = b"shrm transfer, unfinished 1\n"
 _HEADER = 128
+_AT_ONCE = 2**20
+"""The bytes of a new file that are written at a time."""
 _WRITTEN = 1 << 32
 """The bit of a mark that tells a written block, whose CRC-32 may be 0, from one that is not."""
 
@@ -76,21 +81,18 @@ class FileWork(Work):
     """
 
     def __init__(self, path: Path, key: str, shapes: Shapes, step: int) -> None:
-        self._path = path
         counts = {name: math.ceil(shape[0] / step) for name, shape in shapes.items()}
         self._first_mark, marks = {}, 0
         for name, count in counts.items():
             self._first_mark[name], marks = marks, marks + count
         size = _HEADER + 8 * marks + 4 * sum(map(math.prod, shapes.values()))
         header = (_MAGIC + key.encode()).ljust(_HEADER)
-        self.resumed = _is_begun(path, header, size)
-        if not self.resumed:
-            with open(path, "wb") as stream:
-                stream.write(header)
-                stream.truncate(size)
-        self._marks = np.memmap(path, "<u8", "r+", _HEADER, (marks,))
-        self._start = _HEADER + 8 * marks
-        super().__init__(shapes, step)
+        begun = _begun(path, header, size)
+        self.resumed = begun is not None
+        with begun or _new(path, header, size) as self._stream:
+            self._marks = np.memmap(self._stream, "<u8", "r+", _HEADER, (marks,))
+            self._start = _HEADER + 8 * marks
+            super().__init__(shapes, step)
 
     def put(self, name: str, part: slice, values: Floats) -> None:
         """Store the values of a block, and mark it as done."""
@@ -101,7 +103,7 @@ class FileWork(Work):
         found: dict[str, Floats] = {}
         start = self._start
         for name, shape in self.shapes.items():
-            found[name] = np.memmap(self._path, "<f4", "r+", start, shape)
+            found[name] = np.memmap(self._stream, "<f4", "r+", start, shape)
             start += 4 * math.prod(shape)
         return found
 
@@ -136,12 +138,26 @@ def unfinished(output: Path, key: str, shapes: Shapes, step: int) -> Iterator[Fi
         raise OutputError(f"{path}: cannot be written ({reason}); name another output") from error
 
 
-def _is_begun(path: Path, header: bytes, size: int) -> bool:
-    """Whether a file of this work exists, whole as far as its length tells."""
-    try:
-        if os.path.islink(path) or os.path.getsize(path) != size:
-            return False
-        with open(path, "rb") as stream:
-            return stream.read(len(header)) == header
-    except FileNotFoundError:
-        return False
+def _begun(path: Path, header: bytes, size: int) -> BinaryIO | None:
+    """The opened file of this work if it exists, whole as far as its length tells."""
+    if path.is_symlink() or not path.exists():
+        return None
+    stream = open(path, "rb+")  # noqa: SIM115, which the caller closes
+    if os.fstat(stream.fileno()).st_size == size and stream.read(len(header)) == header:
+        return stream
+    stream.close()
+    return None
+
+
+def _new(path: Path, header: bytes, size: int) -> BinaryIO:
+    """A new file, opened, which has all its room on the disk.
+
+    Without that, a disk that gets full while the arrays are filled would end the process.
+    """
+    with replacing(path) as temporary:
+        stream = open(temporary, "wb+")  # noqa: SIM115, which the caller closes
+        stream.write(header)
+        for start in range(len(header), size, _AT_ONCE):
+            stream.write(bytes(min(_AT_ONCE, size - start)))
+        stream.flush()
+    return stream

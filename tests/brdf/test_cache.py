@@ -19,7 +19,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import OutputError
 from shrm_cli.memo import Memo
-from tests.cli.helpers import environment
+from tests.cli.helpers import assert_refused, environment, run
 
 ORDERS = (8, 3, 1e-3)
 
@@ -465,6 +465,26 @@ def test_the_default_is_the_users_cache_folder(monkeypatch, tmp_path):
     if sys.platform == "linux":
         assert cache.folder() == tmp_path / "home" / "shrm"
     assert "shrm" in str(cache.folder())
+
+
+def no_home(*arguments):
+    raise RuntimeError("could not determine the home directory")
+
+
+@pytest.mark.parametrize("asked", [no_home, lambda name: f"~/.cache/{name}"])
+def test_users_without_a_home_have_no_cache(monkeypatch, tmp_path, asked):
+    """As in containers whose user is a number without a name; versions of platformdirs differ."""
+    monkeypatch.setenv("SHRM_CACHE_DIR", "")
+    monkeypatch.setattr("platformdirs.user_cache_dir", asked)
+    monkeypatch.chdir(tmp_path)
+    compute = Counted()
+    for _ in range(2):
+        cached_coefficients(parse_spec("phong"), *ORDERS, compute)
+    assert compute.calls == 2
+    assert list(tmp_path.iterdir()) == []
+    for command in ("info", "clear"):
+        found = run("cache", command)
+        assert_refused(found, 1, "there is no home folder", "set HOME or SHRM_CACHE_DIR")
 
 
 @pytest.mark.slow

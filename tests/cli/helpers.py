@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,14 +14,23 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import pytest
 
 from shrm_cli.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = "from shrm_cli.cli.main import main; main()"
+WHOLE = "from shrm_cli.__main__ import main; main()"
+"""What the installed command runs: it obeys Ctrl-C while the command line loads, too."""
 NO_MODULES = "import sys; sys.dont_write_bytecode = True"
 """What a process does first whose files may be cut off: Python 3.11 would keep compiled modules
 that are, and fail to import them ever after."""
+
+
+MESH = "v 0 1 0\nv 1 0 1\nv -1 0 1\nv -1 0 -1\nv 1 0 -1\nf 1 3 2\nf 1 4 3\nf 1 5 4\nf 1 2 5\n"
+"""A pyramid without its base, as OBJ."""
+FAULTS = int(os.environ.get("FAULTS", "1"))
+"""How many moments and places of a fault are tried; all that are asked for take an hour."""
 
 
 @dataclass(frozen=True)
@@ -145,3 +155,18 @@ def polynomial_light(directions):
     green = 2.0 + 0.7 * y + 0.4 * x * z - 0.3 * x * y * z
     blue = 1.0 - 0.3 * z + 0.2 * x * y + 0.3 * y * y * y
     return np.stack([red, green, blue], axis=-1)
+
+
+@contextlib.contextmanager
+def mounted(folder, options):
+    """A file system in memory on a new folder, with options of `mount`, such as its size."""
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
+    if os.geteuid() != 0 or shutil.which("mount") is None:
+        pytest.skip("only root can mount a file system")
+    if subprocess.run(command, capture_output=True).returncode != 0:
+        pytest.skip("this root may not mount a file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)

@@ -5,9 +5,7 @@ end of the process.
 """
 
 import os
-import shutil
 import struct
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,7 @@ from tests.cli.helpers import (
     MAIN,
     NO_MODULES,
     assert_refused,
+    mounted,
     noise,
     process,
     read_exr,
@@ -338,28 +337,6 @@ def test_folder_that_nobody_can_write(folder):
 def test_read_only_file_system(folder):
     with mounted(folder / "sub", "ro"):
         refused_output(folder, "sub/out.exr", "no permission to write in sub; name another")
-
-
-def mounted(folder, options):
-    """A context with a file system in memory on a new folder."""
-    folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
-    if os.geteuid() != 0 or shutil.which("mount") is None:
-        pytest.skip("only root can mount a file system")
-    if subprocess.run(command, capture_output=True).returncode != 0:
-        pytest.skip("this root may not mount a file system")
-    return _Mounted(folder)
-
-
-class _Mounted:
-    def __init__(self, folder):
-        self.folder = folder
-
-    def __enter__(self):
-        return self.folder
-
-    def __exit__(self, *error):
-        subprocess.run(["umount", str(self.folder)], check=True)
 
 
 def test_full_disk(folder):

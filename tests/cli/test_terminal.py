@@ -1,7 +1,6 @@
 """What is printed: nothing that a file or an argument holds can command a terminal."""
 
 import json
-import subprocess
 import sys
 import unicodedata
 
@@ -12,13 +11,10 @@ from hypothesis import strategies as st
 
 from shrm_cli.cli.terminal import echo, echo_json, escaped
 from tests.cli.helpers import (
-    MAIN,
     assert_refused,
     done,
-    environment,
     noise,
     run,
-    snapshot,
     write_exr,
 )
 from tests.fuzz.exr_header import Attribute, parse
@@ -184,25 +180,3 @@ def with_attribute(source, target, name, data, kind=b"string"):
     attributes.append(Attribute(name.encode(), kind, data))
     target.write_bytes(found.packed())
     return target
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="has no such shell")
-@pytest.mark.parametrize(
-    ("closed", "code", "out", "err"),
-    [
-        ("2>&-", 0, "furnace.exr: 16 x 8, half\n", ""),
-        (">&-", 1, "", "Error: standard output: Bad file descriptor\n"),
-        (">&- 2>&-", 1, "", ""),
-        ("<&-", 0, "furnace.exr: 16 x 8, half\n", ""),
-    ],
-)
-def test_streams_that_are_closed(tmp_path, closed, code, out, err):
-    command = [sys.executable, "-c", MAIN, "probe", "furnace", "--size", "8", "-o", "furnace.exr"]
-    quoted = " ".join(f"'{word}'" for word in command)
-    found = subprocess.run(
-        f"{quoted} {closed}", shell=True, capture_output=True, text=True, cwd=tmp_path,
-        env=environment(),
-    )  # fmt: skip
-    assert (found.returncode, found.stdout, found.stderr) == (code, out, err)
-    assert sorted(snapshot(tmp_path)) == ["furnace.exr"]
-    assert run("info", tmp_path / "furnace.exr").code == 0

@@ -3,11 +3,20 @@
 import struct
 import time
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shrm_cli.files.exr_header import MOST_ATTRIBUTES, MOST_CHANNELS, MOST_PARTS, excess
+from shrm_cli.files.exr import write
+from shrm_cli.files.exr_header import (
+    MOST_ATTRIBUTES,
+    MOST_CHANNELS,
+    MOST_PARTS,
+    ends_whole,
+    excess,
+)
+from shrm_cli.files.parts import Part
 from tests.cli.helpers import assert_refused, noise, run, write_exr
 from tests.fuzz.exr_header import Attribute, parse
 
@@ -115,3 +124,32 @@ def test_cut_anywhere(tmp_path, headers):
 def test_a_length_beyond_the_file(tmp_path, headers):
     headers.parts[0][0].size = 2**31 - 1
     assert excess(written(headers, tmp_path)) == ""
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_end_of_a_file(tmp_path, count):
+    """Every length but the whole one is told, and a hole in the table of chunks."""
+    plane = np.random.default_rng(1).uniform(size=(40, 24)).astype(np.float16)
+    parts = [Part({"R": plane, "G": plane[::-1]}, {"name": f"part{k}"}) for k in range(count)]
+    write(tmp_path / "a.exr", parts, "half")
+    content = (tmp_path / "a.exr").read_bytes()
+    cut = tmp_path / "cut.exr"
+    cut.write_bytes(content)
+    assert ends_whole(cut)
+    for length in range(0, len(content), 7):
+        cut.write_bytes(content[:length])
+        assert not ends_whole(cut)
+    cut.write_bytes(content[:-1])
+    assert not ends_whole(cut)
+    cut.write_bytes(content + b"\0")
+    assert not ends_whole(cut)
+    chunks = 3 * count
+    (table,) = (
+        k
+        for k in range(len(content) - 8)
+        if content[k : k + 8] == struct.pack("<Q", k + 8 * chunks)
+    )
+    for chunk in range(chunks):
+        begin = table + 8 * chunk
+        cut.write_bytes(content[:begin] + bytes(8) + content[begin + 8 :])
+        assert not ends_whole(cut)

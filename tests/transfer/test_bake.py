@@ -113,6 +113,40 @@ def test_progress_rises_to_all_of_it(tmp_path, small_blocks, plan):
     assert rest == list(range(5, told[-1][1] + 1))
 
 
+class Meeting:
+    """Rays before which something else happens once."""
+
+    def __init__(self, mesh, meet):
+        self.rays, self.meet = Rays(mesh), meet
+
+    def occluded(self, *bundle):
+        meet, self.meet = self.meet, lambda: None
+        meet()
+        return self.rays.occluded(*bundle)
+
+    def first_hits(self, *bundle):
+        return self.rays.first_hits(*bundle)
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.9])
+def test_two_runs_at_once_to_one_output(tmp_path, small_blocks, plan, albedo):
+    """The second begins and ends while the first is at work, of the same plan or of another."""
+    other = Plan(plan.mesh, order=2, samples=64, bounces=1, glossy=True, albedo=albedo)
+    expected = [baked_file(each, tmp_path / "alone.npz") for each in (plan, other)]
+    path, found = tmp_path / "t.npz", []
+    rays = Meeting(plan.mesh, lambda: found.append(baked_file(other, path)))
+    found.insert(0, baked_file(plan, path, rays))
+    assert found == expected
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["alone.npz", "t.npz"]
+
+
+def test_unfinished_work_is_not_written_through_links(tmp_path, plan):
+    (tmp_path / "precious").write_text("data")
+    (tmp_path / "t.npz.part").symlink_to("precious")
+    baked_file(plan, tmp_path / "t.npz")
+    assert (tmp_path / "precious").read_text() == "data"
+
+
 def test_a_place_that_cannot_be_written(tmp_path, plan):
     (tmp_path / "t.npz.part").mkdir()
     with pytest.raises(OutputError, match=r"t\.npz\.part: cannot be written"):

@@ -1,0 +1,73 @@
+"""Folders of a run: gone at its end, after a later run if it was killed, told if impossible."""
+
+import os
+import signal
+import sys
+
+import pytest
+
+from shrm_cli.errors import OutputError
+from shrm_cli.files.scratch import scratch_folder
+from tests.cli.helpers import MAIN, NO_MODULES, assert_refused, noise, process, start, write_exr
+
+KILLED = """
+import os, signal, sys
+from shrm_cli.files.scratch import scratch_folder
+with scratch_folder(*sys.argv[1:]) as folder:
+    (folder / "map.exr").write_text("light")
+    print(folder, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_it_is_removed_with_all_in_it(tmp_path):
+    with scratch_folder(tmp_path) as folder:
+        assert folder.parent == tmp_path
+        (folder / "below").mkdir()
+        (folder / "below" / "a.exr").write_text("light")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(KeyError), scratch_folder(tmp_path):
+        raise KeyError
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+def test_what_a_killed_process_leaves_the_next_one_removes(tmp_path):
+    (tmp_path / ".shrm-mine").mkdir()
+    with start(tmp_path, code=KILLED) as child:
+        left = child.stdout.readline().strip()
+        assert child.wait(timeout=30) == -signal.SIGKILL
+    assert os.path.exists(f"{left}/map.exr")
+    with scratch_folder(tmp_path) as folder:
+        assert sorted(tmp_path.iterdir()) == sorted([tmp_path / ".shrm-mine", folder])
+        with scratch_folder(tmp_path) as other:  # of a run that is still at work
+            assert other != folder
+        assert folder.exists()
+
+
+def test_where_no_folder_can_be_made(tmp_path):
+    with pytest.raises(OutputError, match=r"no temporary folder can be made .* set TMPDIR"):
+        scratch_folder(tmp_path / "no").__enter__()
+
+
+COMMANDS = [
+    ("compare", "probe.exr", "--representations", "--roughness", "0.5", "--size", "16"),
+    ("report", "probe.exr", "--to", "irradiance", "--no-flip", "--no-view", "--view", "0,0",
+     "--picture-size", "16", "--truth-height", "8", "-o", "page.html"),
+]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
+def test_commands_say_what_they_lack(tmp_path, monkeypatch, command):
+    """No file can be written anywhere, so that no folder is usable."""
+    monkeypatch.chdir(tmp_path)
+    write_exr("probe.exr", noise())
+    code = f"{NO_MODULES}; import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (0, 0))\n{MAIN}"
+    assert_refused(
+        process(*command, code=code),
+        1,
+        "Error: no temporary folder can be made (No usable",
+        "set TMPDIR",
+    )
