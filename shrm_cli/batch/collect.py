@@ -163,16 +163,22 @@ def check_collection(path: str | os.PathLike[str]) -> None:
     ------
     OutputError
         If the suffix is none of `SUFFIXES`, the file cannot be written, or a package is missing.
+    RemoteError
+        If it is a URL whose store cannot be reached.
     """
+    shown = _printable(os.fspath(path))
     if Path(path).suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: collections are .npz or .parquet; name it so")
-    check_target(path)
+        raise OutputError(f"{shown}: collections are .npz or .parquet; name it so")
+    if remote.is_remote(path):
+        remote.exists(os.fspath(path))
+    else:
+        check_target(path)
     if Path(path).suffix.lower() == ".parquet":
         _parquet(path)
 
 
 def write_collection(path: str | os.PathLike[str], collection: Collection) -> None:
-    """Write a collection, whole or not at all; the same one gives the same bytes.
+    """Write a collection to a path or a URL, whole or not at all; its bytes are always the same.
 
     An archive holds the arrays ``coefficients``, ``names`` and ``sha256``, and the text
     ``settings``. A table has a row for each probe, with the columns ``probe``, ``sha256`` and
@@ -182,12 +188,19 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     ------
     OutputError
         If there is nothing to write, or the file cannot be written.
+    RemoteError
+        If it cannot be uploaded.
     """
     check_collection(path)
     if not collection.names:
-        raise OutputError(f"{path}: no probe has coefficients, so that nothing is written")
-    settings = json.dumps(collection.settings())
-    if Path(path).suffix.lower() == ".parquet":
+        shown = _printable(os.fspath(path))
+        raise OutputError(f"{shown}: no probe has coefficients, so that nothing is written")
+    with remote.written(path) as target:
+        _write(target, collection, json.dumps(collection.settings()))
+
+
+def _write(path: Path, collection: Collection, settings: str) -> None:
+    if path.suffix.lower() == ".parquet":
         _write_parquet(path, collection, settings)
         return
     arrays = {
@@ -261,7 +274,8 @@ def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:
         import pyarrow.parquet
     except ImportError as error:
         raise OutputError(
-            f"{path}: tables need the package pyarrow; pip install 'shrm[parquet]', or write .npz"
+            f"{_printable(os.fspath(path))}: tables need the package pyarrow; "
+            "pip install 'shrm[parquet]', or write .npz"
         ) from error
     return pyarrow, pyarrow.parquet
 

@@ -24,8 +24,6 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.inputs import protecting
-from shrm_cli.files.scratch import scratch_folder
-from shrm_cli.files.whole import check_target
 from shrm_cli.maps.file import store
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe, open_probe
@@ -186,7 +184,9 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     if terms.only_looks:
         return {"status": "waiting", "why": why}
     made = prefilter_with_facts(probe, job.recipe.to, given)
-    with _written(job.output) as target:
+    if not remote.is_remote(job.output):
+        Path(job.output).parent.mkdir(parents=True, exist_ok=True)
+    with remote.written(job.output) as target:
         stored = store(target, made.map, job.recipe.precision)
         size = os.path.getsize(target)
     summary = made.quick_summary()
@@ -218,20 +218,6 @@ def local_file(name: str) -> Iterator[Path]:
     here = nullcontext(Path(name))
     with remote.fetched(name) if remote.is_remote(name) else here as path:
         yield path
-
-
-@contextmanager
-def _written(output: str) -> Iterator[str]:
-    """Yield the name of the file to write, whose folder is made; it is sent where it belongs."""
-    if not remote.is_remote(output):
-        Path(output).parent.mkdir(parents=True, exist_ok=True)
-        check_target(output)
-        yield output
-        return
-    with scratch_folder() as folder:
-        local = os.path.join(folder, output.rsplit("/", 1)[-1])
-        yield local
-        remote.publish(local, output)
 
 
 def arguments_of(recipe: Recipe, probe: Probe) -> dict[str, Any]:

@@ -263,6 +263,7 @@ def _run(
     """Do all jobs, and tell what became of them; exit with 1 if one failed."""
     from shrm_cli.batch.log import Totals, opened_log
     from shrm_cli.batch.run import run
+    from shrm_cli.files import remote
 
     count = sum(len(chunk.jobs) for chunk in chunks)
     totals = Totals(count)
@@ -290,7 +291,7 @@ def _run(
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         write_gathered(collect, terms.gathering, chunks, results)
         if not (quiet or as_json):
-            echo(f"{collect}: {terms.gathering.what} of {len(results):,} probes")
+            echo(f"{remote.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
     predictions = _predictions(chunks, quiet) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page, quiet)

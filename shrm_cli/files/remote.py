@@ -18,6 +18,7 @@ from urllib.parse import unquote
 
 from shrm_cli.errors import RemoteError
 from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import check_target
 
 MOST_BYTES = 2**32
 """The most bytes that are fetched of one file unless the caller says otherwise."""
@@ -108,6 +109,33 @@ def fetched(
             copy = own / _name_of(url, path)
             _download(system, path, copy, shown(url), most_bytes)
         yield copy
+
+
+@contextlib.contextmanager
+def written(output: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield the path to write, on disk; what is meant for a URL is uploaded at the end.
+
+    Parameters
+    ----------
+    output : str or path-like
+        A path, which is checked, or a URL.
+
+    Raises
+    ------
+    OutputError
+        If the path cannot be written.
+    RemoteError
+        If the file cannot be uploaded.
+    """
+    if not is_remote(output):
+        check_target(output)
+        yield Path(output)
+        return
+    url = os.fspath(output)
+    with scratch_folder() as own:
+        local = own / PurePosixPath(url).name
+        yield local
+        publish(local, url)
 
 
 def publish(local: str | os.PathLike[str], url: str) -> None:

@@ -1,8 +1,12 @@
 """Probes and maps behind URLs."""
 
+import numpy as np
 import pytest
 
+from shrm_cli.batch.collect import Collection, check_collection, write_collection
 from shrm_cli.batch.entry import Entry
+from shrm_cli.batch.work import Result
+from shrm_cli.errors import OutputError, RemoteError
 from shrm_cli.maps.file import open_map
 from shrm_cli.prefilter import prefilter
 from tests.batch.helpers import records_of, statuses, write_probes
@@ -39,6 +43,26 @@ def test_maps_are_made_and_skipped_where_they_belong(store, tmp_path):
     assert made.info.probe_sha256 == alone.info.probe_sha256
     again = Entry((f"{url}/day/p[02].exr",), (), ("irradiance",), f"{url}/bake/day/{{probe}}.exr")
     assert set(statuses(records_of(again)).values()) == {"skipped"}
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".parquet"])
+def test_a_collection_is_written_where_it_belongs(store, tmp_path, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow", reason="pip install 'shrm[parquet]'")
+    system, url = store
+    made = Collection.of([Result("a.exr", [], np.ones((4, 3)), "0" * 64)], "radiance", 1)
+    check_collection(f"{url}/sets/light{suffix}")
+    write_collection(f"{url}/sets/light{suffix}", made)
+    write_collection(tmp_path / f"light{suffix}", made)
+    expected = (tmp_path / f"light{suffix}").read_bytes()
+    assert system.cat(f"/{tmp_path.name}/sets/light{suffix}") == expected
+
+
+def test_a_store_that_cannot_be_reached_takes_no_collection():
+    with pytest.raises(RemoteError, match="nowhere"):
+        check_collection("nowhere://user:secret@set/light.npz")
+    with pytest.raises(OutputError, match=r"memory://\*\*\*@set/light.csv: collections are"):
+        check_collection("memory://user:secret@set/light.csv")
 
 
 def test_a_probe_that_is_not_there_fails_alone(store):
