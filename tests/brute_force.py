@@ -52,17 +52,17 @@ def latlong_samples(height):
     They follow the words of docs/conventions.md: the top row is up (+Y), the centre column is
     along +Z, and the left quarter is along +X.
     """
-    directions, weights = [], []
-    for row in range(height):
-        below = np.pi * np.array([row, row + 1]) / height
-        polar = np.pi * (row + 0.5) / height
-        for column in range(2 * height):
-            turn = 2 * np.pi * (0.5 - (column + 0.5) / (2 * height))
-            directions.append(
-                [np.sin(polar) * np.sin(turn), np.cos(polar), np.sin(polar) * np.cos(turn)]
-            )
-            weights.append((np.cos(below[0]) - np.cos(below[1])) * np.pi / height)
-    return np.array(directions), np.array(weights)
+    polar = np.pi * (np.arange(height)[:, None] + 0.5) / height
+    turn = 2 * np.pi * (0.5 - (np.arange(2 * height) + 0.5) / (2 * height))
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar) * np.sin(turn), np.cos(polar), np.sin(polar) * np.cos(turn)
+        ),
+        axis=-1,
+    )
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    weights = np.repeat((edges[:-1] - edges[1:]) * np.pi / height, 2 * height)
+    return directions.reshape(-1, 3), weights
 
 
 def sphere_rule(order):

@@ -204,14 +204,14 @@ def positions(size: int, sampling: str) -> list[float]:
 
 
 def cube_texels(size: int, sampling: str = "center", orientation: str = "openexr") -> Array:
-    """Return the unit directions of a cube's texels, shape (6, size, size, 3), one by one."""
+    """Return the unit directions of a cube's texels, shape (6, size, size, 3)."""
     result = np.empty((6, size, size, 3))
-    at = positions(size, sampling)
-    for face, (right, down, forward) in enumerate(CUBE_FACES[orientation]):
-        for row in range(size):
-            for column in range(size):
-                point = [forward[k] + at[column] * right[k] + at[row] * down[k] for k in range(3)]
-                result[face, row, column] = point / np.sqrt(np.dot(point, point))
+    at = np.array(positions(size, sampling))
+    columns, rows = at[None, :, None], at[:, None, None]
+    for face, axes in enumerate(CUBE_FACES[orientation]):
+        right, down, forward = map(np.array, axes)
+        points = forward + columns * right + rows * down
+        result[face] = points / np.linalg.norm(points, axis=-1, keepdims=True)
     return result
 
 

@@ -17,11 +17,13 @@ GRAZING = -0.8
 """Cosine of V and R below which half of the pairs lie, and a tenth of all views."""
 
 CASES = [
-    ("cornell/krylon_blue.brdf", 0.2, "interior"),
-    ("rgl/paper_white_rgb.bsdf", 0.03, "city"),
-    ("nist/PTFE.532.coeff.csv", 0.03, "interior"),
+    ("cornell/krylon_blue.brdf", 0.2, "interior", 64),
+    ("rgl/paper_white_rgb.bsdf", 0.03, "city", 32),
+    ("nist/PTFE.532.coeff.csv", 0.03, "interior", 32),
 ]
-"""A measured material, its tolerance, and the probe that lights it."""
+"""A measured material, its tolerance, the probe that lights it, and its rows: glossy paint has
+F = 32, which takes more pixels than the F of 2 and 4 of matt materials.
+"""
 
 
 def pairs():
@@ -41,11 +43,10 @@ def pairs():
     return normals / np.linalg.norm(normals, axis=1)[:, None], views, weights[:, None]
 
 
-@pytest.mark.parametrize(("material", "tolerance", "name"), CASES)
-def test_measured_error_is_the_predicted_one(shared, tmp_path, material, tolerance, name):
+@pytest.mark.parametrize(("material", "tolerance", "name", "height"), CASES)
+def test_measured_error_is_the_predicted_one(shared, tmp_path, material, tolerance, name, height):
     """Within 20 %; much of the error lies at grazing views, which few pairs meet."""
-    pixels = reduced(shared / "probes" / f"{name}.exr").astype(np.float32)
-    pixels = pixels.reshape(64, 2, 128, 2, 3).mean(axis=(1, 3))
+    pixels = reduced(shared / "probes" / f"{name}.exr", height)
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
     brdf = parse_spec(str(shared / "brdf" / material))
     prefiltered = prefilter_shrm(Projection(probe), brdf, tolerance, dtype=np.float32)

@@ -29,6 +29,7 @@ from shrm_cli.reflected import predicted_error
 from shrm_cli.sphere.cube import cube_directions
 from tests.brute_force import unit
 from tests.cli.helpers import polynomial_light, write_exr
+from tests.maps.shrm.test_predicted_error import reduced
 
 
 def lobe(roughness, cosine, square_sine):
@@ -77,6 +78,19 @@ def brute_force(image, roughness, directions):
         cosine = where @ direction
         result[k] = normalised_lobe(roughness, cosine, (1 - cosine) / 2) @ light
     return result
+
+
+@pytest.fixture
+def real_probe(real_probes, tmp_path):
+    """Open a real probe by its name at 256 rows: lobes are smooth there, and sums four times as
+    fast as at its own 512.
+    """
+
+    def opened(name):
+        path = tmp_path / f"{name}.exr"
+        return open_probe(write_exr(path, reduced(real_probes / path.name, 256)))
+
+    return opened
 
 
 def difference(found, expected):
@@ -205,9 +219,9 @@ def test_numbers_of_levels_that_cannot_be():
 
 
 @pytest.mark.parametrize("name", ["studio", "interior"])
-def test_levels_are_brute_force_integrals(real_probes, rng, name):
+def test_levels_are_brute_force_integrals(real_probe, rng, name):
     """At texels of the cubes and between."""
-    probe = open_probe(real_probes / f"{name}.exr")
+    probe = real_probe(name)
     split_sum = prefilter_split_sum(probe).map
     image = probe.image()
     for k in (1, 7):
@@ -251,8 +265,8 @@ def test_levels_of_every_mapping_are_brute_force_integrals(tmp_path, rng, mappin
             assert difference(found, expected) < 0.005, roughness
 
 
-def test_both_domains_agree_with_brute_force(real_probes, monkeypatch):
-    probe = open_probe(real_probes / "studio.exr")
+def test_both_domains_agree_with_brute_force(real_probe, monkeypatch):
+    probe = real_probe("studio")
     directions = cube_directions(16)[::5, ::3].reshape(-1, 3)
     expected = brute_force(probe.image(), 0.15, directions)
     for domain in ("frequency", "angular"):
@@ -305,8 +319,8 @@ def test_dark_places_beside_a_lamp_keep_their_light(tmp_path, rng, monkeypatch, 
 
 
 @pytest.mark.parametrize("name", ["studio", "sunrise", "night"])
-def test_dark_places_of_real_probes_keep_their_light(real_probes, rng, name):
-    probe = open_probe(real_probes / f"{name}.exr")
+def test_dark_places_of_real_probes_keep_their_light(real_probe, rng, name):
+    probe = real_probe(name)
     made = prefilter_split_sum(probe, [0.15, 0.2, 0.4]).map
     for level, roughness in zip(made.levels, made.roughness, strict=True):
         assert dark_error(probe, level, roughness, rng) < 0.005, roughness
