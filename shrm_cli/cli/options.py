@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from shrm_cli import settings
 from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.terminal import echo, echo_json, echo_message
+from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, PrimariesType, click_option
 from shrm_cli.cli.usage import Applies, flags
@@ -21,15 +19,10 @@ from shrm_cli.maps.registry import descriptions
 from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, PRIMARIES, SAMPLINGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from tqdm import tqdm
+    from collections.abc import Sequence
 
     from shrm_cli.probe.options import ReadOptions
-    from shrm_cli.progress import Progress
 
-_LONG = 3.0
-"""Seconds of work that are foretold; what takes less is hardly waited for."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 TURNS = ("yaw", "pitch", "roll")
@@ -261,37 +254,5 @@ def warn(lines: Sequence[str], quiet: bool) -> None:
 
 def announce(lines: Sequence[str], quiet: bool) -> None:
     """Say on a terminal, before long work begins, what it will be."""
-    if not quiet and sys.stderr.isatty():
-        click.echo("\n".join(lines), err=True)
-
-
-@contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
-    """Yield a callable (done, all) that shows progress on a terminal, after the first second.
-
-    It is None if there is no terminal, or if `quiet` is set.
-    """
-    if quiet or sys.stderr is None or not sys.stderr.isatty():
-        yield None
-        return
-    from tqdm import tqdm
-
-    with tqdm(desc=label, delay=1.0, leave=False, file=sys.stderr) as bar:
-        yield _Bar(bar)
-
-
-class _Bar:
-    """Progress on a terminal, and one line about how long it will take where that is long."""
-
-    def __init__(self, bar: tqdm[Any]) -> None:
-        self._bar = bar
-
-    def __call__(self, done: int, total: int) -> None:
-        self._bar.total = total
-        self._bar.update(done - self._bar.n)
-
-    def foretell(self, seconds: float) -> None:
-        if seconds >= _LONG:
-            self._bar.write(
-                f"{self._bar.desc.rstrip(': ')} takes about {seconds:.0f} s more", sys.stderr
-            )
+    if not quiet and has_terminal():
+        echo("\n".join(lines), err=True)
