@@ -18,7 +18,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, Rising
 from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
@@ -96,7 +96,9 @@ def energy_grid(
     BrdfError
         If the BRDF is anisotropic, or its coefficients do not converge.
     """
-    met = [choose_orders(brdf, tolerance, progress=progress) for tolerance in tolerances]
+    # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
+    rising = None if progress is None else Rising(progress)
+    met = [choose_orders(brdf, tolerance, progress=rising) for tolerance in tolerances]
     orders = tuple(each for each, _ in met)
     if order_f is None:
         order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
@@ -107,7 +109,7 @@ def energy_grid(
     sufficient = max(coefficients.order_f for _, coefficients in met)
     high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
     accuracy = max(min(tolerances) / 300, 1e-5)
-    coefficients = compute_coefficients(brdf, high, order_p, accuracy, progress)
+    coefficients = compute_coefficients(brdf, high, order_p, accuracy, rising)
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
 
 

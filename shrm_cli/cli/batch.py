@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.contact import SUFFIXES as PAGES
 from shrm_cli.cli.contact import write_contacts
@@ -21,7 +22,6 @@ from shrm_cli.cli.options import (
     READING_NAMES,
     cache_option,
     output_options,
-    progress_bar,
     read_options,
     reading_keywords,
 )

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.options import conclude, progress_bar, report_options, warn
+from shrm_cli.cli.options import conclude, report_options, warn
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo, echo_json
 from shrm_cli.cli.types import Fraction
@@ -59,15 +60,17 @@ def brdf(
         _list(as_json, quiet)
         return
     from shrm_cli.brdf.spec import parse_spec
+    from shrm_cli.progress import Rising
 
     if target is not None:
         _save(spec, target, as_json, quiet)
         return
-    chosen = parse_spec(spec)
     remarks: list[str] = []
     with progress_bar("expanding", quiet) as progress:
+        chosen = parse_spec(spec)
+        rising = None if progress is None else Rising(progress)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
-        rows, captured = _orders(chosen, asked, remarks, progress) if asked else ([], [])
+        rows, captured = _orders(chosen, asked, remarks, rising) if asked else ([], [])
         report = _explain(chosen, rows, captured)
     conclude(report, _text(chosen, report), remarks, as_json, quiet)
 

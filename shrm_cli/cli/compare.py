@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     conclude,
     exposure_option,
     make_read_options,
-    progress_bar,
     read_options,
     report_options,
 )

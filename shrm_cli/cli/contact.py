@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from shrm_cli.cli.options import conclude, progress_bar, report_options
+from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.options import conclude, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo_message
 from shrm_cli.cli.usage import flags

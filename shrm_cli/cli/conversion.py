@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import progress_bar
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.usage import renamed
 from shrm_cli.errors import MapError

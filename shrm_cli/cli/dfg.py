@@ -4,8 +4,9 @@ import os
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.kept import force_option
-from shrm_cli.cli.options import precision_option, progress_bar, report_options
+from shrm_cli.cli.options import precision_option, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo, echo_json
 from shrm_cli.cli.usage import exclude, given_options

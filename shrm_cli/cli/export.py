@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
     probe_sampling_option,
-    progress_bar,
     read_options,
     reading_rules,
     report_options,

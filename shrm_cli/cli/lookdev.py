@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
     precision_option,
     probe_sampling_option,
-    progress_bar,
     read_options,
     report_options,
     shared_options,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from shrm_cli.cli.options import conclude, progress_bar
+from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.options import conclude
 from shrm_cli.cli.outputs import check_outputs
 
 _NO_CHARTS = "matplotlib is not installed, so no chart is drawn; pip install 'shrm[plots]'"

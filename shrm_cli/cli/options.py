@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from shrm_cli import settings
 from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.terminal import echo, echo_json, echo_message
+from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.types import STOPS, PrimariesType, click_option
 from shrm_cli.cli.usage import Applies, flags
@@ -21,15 +19,10 @@ from shrm_cli.maps.registry import descriptions
 from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, PRIMARIES, SAMPLINGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from tqdm import tqdm
+    from collections.abc import Sequence
 
     from shrm_cli.probe.options import ReadOptions
-    from shrm_cli.progress import Progress
 
-_LONG = 3.0
-"""Seconds of work that are foretold; what takes less is hardly waited for."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 TURNS = ("yaw", "pitch", "roll")
@@ -262,6 +255,7 @@ def warn(lines: Sequence[str], quiet: bool) -> None:
 
 def announce(lines: Sequence[str], quiet: bool) -> None:
     """Say on a terminal, before long work begins, what it will be."""
+<<<<<<< HEAD
     if not quiet and sys.stderr.isatty():
         click.echo("\n".join(lines), err=True)
 
@@ -296,3 +290,7 @@ class _Bar:
             self._bar.write(
                 f"{self._bar.desc.rstrip(': ')} takes about {seconds:.0f} s more", sys.stderr
             )
+=======
+    if not quiet and has_terminal():
+        echo("\n".join(lines), err=True)
+>>>>>>> w-audit

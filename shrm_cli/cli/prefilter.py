@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.kept import force_option, keep_other_map
 from shrm_cli.cli.making import making_options
@@ -16,7 +17,6 @@ from shrm_cli.cli.options import (
     conclude,
     make_read_options,
     optional_brdf_option,
-    progress_bar,
     read_options,
     report_options,
 )
@@ -123,13 +123,14 @@ def prefilter(
     check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
     if not (output or force):
         keep_other_map(target, to, source, given, precision)
+    printed = {}
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
-    printed = {}
-    if prints["shader"] is not None:
-        printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"])
-    stored = store(target, made.map, precision)
-    result = {"file": os.fspath(target), **made.summary(), "storage_error": stored.error}
+        if prints["shader"] is not None:
+            printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"])
+        stored = store(target, made.map, precision)
+        summary = made.summary()
+    result = {"file": os.fspath(target), **summary, "storage_error": stored.error}
     result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.kept import force_option, readable_map
-from shrm_cli.cli.options import conclude, precision_option, progress_bar, report_options
+from shrm_cli.cli.options import conclude, precision_option, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.naming import brdf_label

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.kept import force_option, keep_other_picture
 from shrm_cli.cli.options import (
     brdf_option,
@@ -15,7 +16,6 @@ from shrm_cli.cli.options import (
     make_read_options,
     precision_option,
     probe_sampling_option,
-    progress_bar,
     read_options,
     report_options,
 )

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
     exposure_option,
     make_read_options,
     precision_option,
     probe_sampling_option,
-    progress_bar,
     read_options,
     reading_rules,
     report_options,

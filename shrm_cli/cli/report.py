@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.options import (
@@ -16,7 +17,6 @@ from shrm_cli.cli.options import (
     conclude,
     make_read_options,
     probe_sampling_option,
-    progress_bar,
     read_options,
     report_options,
     representation_options,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.options import announce, conclude, progress_bar
+from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.options import announce, conclude
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.usage import flags
 from shrm_cli.maps.options import bytes_text, counted, listing

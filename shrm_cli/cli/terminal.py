@@ -31,6 +31,11 @@ _BYTES = range(0xDC80, 0xDD00)
 """What Python puts in the place of bytes that are no text."""
 
 
+def has_terminal() -> bool:
+    """Whether a person may see what is printed to stderr while a command works."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
 def echo(text: str, err: bool = False) -> None:
     """Print lines of text to stdout or stderr, with what a terminal would obey as escapes.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from shrm_cli.cli.terminal import echo_message
+from shrm_cli.cli.terminal import echo_message, has_terminal
 
 if TYPE_CHECKING:
     from shrm_cli.batch.log import Totals
@@ -30,7 +30,7 @@ def ticking(label: str, total: int, quiet: bool) -> Iterator[Callable[[Totals], 
     """
     if quiet:
         yield lambda totals: None
-    elif sys.stderr.isatty():
+    elif has_terminal():
         from tqdm import tqdm
 
         with tqdm(desc=label, total=total, delay=1.0, file=sys.stderr, unit="job") as bar:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.kept import force_option
-from shrm_cli.cli.options import announce, conclude, progress_bar, report_options
+from shrm_cli.cli.options import announce, conclude, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import Albedo, Brush
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable

@@ -103,6 +103,31 @@ def test_json(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("eps", "low"), [(0.1, 0.6), (0.03, 1)])
+def test_storage_is_that_of_the_files_that_shrm_prefilter_writes(folder, eps, low):
+    """Byte for byte: the table takes no way of its own, with other terms or orders."""
+    pixels = np.full((16, 32, 3), 0.2, np.float32)
+    pixels[4:6, 9:12] = [30, 20, 10]
+    write_exr(folder / "lamp.exr", pixels)
+    range_of = ["--roughness", "0.6..1", "--steps", 2] if low < 1 else ["--roughness", 1]
+    value = told("lamp.exr", *QUICK, "--eps", eps, *range_of, "--f0", "1/0.5/0.5")
+    found = {each["representation"]: each["bytes"] for each in value["representations"]}
+    surfaces = [f"ggx:roughness={r},f0=1/0.5/0.5" for r in sorted({low, 1})]
+    brdfs = [["--eps", eps, "--brdf", surface] for surface in surfaces]
+    shared = {"splitsum": [[]], "she": [["--roughness", f"{low}..1"]]}
+    reports = {}
+    for name in NAMES:
+        total = 0
+        for options in shared.get(name, brdfs):
+            written = run("prefilter", "lamp.exr", "--to", name, *options, "-o", "x.exr")
+            assert written.code == 0
+            reports[name] = written.out
+            total += (folder / "x.exr").stat().st_size
+        assert found[name] == total, name
+    assert "captured by the terms" in reports["shrm"]
+
+
+@pytest.mark.slow
 def test_the_same_again_and_nothing(folder, only_shrm):
     first, second = (without_times(told("room.exr", *TWO)) for _ in range(2))
     assert first == second

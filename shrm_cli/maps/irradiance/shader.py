@@ -16,7 +16,7 @@ from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, ma
 from shrm_cli.maps.irradiance.zh3 import Zh3
 from shrm_cli.maps.irradiance.zh3_shader import zh3_snippet
 from shrm_cli.maps.shader.harmonics import harmonic_loop
-from shrm_cli.maps.shader.language import Language, harmless
+from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, Language, harmless
 
 Array = NDArray[np.floating]
 
@@ -150,6 +150,7 @@ def _shader(terms: Sequence[tuple[str, Array]], language: str) -> list[str]:
 def _c(terms: Sequence[tuple[str, Array]]) -> list[str]:
     """Write the function in C89, which has no ``inline``."""
     lines = [
+        *C_MAY_BE_UNUSED,
         "static void shrm_irradiance(const double normal[3], double irradiance[3])",
         "{",
     ]

@@ -5,7 +5,7 @@ import numpy as np
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.irradiance import matrix_constants
 from shrm_cli.maps.irradiance.zh3 import Zh3
-from shrm_cli.maps.shader.language import Language, harmless
+from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, Language, harmless
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 
@@ -73,6 +73,7 @@ def _shader(rows: np.ndarray, axes: np.ndarray, language: str) -> list[str]:
 def _c(rows: np.ndarray, axes: np.ndarray) -> list[str]:
     """Write the function in C89."""
     lines = [
+        *C_MAY_BE_UNUSED,
         "static void shrm_irradiance(const double normal[3], double irradiance[3])",
         "{",
         "    const double x = normal[0], y = normal[1], z = normal[2];",

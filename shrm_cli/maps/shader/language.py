@@ -57,6 +57,11 @@ static double shrm_min(double a, double b) { return a < b ? a : b; }
 
 static double shrm_max(double a, double b) { return a < b ? b : a; }"""
 
+C_MAY_BE_UNUSED = ["#ifdef __GNUC__", "__attribute__((unused))", "#endif"]
+"""What stands before the function that programs call: a file that includes the code and leaves it
+unused gets no warning. C89 has no ``inline``, which would tell that in other languages."""
+_CALLED = re.compile(r"^(?=static \w+ shrm_(?:ir)?radiance\()", re.MULTILINE)
+
 # Patterns of words in GLSL, and what stands for them.
 _WORDS: dict[str, list[tuple[str, str]]] = {
     "glsl": [],
@@ -179,6 +184,7 @@ class Language:
             text = re.sub(pattern, word, text, flags=re.MULTILINE)
         if not self.is_c:
             return text.split("\n")
+        text = _CALLED.sub("\n".join([*C_MAY_BE_UNUSED, ""]), text)
         for function in reversed(_C_FUNCTIONS.split("\n\n")):
             if re.findall(r"shrm_\w+\(", function)[0] in text:
                 text = f"{function}\n{text}"

@@ -127,6 +127,17 @@ def test_c_computes_the_irradiance(tmp_path, order, scale, standard):
     np.testing.assert_allclose(found, np.pi * made.radiance(normals, -normals), rtol=1e-12)
 
 
+@pytest.mark.parametrize("order", [0, 2, 5])
+@pytest.mark.parametrize("standard", ["c89", "c99"])
+def test_code_that_nothing_calls_is_no_warning(tmp_path, order, standard):
+    """A header with the code is included by files that do not call it, too."""
+    source = tmp_path / "alone.c"
+    source.write_text(irradiance_snippet(make(order), "c"), encoding="ascii")
+    strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", f"-std={standard}", "-c"]
+    done = run([compiler("cc", "gcc", "clang"), *strict, source, "-o", tmp_path / "alone.o"])
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize("language", ["glsl", "hlsl"])
 @pytest.mark.parametrize("order", ORDERS)
 def test_shaders_compute_the_irradiance(tmp_path, order, language):

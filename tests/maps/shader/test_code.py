@@ -53,6 +53,7 @@ int main(void)
     return 0;
 }}
 """
+STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c89"]
 FORMS = sorted(cases.FORMS)
 
 
@@ -68,11 +69,14 @@ def run(command, text=""):
     )
 
 
+def compiler_of_c():
+    found = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
+    return found or pytest.skip("no compiler of C")
+
+
 def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32):
     """What the code in C computes for each pair, with textures of some precision."""
-    compiler = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
-    if compiler is None:
-        pytest.skip("no compiler of C")
+    compiler = compiler_of_c()
     load = ""
     for texture in pack(made):
         texture.values.astype(dtype).astype(np.float32).tofile(folder / texture.name)
@@ -81,8 +85,7 @@ def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32):
     source, program = folder / "main.c", folder / "main"
     code = look_up_code(made, "c")
     source.write_text(C_MAIN.format(code=code, load=load, surface=surface), encoding="ascii")
-    strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c89"]
-    done = run([compiler, *strict, source, "-o", program, "-lm"])
+    done = run([compiler, *STRICT, source, "-o", program, "-lm"])
     assert (done.returncode, done.stderr) == (0, "")
     lines = "".join(" ".join(map(repr, row)) + "\n" for row in np.c_[normals, views].tolist())
     return np.array(run([program], lines).stdout.split(), dtype=float).reshape(-1, 3)
@@ -97,6 +100,15 @@ def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name):
         found = in_c(tmp_path, made, normals, views, roughness, f0)
         truth = cases.expected(made, normals, views, roughness, f0)
         np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_c_that_nothing_calls_is_no_warning(tmp_path, name):
+    """A header with the code is included by files that do not call it, too."""
+    compiler, source = compiler_of_c(), tmp_path / "alone.c"
+    source.write_text(look_up_code(cases.FORMS[name](), "c"), encoding="ascii")
+    done = run([compiler, *STRICT, "-c", source, "-o", tmp_path / "alone.o"])
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("roughness", np.linspace(0.06, 0.2, 5))

@@ -1,0 +1,102 @@
+"""A bar of progress on a terminal, which moves on while nothing is reported."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TextIO
+
+from shrm_cli.cli.terminal import has_terminal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tqdm import tqdm
+
+    from shrm_cli.progress import Progress
+
+_BEGAN = time.monotonic()
+_SILENCE = 1.0
+"""Seconds after the beginning of the process in which no bar is shown."""
+_LEAST_SILENCE = 0.3
+"""Seconds of work for which no bar is shown, however long it took to begin."""
+_FORMAT = "{l_bar}{bar}| {elapsed}<{remaining}"
+_BEAT = 0.25
+"""Seconds between two drawings of a bar that nothing is reported to."""
+_LONG = 3.0
+"""Seconds of work that are foretold; what takes less is hardly waited for."""
+
+
+@contextmanager
+def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
+    """Yield a callable (done, all) that shows progress on a terminal, after the first second.
+
+    It is None if there is no terminal, or if `quiet` is set. The bar shows the time that passes
+    while nothing is reported, too, so that nobody takes long steps for a process that hangs.
+    """
+    if quiet or not has_terminal():
+        yield None
+        return
+    from tqdm import tqdm
+
+    delay = max(_LEAST_SILENCE, _SILENCE - (time.monotonic() - _BEGAN))
+    options: dict[str, Any] = {"desc": label, "total": 1, "delay": delay, "bar_format": _FORMAT}
+    # Reports come unevenly: the mean rate tells best how much time is left.
+    options |= {"leave": False, "smoothing": 0, "miniters": 0, "mininterval": 0.1}
+    with _own_stderr() as stream, tqdm(file=stream, **options) as bar:
+        shown = _Bar(bar, stream)
+        over = threading.Event()
+        beating = threading.Thread(target=shown.beat, args=(over,), daemon=True)
+        beating.start()
+        try:
+            yield shown
+        finally:
+            over.set()
+            beating.join()
+
+
+@contextmanager
+def _own_stderr() -> Iterator[TextIO]:
+    """Yield stderr by a descriptor of its own.
+
+    What is printed to that of the process while an image library reads counts as the library's
+    noise, and is kept off the terminal.
+    """
+    try:
+        number = os.dup(sys.stderr.fileno())
+    except (OSError, ValueError):  # a stream in memory, or a closed one
+        yield sys.stderr
+        return
+    with open(number, "w", encoding=sys.stderr.encoding, errors="replace") as stream:
+        yield stream
+
+
+class _Bar:
+    """Progress on a terminal, and one line about how long it will take where that is long."""
+
+    def __init__(self, bar: tqdm[Any], stream: TextIO) -> None:
+        self._bar, self._stream = bar, stream
+        self._lock = threading.Lock()
+
+    def __call__(self, done: int, total: int) -> None:
+        with self._lock:
+            self._bar.total = total
+            self._bar.update(done - self._bar.n)
+
+    def foretell(self, seconds: float) -> None:
+        if seconds >= _LONG:
+            label = self._bar.desc.rstrip(": ")
+            with self._lock:
+                self._bar.write(f"{label} takes about {seconds:.0f} s more", self._stream)
+
+    def beat(self, over: threading.Event) -> None:
+        """Draw the bar again and again, until something is over or the terminal is gone."""
+        while not over.wait(_BEAT):
+            try:
+                with self._lock:
+                    self._bar.update(0)
+            except (OSError, ValueError):
+                return

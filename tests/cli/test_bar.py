@@ -1,0 +1,114 @@
+"""Bars on a terminal of their own: seen soon, moving while nothing is reported, and gone after."""
+
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from shrm_cli.cli.options import announce
+from tests.cli.helpers import Terminal, environment, run
+
+WORK = """
+import sys, time
+from shrm_cli.cli.bar import progress_bar
+from shrm_cli.files.noise import caught, last_noise
+with progress_bar("working", False) as progress:
+    {work}
+sys.stderr.write(f"over; {{last_noise()}}")
+"""
+
+
+def on_a_terminal(work):
+    """What a process prints to a terminal while it works under a bar, and its exit code."""
+    master, slave = pty.openpty()
+    code = WORK.format(work=work)
+    try:
+        child = subprocess.Popen([sys.executable, "-c", code], stderr=slave, env=environment())
+    finally:
+        os.close(slave)
+    printed = b""
+    with child, open(master, "rb", buffering=0) as stream:
+        while True:
+            try:
+                block = stream.read(2**12)
+            except OSError:  # Linux: nobody has the other end open any more
+                break
+            if not block:
+                break
+            printed += block
+    return printed.decode(), child.returncode
+
+
+def drawn(printed):
+    """Each drawing of the bar, and what is printed after it is gone."""
+    *bars, rest = printed.split("\r")
+    return [bar for bar in bars if bar.strip()], rest
+
+
+def test_a_bar_moves_while_nothing_is_reported():
+    """A long step is told from a process that hangs."""
+    printed, code = on_a_terminal("time.sleep(2.4)")
+    bars, rest = drawn(printed)
+    assert (code, rest) == (0, "over; ")
+    assert len(bars) >= 3
+    assert bars[0].startswith("working:   0%|")
+    assert len({bar.partition("| ")[2] for bar in bars}) > 1  # the time
+
+
+def test_a_bar_tells_what_is_reported_and_how_long_is_left():
+    printed, _ = on_a_terminal("progress(1, 4); time.sleep(1.6); progress(2, 4); time.sleep(0.6)")
+    shares = [bar.partition("%")[0] for bar in drawn(printed)[0]]
+    assert shares == sorted(shares)
+    assert {shares[0], shares[-1]} == {"working:  25", "working:  50"}
+    assert drawn(printed)[0][-1].rpartition("<")[2].startswith("00:0")
+
+
+def test_work_of_no_time_has_no_bar():
+    assert on_a_terminal("progress(1, 2)") == ("over; ", 0)
+
+
+def test_a_bar_is_no_noise_of_a_library():
+    """It is seen while an image library reads, and not taken for what the library says."""
+    work = "progress(1, 2)\n    with caught(): time.sleep(2)"
+    bars, rest = drawn(on_a_terminal(work)[0])
+    assert rest == "over; "
+    assert len(bars) >= 2
+
+
+def test_an_interrupted_bar_is_gone():
+    bars, rest = drawn(on_a_terminal("time.sleep(1.6); raise SystemExit(3)")[0])
+    assert bars
+    assert rest == ""
+
+
+@pytest.mark.parametrize("command", [("brdf",), ("analyze", "--no-plots", "--brdf")])
+def test_bars_never_fall(monkeypatch, tmp_path, command):
+    """Though the orders take several attempts, each of which reports all of itself."""
+    seen = []
+
+    class Bar:
+        def __init__(self, label, quiet):
+            assert label
+
+        def __enter__(self):
+            return lambda done, total: seen.append(done / total)
+
+        def __exit__(self, *error):
+            return None
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(f"shrm_cli.cli.{command[0]}.progress_bar", Bar)
+    assert run(*command, "ggx:roughness=0.4", "--eps", "0.03", "--eps", "0.01").code == 0
+    assert len(seen) > 5
+    assert seen == sorted(seen)
+
+
+def test_what_is_announced_commands_no_terminal(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    announce(["\x1b]0;pwned\x07.exr: 2 pictures"], False)
+    assert stream.getvalue() == "\\x1b]0;pwned\\x07.exr: 2 pictures\n"
+    monkeypatch.setattr(sys, "stderr", None)
+    announce(["nobody sees it"], False)
