@@ -180,10 +180,15 @@ class Jobs:
         return "\n".join([f"all: {due}", f".PHONY: all {due}", *self.rules, ""])
 
 
-def page_of(shrm: str, maps: list[str]) -> Job:
+def maps() -> list[str]:
+    """Return all maps that are there, but what a killed process has left, whose name is hidden."""
+    return sorted(glob.glob(f"{BUILD}/*.exr"))
+
+
+def page_of(shrm: str, shown: list[str]) -> Job:
     """Return the job that puts maps onto one page; it is due again when one has changed."""
-    command = [shrm, "contact", *maps, "--quiet", "--title", "make batch", "-o", str(PAGE)]
-    return job(PAGE, command, state([name for name in maps if os.path.exists(name)]))
+    command = [shrm, "contact", *shown, "--quiet", "--title", "make batch", "-o", str(PAGE)]
+    return job(PAGE, command, state([name for name in shown if os.path.exists(name)]))
 
 
 def bake(shrm: str, probe: str, jobs: Jobs) -> None:
@@ -266,8 +271,8 @@ def say(text: str) -> None:
 def say_what_is_due(shrm: str, jobs: Jobs) -> None:
     """Print the commands that would be run, in their order."""
     due = [each.command for each in jobs.made.values() if each.is_due]
-    maps = {str(path) for path in [*BUILD.glob("*.exr"), *jobs.made] if path.suffix == ".exr"}
-    page = page_of(shrm, sorted(maps))
+    wanted = [str(output) for output in jobs.made if output.suffix == ".exr"]
+    page = page_of(shrm, sorted({*maps(), *wanted}))
     for command in [*due, *([page.command] if due or page.is_due else [])]:
         say(shlex.join(command))
 
@@ -276,9 +281,8 @@ def make_all(shrm: str, jobs: Jobs) -> bool:
     """Do the jobs that are due, then the page, and return whether all succeeded."""
     STAMPS.mkdir(parents=True, exist_ok=True)
     succeeded = run(jobs)
-    maps = sorted(str(path) for path in BUILD.glob("*.exr"))
-    page = page_of(shrm, maps)
-    if maps and page.is_due:
+    page = page_of(shrm, maps())
+    if maps() and page.is_due:
         if not carry_out(page.command):
             return False
         page.stamp.write_text(page.made_of)
@@ -308,4 +312,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:  # before there is a job to wait for
+        sys.exit(130)

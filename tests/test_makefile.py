@@ -1,36 +1,21 @@
 """`make`: in a copy of the project whose .venv holds a stand-in for `shrm`, or the real one."""
 
-import os
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
 
 from tests.cli.helpers import snapshot
+from tests.make_project import BRDFS, REAL, STAND_IN, Project
 
-ROOT = Path(__file__).resolve().parents[1]
-BRDFS = "microfacet:sigma=0.3 phong:exponent=8"
 LABELS = ("microfacet-sigma-0.3", "phong-exponent-8")
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
-
-# Writes down how it was called and writes its last argument; fails on files that say so.
-STAND_IN = """#!/bin/sh
-echo "$@" >>calls
-for output; do :; done
-if grep -qs broken "$2"; then
-    echo "Error: $2: broken; mend it" >&2
-    exit 1
-fi
-echo "$@" >"$output"
-"""
 
 # The same, but no call returns before a second one has begun.
 SIDE_BY_SIDE = """#!/bin/sh
@@ -46,91 +31,6 @@ done
 echo 'Error: alone for five seconds' >&2
 exit 1
 """
-
-REAL = f"""#!/bin/sh
-PYTHONPATH={shlex.quote(str(ROOT))} exec {shlex.quote(sys.executable)} -c \
-  'from shrm_cli.cli.main import main; main()' "$@"
-"""
-
-
-class Project:
-    """A copy of what `make` needs, set up without a network."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        shutil.copy(ROOT / "Makefile", folder)
-        shutil.copy(ROOT / "pyproject.toml", folder)
-        for name in ("probes", "shrm_cli", "tests"):
-            (folder / name).mkdir()
-        shutil.copy(ROOT / "probes" / "batch.py", folder / "probes")
-        (folder / ".venv" / "bin").mkdir(parents=True)
-        self.install(STAND_IN)
-        for name in "ab":
-            self.write(f"probes/{name}.exr", "light")
-        for stamp in (".made", ".installed"):
-            (folder / ".venv" / stamp).touch()
-
-    def install(self, script):
-        command = self.folder / ".venv" / "bin" / "shrm"
-        command.write_text(script)
-        command.chmod(0o755)
-
-    def write(self, name, text):
-        # Files of the same tick of the clock would be as old as each other.
-        time.sleep(0.02)
-        (self.folder / name).write_text(text)
-
-    def make(self, *arguments):
-        """Run make to its end."""
-        with self.begin(*arguments) as child:
-            out, err = child.communicate(timeout=120)
-        return subprocess.CompletedProcess(child.args, child.returncode, out, err)
-
-    def begin(self, *arguments, **options):
-        """Start make, free of what an outer make says in the environment."""
-        ours = (
-            "MAKE",
-            "MFLAGS",
-            "GNUMAKEFLAGS",
-            "PROBES",
-            "BRDFS",
-            "EPS",
-            "SHRM",
-            "VENV",
-            "PYTHON",
-        )
-        names = [name for name in os.environ if not name.startswith(ours)]
-        return subprocess.Popen(
-            ["make", *arguments],
-            cwd=self.folder,
-            env={name: os.environ[name] for name in names} | {"LC_ALL": "C"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            **options,
-        )
-
-    def batch(self, *arguments, probes="probes/a.exr probes/b.exr", brdfs=BRDFS, eps="0.03"):
-        asked = f"PROBES={probes}", f"BRDFS={brdfs}", f"EPS={eps}"
-        return self.make("batch", *asked, *arguments)
-
-    def calls(self):
-        """How `shrm` was called since the last time, in alphabetical order, but for the page."""
-        return [line for line in self.all_calls() if not line.startswith("contact ")]
-
-    def all_calls(self):
-        log = self.folder / "calls"
-        lines = log.read_text().splitlines() if log.exists() else []
-        log.unlink(missing_ok=True)
-        return sorted(lines)
-
-    def built(self):
-        """The names of maps and pictures; the page over all of them is left out."""
-        names = {path.name for path in (self.folder / "build").glob("[!.]*")}
-        return sorted(names - {"index.html"})
-
-    def times(self):
-        return {path.name: path.stat().st_mtime_ns for path in (self.folder / "build").iterdir()}
 
 
 @pytest.fixture
@@ -198,6 +98,15 @@ def test_a_page_shows_all_maps(project):
     (project.folder / "build" / "index.html").unlink()
     assert project.batch().returncode == 0
     assert project.all_calls() == contact
+
+
+def test_what_killed_processes_left_is_not_shown(project):
+    (project.folder / "build").mkdir()
+    (project.folder / "build" / ".a.shrm-host-1-ab.exr").write_text("half")
+    assert project.batch().returncode == 0
+    (contact,) = (line for line in project.all_calls() if line.startswith("contact "))
+    assert "/.a" not in contact
+    assert project.batch("-n").stdout.count("shrm-host") == 0
 
 
 def test_running_again_does_nothing(baked):

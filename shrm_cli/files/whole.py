@@ -221,10 +221,16 @@ def abandoned(folder: Path, prefix: str, suffix: str = "") -> list[Path]:
 
 
 def _is_running(process: int) -> bool:
+    """Whether a process runs; one that has ended may still be listed until its parent asks."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
+    except OSError:  # it is another user's
+        pass
+    try:  # Linux
+        status = Path(f"/proc/{process}/stat").read_bytes()
     except OSError:
         return True
-    return True
+    state = status.rpartition(b")")[2].split()[0]
+    return state not in (b"Z", b"X")

@@ -93,7 +93,7 @@ def found_maps(names: Iterable[str]) -> list[str]:
     """Return the files that are named, and the maps in folders and the folders below.
 
     Files in folders that are no maps, such as probes and pictures, are passed over, and so are
-    those in folders whose names begin with a dot.
+    files and folders whose names begin with a dot, as of maps that are being written.
     """
     found: dict[str, None] = {}
     for name in names:
@@ -102,7 +102,8 @@ def found_maps(names: Iterable[str]) -> list[str]:
             continue
         for folder, folders, files in os.walk(name):
             folders[:] = sorted(each for each in folders if not each.startswith("."))
-            paths = (os.path.join(folder, each) for each in sorted(files))
+            shown = sorted(each for each in files if not each.startswith("."))
+            paths = (os.path.join(folder, each) for each in shown)
             found |= {path: None for path in paths if path.endswith(".exr") and is_map(path)}
     return list(found)
 

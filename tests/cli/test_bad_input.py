@@ -15,6 +15,7 @@ import pytest
 from tests.cli.helpers import (
     MAIN,
     NO_MODULES,
+    UNPRIVILEGED,
     assert_refused,
     mounted,
     noise,
@@ -26,16 +27,6 @@ from tests.cli.helpers import (
 )
 
 HUGE = (200_000, 100_000)
-# Permissions do not bind root; what follows is imported while its files can still be read.
-UNPRIVILEGED = """
-import difflib, importlib, os, pkgutil, shrm_cli
-for module in pkgutil.walk_packages(shrm_cli.__path__, "shrm_cli."):
-    importlib.import_module(module.name)
-if os.geteuid() == 0:
-    os.setgroups([])
-    os.setresgid(65534, 65534, 65534)
-    os.setresuid(65534, 65534, 65534)
-"""
 
 
 @pytest.fixture

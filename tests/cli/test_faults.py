@@ -1,10 +1,12 @@
-"""Faults from outside: processes that are killed at any moment, odd environments.
+"""Faults from outside: killed processes, two runs at once, odd caches and environments.
 
 Nothing may be lost or half-written, and what a killed process leaves the next run removes. With
 FAULTS=50 in the environment as many moments are tried, and all signals.
 """
 
+import contextlib
 import functools
+import os
 import random
 import shutil
 import signal
@@ -16,32 +18,43 @@ import pytest
 
 from tests.cli.helpers import (
     FAULTS,
-    MAIN,
+    NO_MODULES,
+    ROOT,
+    UNPRIVILEGED,
     WHOLE,
-    Run,
-    environment,
+    mounted,
     noise,
     run,
     snapshot,
-    start,
     write_exr,
 )
+from tests.make_project import REAL, Project, free_environment
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="has no such signals"),
+]
 
 COMMANDS = {
     "prefilter": ("prefilter", "probe.exr", "--brdf", "ggx:roughness=0.4", "-o", "out.exr"),
     "frames": ("render", "m.exr", "--frames", "12", "--size", "32", "-o", "out.%04d.png"),
     "convert": ("convert", "m.exr", "--to", "lightfield", "--views", "8", "-o", "out.exr"),
     "faces": ("convert", "probe.exr", "--to", "faces", "--size", "256", "-o", "out_%.exr"),
-}
+    "batch": ("make", "batch", "-j2", "PROBES=*probe.exr", "BRDFS=phong", "FORMS=splitsum",
+              "FLAGS_splitsum=--size 8", "RENDER_FLAGS=--size 32"),
+}  # fmt: skip
+SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT]
+# A shell without job control starts processes with SIGINT ignored; a terminal does not.
+LISTENING = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{WHOLE}"
 
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    """A folder with a probe and its map."""
+    """A folder with probes, a map, and what `make` needs, among it the real command."""
     folder = tmp_path_factory.mktemp("faults")
+    Project(folder).install(REAL)
     write_exr(folder / "probe.exr", noise(32, 64))
+    write_exr(folder / "a probe.exr", noise(16, 32))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         made = run("prefilter", "probe.exr", "--brdf", "ggx:roughness=0.5", "-o", "m.exr")
@@ -55,27 +68,63 @@ def finished(prepared):
 
     @functools.cache
     def whole(name):
-        other = prepared.with_name(f"{prepared.name}-{name}")
-        shutil.copytree(prepared, other)
+        folder = copied(prepared, prepared.with_name(f"{prepared.name}-{name}"))
         begin = time.monotonic()
-        assert subprocess_in(other, COMMANDS[name]).code == 0
-        return snapshot(other), time.monotonic() - begin
+        complete(COMMANDS[name], folder)
+        return made_in(folder), time.monotonic() - begin
 
     return whole
 
 
-def subprocess_in(folder, command, code=MAIN, **changes):
-    """Run a command in a folder, in an environment with some changes; None removes a variable."""
-    changed = {k: v for k, v in {**environment(), **changes}.items() if v is not None}
-    found = subprocess.run(
-        [sys.executable, "-c", code, *command],
-        cwd=folder, env=changed, capture_output=True, text=True, timeout=120,
+def copied(prepared, folder):
+    """Copy the folder, with an empty cache and a place for temporary files below it."""
+    shutil.copytree(prepared, folder)
+    (folder / "cache").mkdir()
+    (folder / "tmp").mkdir()
+    return folder
+
+
+def begun(command, folder, code=LISTENING, **changes):
+    """Start a command in a session of its own; None removes a variable of the environment."""
+    words = command if command[0] == "make" else (sys.executable, "-c", code, *command)
+    own = {"SHRM_CACHE_DIR": str(folder / "cache"), "TMPDIR": str(folder / "tmp")}
+    changed = {**free_environment(), "PYTHONPATH": str(ROOT), **own, **changes}
+    return subprocess.Popen(
+        words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env={key: value for key, value in changed.items() if value is not None},
     )  # fmt: skip
-    return Run(found.returncode, found.stdout, found.stderr)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def complete(command, folder, **options):
+    """Run a command to its end, which must be success, without a word on stderr."""
+    with begun(command, folder, **options) as child:
+        _, err = child.communicate(timeout=120)
+    assert (child.returncode, err) == (0, "")
+
+
+def made_in(folder):
+    """Digests of all that there is, but for whole entries of the cache and the stamps of `make`.
+
+    Entries depend on how long their content took, and stamps on the times of files.
+    """
+    return {
+        name: digest
+        for name, digest in snapshot(folder).items()
+        if ".shrm-" in name or not name.startswith(("cache/", "build/.batch/"))
+    }
+
+
+def strike(child, number):
+    """Send a signal as it comes: SIGTERM to one process, the others to all of its session."""
+    with contextlib.suppress(ProcessLookupError):
+        if number == signal.SIGTERM:
+            child.send_signal(number)
+        else:
+            os.killpg(child.pid, number)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_killed_at_any_moment(prepared, finished, tmp_path, name, number):
     """Outputs are whole or not there, and a second run makes what the first would have made."""
@@ -83,40 +132,205 @@ def test_killed_at_any_moment(prepared, finished, tmp_path, name, number):
         pytest.skip("FAULTS=50 tries all")
     whole, seconds = finished(name)
     rng = random.Random(f"{name} {number}")
-    code = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{WHOLE}"
+    codes = []
     for moment in range(FAULTS):
-        folder = tmp_path / str(moment)
-        shutil.copytree(prepared, folder)
-        with start(*COMMANDS[name], code=code, cwd=folder) as child:
+        folder = copied(prepared, tmp_path / str(moment))
+        with begun(COMMANDS[name], folder) as child:
             time.sleep(rng.uniform(0.2, 1) * seconds)
-            child.send_signal(number)
+            strike(child, number)
             _, err = child.communicate(timeout=60)
-        found = snapshot(folder)
-        left = [each for each in found if ".shrm-" in each]
-        assert all(whole[each] == found[each] for each in found if each not in left)
+        codes.append(child.returncode)
+        found = made_in(folder)
+        left = {each for each in found if ".shrm-" in each}
+        # Folders of temporary files are left in tmp/, too, by what could not end by itself.
+        assert all(whole[each] == found[each] for each in found.keys() - left), codes
         if number != signal.SIGKILL:
-            assert left == [], (child.returncode, err)
-            assert "Traceback" not in err
-        if moment == 0 or number == signal.SIGKILL:
-            assert subprocess_in(folder, COMMANDS[name]).code == 0
-            assert snapshot(folder) == whole
+            assert left == set(), (child.returncode, err)
+            # Python itself says so if it is interrupted while it starts, as each job does.
+            assert "Traceback" not in err or (name, number) == ("batch", signal.SIGINT)
+        if number in (signal.SIGKILL, signal.SIGTERM) or moment == 0:
+            complete(COMMANDS[name], folder)
+            assert made_in(folder) == whole
+        shutil.rmtree(folder)
+    struck = sum(code != 0 for code in codes)
+    print(f"{name}, {signal.Signals(number).name}: {FAULTS} moments, {struck} before the end")
+    assert struck >= FAULTS // 4
+
+
+def test_nothing_is_made_again_after_a_batch_that_was_killed_and_completed(prepared, tmp_path):
+    folder = copied(prepared, tmp_path / "batch")
+    with begun(COMMANDS["batch"], folder) as child:
+        while not list(folder.glob("build/*.exr")) and child.poll() is None:
+            time.sleep(0.01)
+        strike(child, signal.SIGKILL)
+        child.communicate(timeout=60)
+    assert child.returncode == -signal.SIGKILL
+    complete(COMMANDS["batch"], folder)
+    times = {path: path.stat().st_mtime_ns for path in (folder / "build").rglob("*")}
+    complete(COMMANDS["batch"], folder)
+    assert {path: path.stat().st_mtime_ns for path in (folder / "build").rglob("*")} == times
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_two_runs_at_once(prepared, finished, tmp_path, name):
+    """To one output, and with one cold cache."""
+    whole, seconds = finished(name)
+    rng = random.Random(name)
+    for moment in range(FAULTS):
+        folder = copied(prepared, tmp_path / str(moment))
+        with begun(COMMANDS[name], folder) as first:
+            time.sleep(0 if moment % 2 == 0 else rng.uniform(0, 1) * seconds)
+            with begun(COMMANDS[name], folder) as second:
+                ends = [each.communicate(timeout=120)[1] for each in (first, second)]
+        assert (first.returncode, second.returncode, ends) == (0, 0, ["", ""])
+        assert made_in(folder) == whole
+        shutil.rmtree(folder)
+
+
+CACHED = ("prefilter", "probe.exr", "--to", "splitsum", "--size", "8", "-o", "out.exr")
+"""A command whose coefficients take long enough to be kept."""
+
+
+@pytest.fixture(scope="module")
+def warm(prepared):
+    """A folder with a map, and the cache that the command has filled."""
+    folder = copied(prepared, prepared.with_name(f"{prepared.name}-warm"))
+    complete(CACHED, folder)
+    assert len(list((folder / "cache").iterdir())) > 3
+    return folder
+
+
+def cut(path):
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def change(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 1
+    path.write_bytes(data)
+
+
+def exchange(path):
+    """Give an entry the content of another one."""
+    others = sorted(path.parent.iterdir())
+    path.write_bytes(others[others.index(path) - 1].read_bytes())
+
+
+def abandon(path):
+    """Leave only what a killed process would leave of an entry."""
+    mark = f".shrm-{os.uname().nodename[:40]}-99999999-ab"
+    path.with_name(f".{path.stem[:40]}{mark}{path.suffix}").touch()
+    path.unlink()
+
+
+DAMAGE = {
+    "cut": cut,
+    "empty": lambda path: os.truncate(path, 0),
+    "changed": change,
+    "exchanged": exchange,
+    "abandoned": abandon,
+    "a pipe": lambda path: (path.unlink(), os.mkfifo(path)),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_entries_of_the_cache_that_are_of_no_use(warm, tmp_path, damage):
+    """The map has the same bytes, nothing is said, and nothing temporary stays."""
+    folder = tmp_path / "copy"
+    shutil.copytree(warm, folder)
+    (folder / "out.exr").unlink()
+    for path in sorted((folder / "cache").iterdir()):
+        DAMAGE[damage](path)
+    complete(CACHED, folder)
+    assert made_in(folder) == made_in(warm)
+
+
+OTHER_VERSION = f"import shrm_cli; shrm_cli.__version__ = '0.0.1'\n{LISTENING}"
+
+
+def test_entries_of_another_version_are_left_alone(prepared, warm, tmp_path):
+    folder = copied(prepared, tmp_path / "copy")
+    complete(CACHED, folder, code=OTHER_VERSION)
+    theirs = snapshot(folder / "cache")
+    assert len(theirs) > 3
+    (folder / "out.exr").unlink()
+    complete(CACHED, folder)
+    both = snapshot(folder / "cache")
+    assert theirs.items() <= both.items()
+    assert len(both) > len(theirs)
+    assert made_in(folder) == made_in(warm)
+
+
+@pytest.mark.parametrize("options", ["ro", "size=4k", "size=100k"])
+def test_caches_on_read_only_and_full_disks(prepared, warm, tmp_path, options):
+    folder = copied(prepared, tmp_path / "copy")
+    (folder / "cache").rmdir()
+    with mounted(folder / "cache", options) as cache:
+        complete(CACHED, folder)
+        assert not [path for path in cache.iterdir() if path.name.startswith(".")]
+    assert made_in(folder) == made_in(warm)
+
+
+@pytest.mark.parametrize(("folders", "files"), [(0o555, 0o444), (0o777, 0), (0, 0o444)])
+def test_caches_without_permission(warm, tmp_path, folders, files):
+    """Whether other users' entries can be read or not."""
+    folder = tmp_path / "copy"
+    shutil.copytree(warm, folder)
+    (folder / "out.exr").unlink()
+    for path in (folder / "cache").iterdir():
+        path.chmod(files)
+    (folder / "cache").chmod(folders)
+    # Another user must come to the folder, and may write into it.
+    for path in [folder, folder / "tmp", folder / "probe.exr"]:
+        path.chmod(0o777)
+    for path in tmp_path.parents:
+        if path.owner() == tmp_path.owner() and path.stat().st_mode & 0o077 == 0:
+            path.chmod(0o711)
+    complete(CACHED, folder, code=f"{UNPRIVILEGED}\n{LISTENING}")
+    (folder / "cache").chmod(0o755)
+    assert made_in(folder) == made_in(warm)
+
+
+@pytest.mark.parametrize("place", ["a file", "nowhere", "itself"])
+def test_caches_that_are_no_folder(prepared, warm, tmp_path, place):
+    folder = copied(prepared, tmp_path / "copy")
+    (folder / "cache").rmdir()
+    if place == "a file":
+        (folder / "cache").write_text("in the way")
+    else:
+        (folder / "cache").symlink_to("/proc/nothing" if place == "nowhere" else "cache")
+    complete(CACHED, folder)
+    made = {name: digest for name, digest in made_in(folder).items() if name != "cache"}
+    assert made == {name: digest for name, digest in made_in(warm).items() if name != "cache"}
+
+
+NO_FOLDER = {"SHRM_CACHE_DIR": None, "XDG_CACHE_HOME": None}
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        {"HOME": "/proc/nothing", "SHRM_CACHE_DIR": None, "XDG_CACHE_HOME": None},
+        {**NO_FOLDER, "HOME": None},
+        {**NO_FOLDER, "HOME": ""},
+        {**NO_FOLDER, "HOME": "/proc/nothing"},
         {"SHRM_CACHE_DIR": "/dev/null/cache"},
         {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        {"LC_ALL": "xx_XX.nothing"},
         {"PYTHONIOENCODING": "ascii", "TERM": "dumb"},
+        {"TMPDIR": "/proc/nothing", "PATH": ""},
     ],
-    ids=lambda changes: next(iter(changes)),
+    ids=lambda changes: " ".join(f"{name}={value}" for name, value in changes.items()),
 )
-@pytest.mark.slow
-def test_odd_environments(prepared, finished, tmp_path, changes):
+def test_odd_environments(prepared, warm, tmp_path, changes):
     """The same bytes and no word on stderr, whatever the variables are."""
-    folder = tmp_path / "odd"
-    shutil.copytree(prepared, folder)
-    result = subprocess_in(folder, COMMANDS["convert"], **changes)
-    assert (result.code, result.err) == (0, "")
-    assert snapshot(folder) == finished("convert")[0]
+    folder = copied(prepared, tmp_path / "odd")
+    complete(CACHED, folder, code=f"{NO_MODULES}\n{LISTENING}", **changes)
+    assert made_in(folder) == made_in(warm)
+
+
+def test_a_home_that_is_read_only(prepared, warm, tmp_path):
+    folder = copied(prepared, tmp_path / "odd")
+    with mounted(tmp_path / "home", "ro") as home:
+        complete(CACHED, folder, **NO_FOLDER, HOME=str(home))
+    assert made_in(folder) == made_in(warm)

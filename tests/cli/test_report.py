@@ -263,6 +263,8 @@ def test_contact_sheets_have_a_row_for_each_probe(folder):
     for path in folder.glob("maps*.exr"):
         path.rename(folder / "build" / "below" / path.name)
     (folder / "build" / "note.exr").write_text("no map")
+    written = (folder / "build" / "below" / "mapsprobe4.exr").read_bytes()
+    (folder / "build" / ".mapsprobe4.shrm-host-1-ab.exr").write_bytes(written)
     out = json.loads(done("contact", "build", "-o", "build/index.html", "--json"))
     names = ["mapsother4.exr", "mapsprobe4.exr", "mapsprobe8.exr"]
     assert out["maps"] == [f"build/below/{name}" for name in names]

@@ -5,6 +5,8 @@ import platform
 import stat
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -92,6 +94,19 @@ def test_left_overs_of_dead_processes_are_removed(tmp_path):
         (tmp_path / name).write_text("half")
     write(tmp_path / "a.exr")
     assert names(tmp_path) == sorted([*kept, "a.exr"])
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no /proc")
+def test_left_overs_of_processes_that_nobody_has_asked_for_are_removed(tmp_path):
+    """In containers the first process may never ask for the children of one that was killed."""
+    with subprocess.Popen([sys.executable, "-c", ""], stdout=subprocess.PIPE) as child:
+        child.stdout.read()
+        state = Path(f"/proc/{child.pid}/stat")
+        while state.read_text().rpartition(")")[2].split()[0] != "Z":
+            time.sleep(0.01)
+        (tmp_path / f".a.shrm-{HOST}-{child.pid}-00112233.exr").write_text("half")
+        write(tmp_path / "a.exr")
+        assert names(tmp_path) == ["a.exr"]
 
 
 @pytest.mark.parametrize("length", [60, 250])
