@@ -255,42 +255,5 @@ def warn(lines: Sequence[str], quiet: bool) -> None:
 
 def announce(lines: Sequence[str], quiet: bool) -> None:
     """Say on a terminal, before long work begins, what it will be."""
-<<<<<<< HEAD
-    if not quiet and sys.stderr.isatty():
-        click.echo("\n".join(lines), err=True)
-
-
-@contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
-    """Yield a callable (done, all) that shows progress on a terminal, after the first second.
-
-    It is None if there is no terminal, or if `quiet` is set.
-    """
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from tqdm import tqdm
-
-    with tqdm(desc=label, delay=1.0, leave=False, file=sys.stderr) as bar:
-        yield _Bar(bar)
-
-
-class _Bar:
-    """Progress on a terminal, and one line about how long it will take where that is long."""
-
-    def __init__(self, bar: tqdm[Any]) -> None:
-        self._bar = bar
-
-    def __call__(self, done: int, total: int) -> None:
-        self._bar.total = total
-        self._bar.update(done - self._bar.n)
-
-    def foretell(self, seconds: float) -> None:
-        if seconds >= _LONG:
-            self._bar.write(
-                f"{self._bar.desc.rstrip(': ')} takes about {seconds:.0f} s more", sys.stderr
-            )
-=======
     if not quiet and has_terminal():
         echo("\n".join(lines), err=True)
->>>>>>> w-audit

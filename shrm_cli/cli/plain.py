@@ -11,10 +11,7 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.conversion import Converted, open_source
-<<<<<<< HEAD
-from shrm_cli.cli.options import progress_bar, with_options
-=======
->>>>>>> w-audit
+from shrm_cli.cli.options import with_options
 from shrm_cli.cli.outputs import map_stem, picture_attributes
 from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps, surface_values
 from shrm_cli.cli.types import AzimuthElevation
