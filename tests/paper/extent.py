@@ -92,7 +92,7 @@ class Extent:
     )  # fmt: skip
     seen_rows: int = 128
     seen_picture: int = 40
-    seen_pairs: int = 2000
+    seen_pairs: int = 4000
     cube: int = 128
     survey: tuple[str, ...] = ()
     survey_rows: int = 256
