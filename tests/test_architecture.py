@@ -4,6 +4,7 @@ import ast
 import inspect
 import sys
 import tomllib
+from dataclasses import dataclass
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib.util import find_spec
@@ -90,10 +91,38 @@ def rank(of):
     raise AssertionError(f"{of} has no place in the architecture; give it one in STOPS")
 
 
+@dataclass(frozen=True)
+class Source:
+    """What the rules ask about a module, which is parsed once for all of them: its trees would
+    fill a hundred megabytes.
+    """
+
+    imports: frozenset
+    top_imports: frozenset
+    docstring: str | None
+    calls: frozenset
+    attributes: frozenset
+
+
 @cache
+def source(path):
+    tree = ast.parse(path.read_text())
+    calls, attributes = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            calls.add(node.func.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            attributes.add((node.value.id, node.attr))
+    nested, top = (frozenset(imported(path, tree, nested)) for nested in (True, False))
+    return Source(nested, top, ast.get_docstring(tree), frozenset(calls), frozenset(attributes))
+
+
 def imports(path, nested=True):
     """Full names that a module imports, as "a.b.c"; without nested ones only at its top level."""
-    tree = ast.parse(path.read_text())
+    return source(path).imports if nested else source(path).top_imports
+
+
+def imported(path, tree, nested):
     found = set()
     pending = list(ast.iter_child_nodes(tree))
     while pending:
@@ -115,6 +144,7 @@ def modules(path, **options):
     return {module for full in imports(path, **options) if (module := module_of(full)) is not None}
 
 
+@cache
 def module_of(full):
     """The file of the module that a full name is, or is a name of; None outside the package."""
     parts = full.split(".")
@@ -168,13 +198,17 @@ def test_only_some_modules_open_images_or_talk_to_the_terminal(path):
         assert stop(path) in USERS[used], used
 
 
+@cache
+def declared():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    return {line.split(">")[0] for line in project["dependencies"]}
+
+
 @pytest.mark.parametrize("path", MODULES, ids=name)
 def test_only_declared_dependencies_are_imported(path):
     """scipy and ducc0 (GPL) are oracles of the tests alone."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    declared = {line.split(">")[0] for line in project["dependencies"]}
     extra = EXTRAS.get(name(path), set())
-    assert third_party(path) <= declared | extra
+    assert third_party(path) <= declared() | extra
     assert not extra & third_party(path, nested=False)
 
 
@@ -224,19 +258,15 @@ def test_every_representation_has_its_modules(representation):
 
 @pytest.mark.parametrize("path", MODULES, ids=name)
 def test_modules_are_small_and_say_what_they_are_for(path):
-    text = path.read_text()
-    assert text.count("\n") <= MOST_LINES
-    assert ast.get_docstring(ast.parse(text))
+    assert path.read_text().count("\n") <= MOST_LINES
+    assert source(path).docstring
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name)
 def test_files_are_not_trusted(path):
     assert not {full.split(".")[0] for full in imports(path)} & UNTRUSTED_LOADERS
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            assert node.func.id not in ("eval", "exec")
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            assert (node.value.id, node.attr) != ("np", "load")
+    assert not source(path).calls & {"eval", "exec"}
+    assert ("np", "load") not in source(path).attributes
 
 
 def test_errors_import_nothing():

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -29,13 +30,21 @@ from tests.render.materials import furnace, spot, under_random_light
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """Current folder with two maps and a probe."""
-    save(tmp_path / "a.microfacet.shrm.exr", under_random_light(), "float")
-    save(tmp_path / "spot.exr", spot((0, 0, 1)), "float")
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Two maps and a probe, which are made once."""
+    made = tmp_path_factory.mktemp("inputs")
+    save(made / "a.microfacet.shrm.exr", under_random_light(), "float")
+    save(made / "spot.exr", spot((0, 0, 1)), "float")
     steps = np.linspace(0, 1, 32 * 64 * 3, dtype=np.float32)
-    write_image(tmp_path / "room.exr", steps.reshape(32, 64, 3), "float")
+    write_image(made / "room.exr", steps.reshape(32, 64, 3), "float")
+    return made
+
+
+@pytest.fixture
+def folder(inputs, tmp_path, monkeypatch):
+    """Current folder with two maps and a probe."""
+    shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

