@@ -166,3 +166,18 @@ def test_odd_environments(prepared, finished, tmp_path, changes):
     result = subprocess_in(folder, COMMANDS["convert"], **changes)
     assert (result.code, result.err) == (0, "")
     assert snapshot(folder) == finished("convert")[0]
+
+
+@pytest.mark.slow
+def test_an_output_that_the_locale_cannot_spell(prepared, tmp_path):
+    """The name is UTF-8; it is the process that takes names for ASCII."""
+    folder = tmp_path / "odd"
+    shutil.copytree(prepared, folder)
+    before = snapshot(folder)
+    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    *command, _ = COMMANDS["convert"]
+    result = subprocess_in(folder, [*command, "pr\u00fcfung.exr"], **plain)
+    assert result.code == 1
+    assert "the locale's encoding, ascii, lacks; set LC_ALL=C.UTF-8, or name another" in result.err
+    assert "not UTF-8" not in result.err
+    assert snapshot(folder) == before
