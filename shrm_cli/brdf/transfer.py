@@ -149,9 +149,12 @@ def accuracy_remark(accuracy: float, asked: float) -> str | None:
     """What a user should know of the accuracy of coefficients; None where it is as asked."""
     if accuracy <= asked:
         return None
+    # As many digits as tell the two apart; 17 tell any two floats apart.
+    pairs = ((f"{accuracy:.{digits}g}", f"{asked:.{digits}g}") for digits in range(2, 18))
+    reached, wanted = next(pair for pair in pairs if pair[0] != pair[1])
     return (
-        f"sampled to what it resolves: its coefficients are good to {accuracy:.2g} of its energy, "
-        f"not to {asked:.2g}"
+        f"sampled to what it resolves: its coefficients are good to {reached} of its energy, "
+        f"not to {wanted}"
     )
 
 

@@ -4,6 +4,7 @@ import contextlib
 import filecmp
 import os
 import platform
+import sys
 from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
@@ -66,11 +67,28 @@ def check_target(
         raise OutputError(f"{target}: a directory; name a file to write")
     try:
         _check_target(Path(target))
-    except (OSError, UnicodeError) as error:  # a name may be too long, for example
-        reason = getattr(error, "strerror", None) or "its name is not UTF-8"
-        raise OutputError(f"{target}: cannot be written ({reason}); name another output") from error
+    except OSError as error:  # a name may be too long, for example
+        raise OutputError(
+            f"{target}: cannot be written ({error.strerror}); name another output"
+        ) from error
+    except UnicodeError as error:
+        raise OutputError(f"{target}: {fault_of_name(target)}, or name another output") from error
     if suffixes and Path(target).suffix.lower() not in suffixes:
         raise OutputError(f"{target}: what is written is {suffixes[0]}; name it so")
+
+
+def fault_of_name(path: str | os.PathLike[str]) -> str:
+    """Say why image libraries, which take UTF-8, cannot take a name, and what to do.
+
+    Bytes that Python cannot decode may be no UTF-8, or letters that the encoding of the locale
+    lacks.
+    """
+    try:
+        os.fsencode(path).decode()
+    except UnicodeError:
+        return "its name is not UTF-8; give it one that is"
+    encoding = sys.getfilesystemencoding()
+    return f"its name has letters that the locale's encoding, {encoding}, lacks; set LC_ALL=C.UTF-8"
 
 
 def _check_target(target: Path) -> None:

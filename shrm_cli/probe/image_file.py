@@ -19,6 +19,7 @@ from shrm_cli.files.exr_header import excess
 from shrm_cli.files.inputs import note
 from shrm_cli.files.noise import caught, last_noise, quiet
 from shrm_cli.files.openimageio import oiio
+from shrm_cli.files.whole import fault_of_name
 from shrm_cli.probe.encoding import Encoding, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
 from shrm_cli.probe.radiance_header import RadianceHeader
@@ -116,6 +117,11 @@ class ImageFile:
             why = _reason(_last_error(), path)  # an error that is not fetched is printed
             if is_zipfile(path):  # of which that reason says nothing
                 raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
+            if _begins_as_archive(path):
+                raise ProbeError(
+                    f"{path}: a damaged or truncated archive, not an image; copy it again; tables "
+                    "belong to `brdf`"
+                )
             raise ProbeError(
                 f"{path}: not an image that can be read ({why}); copy or export it again"
             )
@@ -319,7 +325,7 @@ def check_file(name: str | os.PathLike[str]) -> Path:
         str(path).encode()  # image libraries take no other names
         status = os.stat(path)
     except UnicodeEncodeError:
-        raise ProbeError(f"{path}: its name is not UTF-8; rename it") from None
+        raise ProbeError(f"{path}: {fault_of_name(path)}, or rename it") from None
     except FileNotFoundError:
         raise ProbeError(f"{path}: no such file; check its name") from None
     except (OSError, ValueError) as error:
@@ -367,6 +373,12 @@ def _is_whole(data: mmap.mmap) -> bool:
             return True
         start = end + 4
     return False
+
+
+def _begins_as_archive(path: Path) -> bool:
+    """Whether a file begins as a ZIP does, though it may be cut. Tables in .npz are ZIPs."""
+    with open(path, "rb") as stream:
+        return stream.read(4) == b"PK\x03\x04"
 
 
 def _reading_hints() -> Any:

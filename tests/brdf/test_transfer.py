@@ -1,6 +1,7 @@
 """Transfer functions against quadrature of single views that shares no code with them."""
 
 import hashlib
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.brdf.transfer import compute_transfer
+from shrm_cli.brdf.transfer import accuracy_remark, compute_transfer
 from shrm_cli.errors import BrdfError
 from shrm_cli.memo import Memo
 from tests import ggx
@@ -156,6 +157,26 @@ def test_noise_of_measured_data_stops_nothing(monkeypatch):
     assert found.remark.count("\n") == 0
     with pytest.raises(BrdfError, match="not converged"):
         compute_coefficients(Noisy(measured=False), 8, 2, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "asked", "words"),
+    [
+        (0.0045, 1 / 3000, "good to 0.0045 of its energy, not to 0.00033"),
+        (0.000334, 1 / 3000, "good to 0.000334 of its energy, not to 0.000333"),
+        (0.1 + 1e-7, 0.1, "good to 0.1000001 of its energy, not to 0.1"),
+        (np.nextafter(0.1, 1), 0.1, "not to 0.1"),
+        (0.1, 0.1, None),
+        (0.05, 0.1, None),
+    ],
+)
+def test_remarks_name_two_numbers(accuracy, asked, words):
+    remark = accuracy_remark(accuracy, asked)
+    assert (remark is None) == (words is None)
+    if words is not None:
+        assert words in remark
+        reached, wanted = re.findall(r"(?:good|not) to ([0-9.e-]+)", remark)
+        assert float(reached) > float(wanted)
 
 
 def test_what_has_converged_needs_no_remark():

@@ -334,3 +334,17 @@ def test_a_home_that_is_read_only(prepared, warm, tmp_path):
     with mounted(tmp_path / "home", "ro") as home:
         complete(CACHED, folder, **NO_FOLDER, HOME=str(home))
     assert made_in(folder) == made_in(warm)
+
+
+def test_an_output_that_the_locale_cannot_spell(prepared, tmp_path):
+    """The name is UTF-8; it is the process that takes names for ASCII."""
+    folder = copied(prepared, tmp_path / "odd")
+    before = snapshot(folder)
+    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    *command, _ = COMMANDS["convert"]
+    with begun([*command, "pr\u00fcfung.exr"], folder, **plain) as child:
+        err = child.communicate()[1]
+    assert child.returncode == 1
+    assert "the locale's encoding, ascii, lacks; set LC_ALL=C.UTF-8, or name another" in err
+    assert "not UTF-8" not in err
+    assert snapshot(folder) == before

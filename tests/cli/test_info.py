@@ -209,6 +209,18 @@ def test_archives_that_are_no_table(folder):
     assert_refused(refused, 1, "numbers.npz: an archive, not an image")
 
 
+@pytest.mark.parametrize("command", [["info"], ["prefilter", "--to", "irradiance"]])
+def test_a_table_that_is_cut_is_told_as_such(folder, command):
+    """The directory of an archive is at its end; what is left still begins as one."""
+    done("brdf", "lambertian", "--save", "matte.npz")
+    path = folder / "matte.npz"
+    for kept in (path.stat().st_size // 2, 40):
+        (folder / "cut.npz").write_bytes(path.read_bytes()[:kept])
+        refused = process(*command, "cut.npz")
+        assert_refused(refused, 1, "cut.npz: a damaged or truncated archive, not an image; copy it")
+        assert "--brdf" in refused.err
+
+
 @pytest.mark.parametrize("name", ["matte.exr", "matte.npz"])
 def test_a_table_of_a_brdf_is_no_probe(folder, name):
     done("brdf", "lambertian", "--save", name)

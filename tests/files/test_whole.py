@@ -136,7 +136,9 @@ def test_targets_that_cannot_be_written(tmp_path):
         (tmp_path / "no" / "a.exr", "there is no folder .*; make it first"),
         (tmp_path / "file" / "a.exr", "file is a file, not a folder; name another"),
         (tmp_path / ("n" * 300), "File name too long.*; name another"),
-        (tmp_path / "n\udcff.exr", "not UTF-8.*; name another"),
+        (tmp_path / "n\udcff.exr", "not UTF-8; give it one that is, or name another"),
+        (tmp_path / "n\ud800.exr", "not UTF-8; give it one that is, or name another"),
+        (tmp_path / "n\udcc3\udcbc.exr", "encoding, .*, lacks; set LC_ALL=C.UTF-8, or name"),
     ]:
         with pytest.raises(OutputError, match=words):
             check_target(target)

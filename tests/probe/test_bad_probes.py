@@ -417,5 +417,12 @@ def test_a_name_that_is_not_utf8(tmp_path):
     name = os.fsencode(tmp_path) + b"/b\xff.exr"
     with open(name, "wb") as stream:
         stream.write(b"anything")
-    with pytest.raises(ProbeError, match="its name is not UTF-8; rename it"):
+    with pytest.raises(ProbeError, match="is not UTF-8; give it one that is, or rename it"):
         open_probe(os.fsdecode(name))
+
+
+def test_a_name_that_the_locale_cannot_spell(tmp_path):
+    """Bytes that are UTF-8, in a process whose names are ASCII."""
+    (tmp_path / "b\u00fc.exr").write_bytes(b"anything")
+    with pytest.raises(ProbeError, match=r"encoding, .*, lacks; set LC_ALL=C.UTF-8, or rename it"):
+        open_probe(tmp_path / "b\udcc3\udcbc.exr")
