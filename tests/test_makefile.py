@@ -170,6 +170,28 @@ def test_a_broken_probe_fails_the_run_but_not_the_others(project, jobs):
     assert project.calls() == both("a")
 
 
+def test_a_job_whose_failure_is_ignored_is_not_done(baked):
+    baked.write("probes/a.exr", "broken")
+    assert baked.batch("-i").stderr.count("Error: probes/a.exr: broken; mend it") == 2
+    assert baked.built() == outputs("a", "b")
+    baked.calls()
+    result = baked.batch()
+    assert result.returncode != 0
+    assert result.stderr.count("Error: probes/a.exr: broken; mend it") == 2
+
+
+def test_everything_is_made_again_when_make_is_told_so(project):
+    # Make sets the project up again, too, which takes long.
+    stand_in = '#!/bin/sh\ncase "$*" in *batch.py) exec python3 "$@";; esac\n'
+    (project.folder / ".venv" / "bin" / "python").write_text(stand_in)
+    (project.folder / ".venv" / "bin" / "python").chmod(0o755)
+    for _ in range(2):
+        assert project.batch("-B", "-j4", "PYTHON=.venv/bin/python").returncode == 0
+        assert project.calls() == both("ab")
+    assert project.batch().returncode == 0
+    assert project.calls() == []
+
+
 def test_a_missing_probe_fails_the_run_but_not_the_others(project):
     result = project.batch(probes="probes/a.exr probes/no.exr")
     assert result.returncode != 0
