@@ -120,12 +120,10 @@ $(foreach v,$(HANDED),$(eval export BATCH_$(v) := $$(value $(v))))
 export BATCH_SHRM := $(SHRM)
 export BATCH_MAKE := $(MAKE)
 
-# Whether make was told to say what it would do (-n, -q, -t), which lines that begin with + ignore.
-ONLY_SAY := $(foreach f,n q t,$(findstring $(f),$(filter-out --%,$(firstword -$(MAKEFLAGS)))))
-
-# +: the jobs run as many at once as this make may.
+# +: the jobs run as many at once as this make may. Such lines are carried out in spite of -n, which
+# probes/batch.py obeys itself.
 batch: $(VENV)/.installed
-	@+$(PYTHON) -B probes/batch.py $(if $(strip $(ONLY_SAY)),--dry-run)
+	@+$(PYTHON) -B probes/batch.py
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -5,8 +5,8 @@ digests for names, and stamps in ``build/.batch`` for targets; the names of prob
 stand in the commands alone, quoted for the shell. A stamp tells what its output was made of.
 
 The lists PROBES, BRDFS and FORMS are words as in a shell, so that quotes keep a name with spaces
-together. Make hands them over in the environment. With ``--dry-run`` the commands are printed, and
-nothing is done. It runs with any Python, and needs no packages.
+together. Make hands them over in the environment, as it does its own options: with ``-n`` the
+commands are printed, and nothing is done. It runs with any Python, and needs no packages.
 """
 
 from __future__ import annotations
@@ -33,6 +33,12 @@ ENDING = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
 """The signals that end a process; Windows has no SIGHUP."""
+
+
+def options_of_make() -> str:
+    """Return make's options of one letter, such as ``n``; they stand before all others."""
+    first = os.environ.get("MAKEFLAGS", "").split(" ")[0]
+    return "" if first.startswith("-") or "=" in first else first
 
 
 def words(name: str) -> list[str]:
@@ -147,7 +153,7 @@ def job(output: Path, command: list[str], inputs: object, after: Job | None = No
     stamp = STAMPS / f"{digest(str(output))[:16]}.done"
     made_of = digest(json.dumps([command, inputs, after and after.made_of]))
     says = stamp.read_bytes().split() if stamp.exists() else None
-    is_made = output.exists() and says == [made_of.encode()]
+    is_made = output.exists() and says == [made_of.encode()] and "B" not in options_of_make()
     return Job(command, stamp, made_of, not is_made or bool(after and after.is_due))
 
 
@@ -250,17 +256,21 @@ def run(jobs: Jobs) -> bool:
 
     A job that fails does not stop the others. The makefile has no name, so that several runs at
     once have one each, and nothing stays of them. Make's own descriptors, by which it shares its
-    number of jobs, stay open for the one that is started here.
+    number of jobs, stay open for the one that is started here. It gets no ``-i``, because a job
+    that failed would be taken for done.
     """
     if not jobs.rules:
         return True
+    letters = options_of_make()
+    flags = letters.replace("i", "") + os.environ.get("MAKEFLAGS", "")[len(letters) :]
     with tempfile.TemporaryFile(dir=STAMPS) as makefile:
         makefile.write(os.fsencode(jobs.text()))  # names may be no UTF-8
         makefile.seek(0)
         os.set_inheritable(makefile.fileno(), True)
         name = f"/dev/fd/{makefile.fileno()}"
         options = ["--no-print-directory", "--no-builtin-rules", "-k", "-f", name]
-        return carry_out([os.environ["BATCH_MAKE"], *options], close_fds=False)
+        own = {**os.environ, "MAKEFLAGS": flags}
+        return carry_out([os.environ["BATCH_MAKE"], *options], close_fds=False, env=own)
 
 
 def say(text: str) -> None:
@@ -298,7 +308,7 @@ def main() -> None:
         sys.stderr.buffer.write(os.fsencode(f"Error: {what}\n"))
     if not jobs.made and not jobs.missing:
         sys.exit("Error: nothing to bake: name one of PROBES and one of BRDFS or FORMS at least")
-    if sys.argv[1:] == ["--dry-run"]:
+    if set("nqt") & set(options_of_make()):  # of which lines that begin with + know nothing
         say_what_is_due(shrm, jobs)
         sys.exit(1 if jobs.missing else 0)
     try:

@@ -3,6 +3,7 @@
 import shlex
 import shutil
 import signal
+import subprocess
 import sys
 import time
 
@@ -10,7 +11,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from tests.cli.helpers import snapshot
+from tests.cli.helpers import mounted, snapshot
 from tests.make_project import BRDFS, REAL, STAND_IN, Project
 
 LABELS = ("microfacet-sigma-0.3", "phong-exponent-8")
@@ -168,6 +169,48 @@ def test_a_broken_probe_fails_the_run_but_not_the_others(project, jobs):
     project.write("probes/a.exr", "light")
     assert project.batch(jobs).returncode == 0
     assert project.calls() == both("a")
+
+
+def test_a_job_whose_failure_is_ignored_is_not_done(baked):
+    baked.write("probes/a.exr", "broken")
+    assert baked.batch("-i").stderr.count("Error: probes/a.exr: broken; mend it") == 2
+    assert baked.built() == outputs("a", "b")
+    baked.calls()
+    result = baked.batch()
+    assert result.returncode != 0
+    assert result.stderr.count("Error: probes/a.exr: broken; mend it") == 2
+
+
+@pytest.mark.parametrize("size", ["4k", "12k", "24k", "48k"])
+def test_a_disk_that_is_full_fails_the_run_and_loses_nothing(project, size):
+    """For the list of jobs, for maps, for stamps; with room for all the next run makes the rest."""
+    with mounted(project.folder / "build", f"size={size}") as build:
+        full = project.batch()
+        assert full.returncode != 0
+        assert "No space left on device" in full.stderr
+        assert "Traceback" not in full.stderr
+        assert "Maps and pictures are in" not in full.stdout
+        subprocess.run(["mount", "-o", "remount,size=1m", str(build)], check=True)
+        done = project.batch()
+        assert (done.returncode, done.stderr) == (0, "")
+        assert project.built() == outputs("a", "b")
+        for name in [*project.built(), "index.html"]:
+            assert (build / name).read_text().endswith(f"-o build/{name}\n")
+        project.calls()
+        assert project.batch().returncode == 0
+        assert project.calls() == []
+
+
+def test_everything_is_made_again_when_make_is_told_so(project):
+    # Make sets the project up again, too, which takes long.
+    stand_in = '#!/bin/sh\ncase "$*" in *batch.py) exec python3 "$@";; esac\n'
+    (project.folder / ".venv" / "bin" / "python").write_text(stand_in)
+    (project.folder / ".venv" / "bin" / "python").chmod(0o755)
+    for _ in range(2):
+        assert project.batch("-B", "-j4", "PYTHON=.venv/bin/python").returncode == 0
+        assert project.calls() == both("ab")
+    assert project.batch().returncode == 0
+    assert project.calls() == []
 
 
 def test_a_missing_probe_fails_the_run_but_not_the_others(project):

@@ -87,6 +87,12 @@ def environment():
     return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
+def listen():
+    """Obey Ctrl-C and SIGHUP, also where the tests run in the background or under nohup."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def start(*arguments, code=MAIN, **options):
     """Start `shrm`, or other code with its arguments, as a process of its own."""
     return subprocess.Popen(

@@ -22,6 +22,7 @@ from tests.cli.helpers import (
     ROOT,
     UNPRIVILEGED,
     WHOLE,
+    listen,
     mounted,
     noise,
     run,
@@ -44,8 +45,6 @@ COMMANDS = {
               "FLAGS_splitsum=--size 8", "RENDER_FLAGS=--size 32"),
 }  # fmt: skip
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT]
-# A shell without job control starts processes with SIGINT ignored; a terminal does not.
-LISTENING = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{WHOLE}"
 
 
 @pytest.fixture(scope="module")
@@ -84,14 +83,14 @@ def copied(prepared, folder):
     return folder
 
 
-def begun(command, folder, code=LISTENING, **changes):
+def begun(command, folder, code=WHOLE, **changes):
     """Start a command in a session of its own; None removes a variable of the environment."""
     words = command if command[0] == "make" else (sys.executable, "-c", code, *command)
     own = {"SHRM_CACHE_DIR": str(folder / "cache"), "TMPDIR": str(folder / "tmp")}
     changed = {**free_environment(), "PYTHONPATH": str(ROOT), **own, **changes}
     return subprocess.Popen(
         words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
+        stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=listen,
         env={key: value for key, value in changed.items() if value is not None},
     )  # fmt: skip
 
@@ -246,7 +245,7 @@ def test_entries_of_the_cache_that_are_of_no_use(warm, tmp_path, damage):
     assert made_in(folder) == made_in(warm)
 
 
-OTHER_VERSION = f"import shrm_cli; shrm_cli.__version__ = '0.0.1'\n{LISTENING}"
+OTHER_VERSION = f"import shrm_cli; shrm_cli.__version__ = '0.0.1'\n{WHOLE}"
 
 
 def test_entries_of_another_version_are_left_alone(prepared, warm, tmp_path):
@@ -287,7 +286,7 @@ def test_caches_without_permission(warm, tmp_path, folders, files):
     for path in tmp_path.parents:
         if path.owner() == tmp_path.owner() and path.stat().st_mode & 0o077 == 0:
             path.chmod(0o711)
-    complete(CACHED, folder, code=f"{UNPRIVILEGED}\n{LISTENING}")
+    complete(CACHED, folder, code=f"{UNPRIVILEGED}\n{WHOLE}")
     (folder / "cache").chmod(0o755)
     assert made_in(folder) == made_in(warm)
 
@@ -325,7 +324,7 @@ NO_FOLDER = {"SHRM_CACHE_DIR": None, "XDG_CACHE_HOME": None}
 def test_odd_environments(prepared, warm, tmp_path, changes):
     """The same bytes and no word on stderr, whatever the variables are."""
     folder = copied(prepared, tmp_path / "odd")
-    complete(CACHED, folder, code=f"{NO_MODULES}\n{LISTENING}", **changes)
+    complete(CACHED, folder, code=f"{NO_MODULES}\n{WHOLE}", **changes)
     assert made_in(folder) == made_in(warm)
 
 

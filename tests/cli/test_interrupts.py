@@ -12,7 +12,17 @@ from pathlib import Path
 import pytest
 
 import shrm_cli
-from tests.cli.helpers import MAIN, noise, process, read_exr, run, snapshot, start, write_exr
+from tests.cli.helpers import (
+    MAIN,
+    listen,
+    noise,
+    process,
+    read_exr,
+    run,
+    snapshot,
+    start,
+    write_exr,
+)
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 
@@ -57,11 +67,6 @@ def folder(tmp_path, monkeypatch, request):
         (tmp_path / "out.exr").write_text(request.param)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def listen():
-    """Obey SIGHUP, also where the tests run under nohup, which ignores it."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def struck(folder, number, command=WRITE):
