@@ -84,6 +84,26 @@ def stop(path):
     return "" if first == "__init__" else first
 
 
+BY_STOP = {each: [path for path in MODULES if stop(path) == each] for each in map(stop, MODULES)}
+
+
+def each_module(check):
+    """Make a test for every stop of what is checked of a module: one for each of hundreds of
+    modules takes longer to report than to run.
+    """
+
+    @pytest.mark.parametrize("here", BY_STOP, ids=lambda here: here or "shrm_cli")
+    def checks(here):
+        for path in BY_STOP[here]:
+            try:
+                check(path)
+            except AssertionError as error:
+                error.add_note(f"in {name(path)}")
+                raise
+
+    return checks
+
+
 def rank(of):
     for index, stops in enumerate(STOPS):
         if of in stops:
@@ -176,7 +196,7 @@ def test_there_are_modules():
     assert {stop(path) for path in MODULES} >= {"errors", "sphere", "probe", "brdf", "maps", "cli"}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
+@each_module
 def test_imports_point_backwards(path):
     here = stop(path)
     for module in modules(path, nested=here != ""):
@@ -192,7 +212,7 @@ def test_no_modules_import_each_other_in_a_circle():
     TopologicalSorter(graph).prepare()  # its CycleError names the modules
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
+@each_module
 def test_only_some_modules_open_images_or_talk_to_the_terminal(path):
     for used in third_party(path) & USERS.keys():
         assert stop(path) in USERS[used], used
@@ -204,7 +224,7 @@ def declared():
     return {line.split(">")[0] for line in project["dependencies"]}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
+@each_module
 def test_only_declared_dependencies_are_imported(path):
     """scipy and ducc0 (GPL) are oracles of the tests alone."""
     extra = EXTRAS.get(name(path), set())
@@ -256,13 +276,13 @@ def test_every_representation_has_its_modules(representation):
     assert ("to" in taken) == (len(options.DESCRIPTIONS) > 1)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
+@each_module
 def test_modules_are_small_and_say_what_they_are_for(path):
     assert path.read_text().count("\n") <= MOST_LINES
     assert source(path).docstring
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name)
+@each_module
 def test_files_are_not_trusted(path):
     assert not {full.split(".")[0] for full in imports(path)} & UNTRUSTED_LOADERS
     assert not source(path).calls & {"eval", "exec"}
