@@ -1,12 +1,15 @@
 """How a map was made: a record that travels in the attributes of the map's file."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.vocabulary import Domain
+from shrm_cli.vocabulary import CENTERS, FRAMES, SAMPLINGS, Domain
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
 
 
 @dataclass(frozen=True)
@@ -115,3 +118,16 @@ def _axes(recorded: Any) -> NDArray[np.floating]:
     except (TypeError, ValueError):
         return np.eye(3)
     return axes if axes.shape == (3, 3) else np.eye(3)
+
+
+def check_names(made: "Map") -> None:
+    """Check the names in a map of one term, of which code would take an unknown one for another.
+
+    Raises
+    ------
+    ValueError
+        If its frame, center or sampling is unknown.
+    """
+    for what, known in (("frame", FRAMES), ("center", CENTERS), ("sampling", SAMPLINGS)):
+        if (name := getattr(made, what)) not in known:
+            raise ValueError(f"{what} {name!r} is not one of {', '.join(known)}")

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.sphere.cube import cube_solid_angles
@@ -70,6 +70,7 @@ class ExplicitMap(Map):
     """The axes of the samples of the view: those of the world, or of each central direction."""
 
     def __post_init__(self) -> None:
+        check_names(self)
         shape = self.images.shape
         if len(shape) != 4 or shape[1] != 6 * shape[2] or shape[3] != 3:
             raise ValueError(f"images of shape {shape}, not (K, 6N, N, 3)")

@@ -47,7 +47,7 @@ from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
-from shrm_cli.vocabulary import Law, Sampling
+from shrm_cli.vocabulary import LAWS, Law, Sampling
 
 Array = NDArray[np.floating]
 
@@ -102,6 +102,8 @@ class SphericalHarmonicExponential(SurfaceLightMap):
         p, q = self.p_coefficients.shape, self.q_coefficients.shape
         if p != ((self.order_p + 1) ** 2, 3) or q != ((self.order_q + 1) ** 2 - 1, 3):
             raise ValueError(f"coefficients of shapes {p} and {q}")
+        if self.law not in LAWS:
+            raise ValueError(f"law {self.law!r} is not one of {', '.join(LAWS)}")
 
     @property
     def order_p(self) -> int:

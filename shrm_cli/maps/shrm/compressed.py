@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.harmonics import order_of
@@ -53,6 +53,7 @@ class CompressedShrm(Map):
     format_version = 2
 
     def __post_init__(self) -> None:
+        check_names(self)
         shape = self.components.shape
         if len(shape) != 4 or shape[0] != 6 * shape[1] or shape[3] != 3:
             raise ValueError(f"components of shape {shape}, not (6N, N, K, 3)")

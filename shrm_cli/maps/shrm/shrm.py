@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
@@ -63,6 +63,7 @@ class Shrm(Map):
     representation = "shrm"
 
     def __post_init__(self) -> None:
+        check_names(self)
         shape = self.coefficients.shape
         if len(shape) != 4 or shape[0] != 6 * shape[1] or shape[3] != 3:
             raise ValueError(f"SHRM coefficients of shape {shape}, not (6N, N, (P+1)^2, 3)")

@@ -1,4 +1,8 @@
-"""A map of every form, and what code must compute from it: slow, and sharing no code with it."""
+"""A map of every form, and what code must compute from it.
+
+Cubes and tables are filtered here; what is done with them, the maps tell. That they tell what the
+page of engines says is tested by code that shares nothing with them.
+"""
 
 from dataclasses import replace
 

@@ -143,6 +143,12 @@ def test_they_are_the_laws_written_out_again(law, roughness, f0, orders):
         assert found[k] == pytest.approx(expected, rel=1e-4, abs=1e-7), k
 
 
+def test_there_is_no_other_law():
+    """Not even one that is taken for the other of the two."""
+    with pytest.raises(ValueError, match="law 'Paper' is not one of lobe, paper"):
+        random_map(law="Paper")
+
+
 def test_the_laws_differ():
     normals, views = pairs(20)
     paper, lobe = (

@@ -1,18 +1,23 @@
 """SHRM against brute-force integration at generic angles, in both frames."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
+from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import real_harmonics
 from tests.brute_force import band_limited, reflected, sphere_rule, unit
+from tests.maps.scenes import make_shrm
 
 INFO = MapInfo(0, 0, 0.03, 1.0, 0.0)
 
@@ -45,6 +50,17 @@ def truth(lighting, coefficients, reflection, view):
             for c in range(3)
         ]
     )
+
+
+@pytest.mark.parametrize("what", ["frame", "center", "sampling"])
+def test_unknown_names_are_refused(what):
+    """Code would take them for one of the known ones, and look up something else."""
+    made = make_shrm(3, 2, 4)
+    maps = [made, CompressedShrm.from_shrm(made, 3)]
+    maps += [Cabral.from_shrm(made)] if what != "frame" else []
+    for each in maps:
+        with pytest.raises(ValueError, match=f"{what} 'foo' is not one of "):
+            replace(each, **{what: "foo"})
 
 
 @pytest.mark.parametrize("frame", ["global", "local"])
