@@ -2,13 +2,12 @@
 
 import contextlib
 import os
-import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.whole import abandoned, own_prefix
+from shrm_cli.files.whole import abandoned, claim, discard, own_prefix
 
 _NAME = "shrm"
 
@@ -33,13 +32,14 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
         where = Path(tempfile.gettempdir() if inside is None else inside)
         prefix = own_prefix(_NAME)
         for folder in abandoned(where, prefix):
-            shutil.rmtree(folder, ignore_errors=True)
-        own = tempfile.mkdtemp(prefix=f"{prefix}{os.getpid()}-", dir=where)
+            discard(folder)
+        own = Path(tempfile.mkdtemp(prefix=f"{prefix}{os.getpid()}-", dir=where))
     except OSError as error:
         raise OutputError(
             f"no temporary folder can be made ({error.strerror}); set TMPDIR to a folder with room"
         ) from error
+    claim(own)
     try:
-        yield Path(own)
+        yield own
     finally:
-        shutil.rmtree(own, ignore_errors=True)
+        discard(own)

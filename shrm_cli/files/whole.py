@@ -1,5 +1,6 @@
 """Output files that appear whole or not at all."""
 
+import atexit
 import contextlib
 import filecmp
 import os
@@ -23,6 +24,10 @@ _ANY_WRITE = 0o222
 
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
+
+
+_mine: dict[Path, int] = {}
+"""The temporary files and folders that there may be, with the processes that make them."""
 
 
 _kept: ContextVar[frozenset[str]] = ContextVar("shrm_cli.kept", default=frozenset())
@@ -141,6 +146,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
     try:
         _check_replaceable(target)
+        claim(temporary)
         yield temporary
         with open(temporary, "rb+") as stream:
             os.fsync(stream.fileno())
@@ -159,8 +165,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
         ) from error
     finally:
         if (temporary, target) not in (_together.get() or ()):
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+            discard(temporary)
 
 
 @contextlib.contextmanager
@@ -187,8 +192,7 @@ def together() -> Iterator[None]:
     finally:
         _together.reset(token)
         for temporary, _ in waiting:
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+            discard(temporary)
 
 
 def cut_off() -> OSError:
@@ -206,6 +210,31 @@ def kept(target: str | os.PathLike[str], why: str) -> OutputError:
     return OutputError(
         f"{target}: exists, and {why}; give `force` to replace it, or name another `output`"
     )
+
+
+def claim(temporary: Path) -> None:
+    """Have a temporary file or folder removed when this process ends, if it is there still."""
+    _mine[temporary] = os.getpid()
+
+
+def discard(temporary: Path) -> None:
+    """Remove a temporary file or folder of this process, if it is there."""
+    with contextlib.suppress(OSError):
+        if temporary.is_dir():
+            import shutil
+
+            shutil.rmtree(temporary)
+        else:
+            temporary.unlink(missing_ok=True)
+    _mine.pop(temporary, None)
+
+
+@atexit.register
+def _discard_all() -> None:
+    """Remove what a signal has left, which may come before a context manager begins to clean up."""
+    for temporary, process in list(_mine.items()):
+        if process == os.getpid():  # a process that was forked has those of its parent in the list
+            discard(temporary)
 
 
 def own_prefix(name: str) -> str:

@@ -36,6 +36,7 @@ def write_half(self, name):
     os.truncate(name, os.path.getsize(name) // 2)
     print("half", flush=True)
     time.sleep(20)
+    write(self, name)  # who was not stopped goes on
 OpenEXR.File.write = write_half
 {MAIN}"""
 

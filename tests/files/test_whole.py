@@ -13,6 +13,7 @@ import pytest
 from shrm_cli.errors import OutputError
 from shrm_cli.files.inputs import note, protecting
 from shrm_cli.files.whole import check_target, replacing, together
+from tests.cli.helpers import environment
 
 HOST = platform.node()
 
@@ -94,6 +95,38 @@ def test_left_overs_of_dead_processes_are_removed(tmp_path):
         (tmp_path / name).write_text("half")
     write(tmp_path / "a.exr")
     assert names(tmp_path) == sorted([*kept, "a.exr"])
+
+
+STOPPED_EARLY = """
+import atexit, os, pathlib, sys
+from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import replacing, together
+blocks = [replacing("a.exr"), scratch_folder("."), together(), replacing("b.exr")]
+for block in blocks:
+    path = block.__enter__()
+    if path is not None:
+        (path / "c.exr" if path.is_dir() else path).write_text("half")
+blocks[3].__exit__(None, None, None)  # it waits for the end of the block of all together
+if os.fork() == 0:
+    atexit._run_exitfuncs()
+    os._exit(0)
+os.wait()
+print(len(list(pathlib.Path(".").iterdir())))
+sys.stdout.flush()
+atexit._run_exitfuncs()  # as the command ends
+os._exit(1)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="has no fork")
+def test_what_a_signal_leaves_is_removed_at_the_end(tmp_path):
+    """It may come between the end of a block and the first line that would clean up after it."""
+    found = subprocess.run(
+        [sys.executable, "-c", STOPPED_EARLY],
+        cwd=tmp_path, env=environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert (found.returncode, found.stdout, found.stderr) == (1, "3\n", "")
+    assert names(tmp_path) == []
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no /proc")
