@@ -11,7 +11,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from tests.cli.helpers import mounted, snapshot
+from tests.benchmarks.__main__ import MODULES
+from tests.cli.helpers import ROOT, mounted, snapshot
 from tests.make_project import BRDFS, REAL, STAND_IN, Project
 
 LABELS = ("microfacet-sigma-0.3", "phong-exponent-8")
@@ -72,6 +73,23 @@ def both(names, eps="0.03"):
     calls = [prefilter(name, brdf, label, eps) for name, brdf, label in pairs(names)]
     calls += [render(name, label) for name, _, label in pairs(names)]
     return sorted(calls)
+
+
+def test_variables_for_batch_mean_nothing_to_benchmarks():
+    """The makefile hands them to all that it starts."""
+    shown = subprocess.run(
+        ["make", "--no-print-directory", "--eval", "shown: ; @env -0", "shown"],
+        cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True,
+    ).stdout  # fmt: skip
+    environment = dict(line.split("=", 1) for line in shown.split("\0") if "=" in line)
+    assert "BATCH_PROBES" in environment
+    code = "from importlib import import_module; from tests.benchmarks.__main__ import MODULES; "
+    code += "print(*(import_module(module).__name__ for module in MODULES))"
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert (found.returncode, found.stderr) == (0, "")
+    assert found.stdout.split() == MODULES
 
 
 def test_help_is_what_make_does_by_itself(project):

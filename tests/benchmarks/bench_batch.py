@@ -1,7 +1,7 @@
 """Throughput of `shrm batch`, compared with floors that no such program can go below.
 
 The floor of a batch is the same pool of processes, which reads the same probes and writes the same
-files, without any mathematics. ``BATCH_PROBES`` in the environment says how many probes are taken.
+files, without any mathematics. ``BENCH_PROBES`` in the environment says how many probes are taken.
 """
 
 import functools
@@ -30,7 +30,7 @@ from shrm_cli.files.whole import replacing
 from tests.benchmarks.bench_process import _SHRM, _run, _write_probe
 from tests.benchmarks.table import Row
 
-COUNT = int(os.environ.get("BATCH_PROBES", "1000"))
+COUNT = int(os.environ.get("BENCH_PROBES", "1000"))
 BRDF = "microfacet:sigma=0.2"
 WORKERS = 2
 _DIFFERENT = 25
