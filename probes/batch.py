@@ -240,12 +240,14 @@ def carry_out(command: list[str], **options: Any) -> bool:
         received.append(number)
         pass_on()
 
-    for number in ENDING:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
-            signal.signal(number, receive)
+    # Those that are ignored stay so, as under nohup.
+    heard = [number for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, receive) for number in heard}
     children.append(subprocess.Popen(command, **options))
     pass_on()  # what came before there was a child
     code = children[0].wait()
+    for number, handler in before.items():
+        signal.signal(number, handler)
     if received:
         sys.exit(128 + received[0])
     return code == 0
