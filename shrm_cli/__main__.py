@@ -41,9 +41,11 @@ def _is_told() -> bool:
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
+    """End at once: nothing is begun, and importing drops exceptions in some of its callbacks."""
     if sys.stderr is not None:
         sys.stderr.write("\nError: interrupted\n")
-    sys.exit(130)
+        sys.stderr.flush()
+    os._exit(130)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import importlib
 import os
 import signal
 import sys
+import threading
 import warnings
 from types import FrameType
 from typing import Any
@@ -45,6 +46,10 @@ _COMMANDS = {
 
 _STOPPING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 """The signals that end a process; Windows has no SIGHUP."""
+
+
+_A_WHILE = 0.01
+"""The seconds after which a signal is raised again that could not be obeyed."""
 
 
 _GARBAGE = 50_000
@@ -97,6 +102,7 @@ def main(arguments: list[str] | None = None) -> None:
     for number in _STOPPING:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
             signal.signal(number, _stop)
+    sys.unraisablehook = _hear_again
     limit_small_products()
     gc.set_threshold(_GARBAGE)
     if "--debug" not in arguments:
@@ -186,6 +192,22 @@ class _Stopped(SystemExit):
     def __init__(self, number: int) -> None:
         super().__init__(128 + number)
         self.number = number
+
+
+def _hear_again(dropped: Any) -> None:
+    """Raise a signal again whose exception was dropped, because it came in a callback of Python's.
+
+    There are such callbacks wherever objects are freed, above all while modules are loaded. A while
+    later the thread is out of them.
+    """
+    is_interrupted = issubclass(dropped.exc_type, KeyboardInterrupt)
+    number = signal.SIGINT if is_interrupted else getattr(dropped.exc_value, "number", None)
+    if number is None:
+        sys.__unraisablehook__(dropped)
+        return
+    again = threading.Timer(_A_WHILE, signal.raise_signal, [number])
+    again.daemon = True
+    again.start()
 
 
 def _stop(number: int, frame: FrameType | None) -> Any:

@@ -61,10 +61,10 @@ class Terminal(io.StringIO):
 
 
 def run(*arguments, terminal=False):
-    """Run `shrm` in this process, and undo its changes to signals, warnings and environment."""
+    """Run `shrm` in this process, and undo its changes to signals, warnings and the like."""
     out, err = io.StringIO(), Terminal() if terminal else io.StringIO()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
-    environment = dict(os.environ)
+    environment, hook = dict(os.environ), sys.unraisablehook
     try:
         with (
             warnings.catch_warnings(),
@@ -79,6 +79,7 @@ def run(*arguments, terminal=False):
             signal.signal(number, handler)
         os.environ.clear()
         os.environ.update(environment)
+        sys.unraisablehook = hook
     raise AssertionError("main() returned")
 
 

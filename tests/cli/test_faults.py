@@ -139,9 +139,10 @@ def test_killed_at_any_moment(prepared, finished, tmp_path, name, number):
             strike(child, number)
             _, err = child.communicate(timeout=60)
         codes.append(child.returncode)
+        # A signal that comes while Python starts ends it as every process.
+        assert name == "batch" or child.returncode in (0, 128 + number, -number)
         found = made_in(folder)
         left = {each for each in found if ".shrm-" in each}
-        # Folders of temporary files are left in tmp/, too, by what could not end by itself.
         assert all(whole[each] == found[each] for each in found.keys() - left), codes
         if number != signal.SIGKILL:
             assert left == set(), (child.returncode, err)

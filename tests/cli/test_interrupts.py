@@ -191,6 +191,28 @@ shrm_cli.maps.shrm.prefilter.prefilter_shrm = prefilter_shrm
     assert snapshot(folder) == before
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_in_callbacks_of_python_are_obeyed(folder, number):
+    """Python drops exceptions that are raised while an object is freed."""
+    before = snapshot(folder)
+    code = f"""
+import os, signal, time, weakref, shrm_cli.maps.shrm.prefilter
+signal.signal(signal.SIGINT, signal.default_int_handler)
+def prefilter_shrm(*_, **__):
+    freed = type("Freed", (), {{}})()
+    kept = weakref.ref(freed, lambda _: os.kill(os.getpid(), {int(number)}))
+    del freed
+    print("survived", flush=True)
+    time.sleep(20)
+shrm_cli.maps.shrm.prefilter.prefilter_shrm = prefilter_shrm
+{MAIN}"""
+    result = process(*WRITE, code=code)
+    said = "interrupted" if number == signal.SIGINT else "stopped by SIGTERM"
+    assert (result.code, result.out) == (128 + number, "survived\n")
+    assert result.err.strip() == f"Error: {said}"
+    assert snapshot(folder) == before
+
+
 def test_two_writers_leave_one_whole_file(folder):
     """Neither removes the other's temporary, and the last one wins."""
     sizes = (16, 32)
