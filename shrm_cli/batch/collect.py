@@ -166,7 +166,7 @@ def check_collection(path: str | os.PathLike[str]) -> None:
     RemoteError
         If it is a URL whose store cannot be reached.
     """
-    shown = _printable(os.fspath(path))
+    shown = _printable(path)
     if Path(path).suffix.lower() not in SUFFIXES:
         raise OutputError(f"{shown}: collections are .npz or .parquet; name it so")
     if remote.is_remote(path):
@@ -193,7 +193,7 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     """
     check_collection(path)
     if not collection.names:
-        shown = _printable(os.fspath(path))
+        shown = _printable(path)
         raise OutputError(f"{shown}: no probe has coefficients, so that nothing is written")
     with remote.written(path) as target:
         _write(target, collection, json.dumps(collection.settings()))
@@ -255,9 +255,9 @@ def _shape(order: int) -> tuple[int, int]:
     return (order + 1) ** 2, 3
 
 
-def _printable(name: str) -> str:
+def _printable(name: str | os.PathLike[str]) -> str:
     """Return a name that every reader takes: bytes that are no text as escapes, no passwords."""
-    text = name.encode("utf-8", "backslashreplace").decode()
+    text = os.fspath(name).encode("utf-8", "backslashreplace").decode()
     return remote.shown(text) if remote.is_remote(text) else text
 
 
@@ -274,7 +274,7 @@ def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:
         import pyarrow.parquet
     except ImportError as error:
         raise OutputError(
-            f"{_printable(os.fspath(path))}: tables need the package pyarrow; "
+            f"{_printable(path)}: tables need the package pyarrow; "
             "pip install 'shrm[parquet]', or write .npz"
         ) from error
     return pyarrow, pyarrow.parquet

@@ -48,8 +48,4 @@ def making_options(
         shared_options("domain", "source_height", "frame", "size", "max_size"),
         precision_option, both, of_probes, of_maps,
     ]  # fmt: skip
-
-    def add(command: Command) -> Command:
-        return with_options(command, options)
-
-    return add
+    return lambda command: with_options(command, options)

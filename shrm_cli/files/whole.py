@@ -141,8 +141,7 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(target)
     prefix = own_prefix(target.stem[:_STEM])
     for left in abandoned(target.parent, prefix, target.suffix):
-        with contextlib.suppress(OSError):
-            left.unlink(missing_ok=True)
+        discard(left)
     temporary = target.with_name(f"{prefix}{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
     try:
         _check_replaceable(target)
@@ -218,7 +217,7 @@ def claim(temporary: Path) -> None:
 
 
 def discard(temporary: Path) -> None:
-    """Remove a temporary file or folder of this process, if it is there."""
+    """Remove a temporary file or folder, if it is there."""
     with contextlib.suppress(OSError):
         if temporary.is_dir():
             import shutil

@@ -160,6 +160,15 @@ def read_exr(path):
         return header, {name: channel.pixels for name, channel in file.channels().items()}
 
 
+def write_scene(folder):
+    """Write probe.exr, lamp.exr, which has a lamp, and mesh.obj."""
+    write_exr(folder / "probe.exr", noise(32, 64))
+    with_lamp = noise(32, 64) / 10
+    with_lamp[8, 20] = 2000
+    write_exr(folder / "lamp.exr", with_lamp)
+    (folder / "mesh.obj").write_text(MESH)
+
+
 def noise(height=16, width=32):
     """Return random radiance, the same each time."""
     values = np.random.default_rng(7).uniform(0, 2, (height, width, 3))

@@ -12,16 +12,14 @@ import pytest
 
 from tests.cli.helpers import (
     FAULTS,
-    MESH,
     NO_MODULES,
     assert_refused,
     environment,
     mounted,
-    noise,
     process,
     run,
     snapshot,
-    write_exr,
+    write_scene,
 )
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")
@@ -93,11 +91,7 @@ for name, command in json.loads(sys.argv[1]).items():
 def prepared(tmp_path_factory):
     """A folder with a probe, one with a lamp, an SHRM, a split sum and a mesh."""
     folder = tmp_path_factory.mktemp("disk")
-    write_exr(folder / "probe.exr", noise(32, 64))
-    with_lamp = noise(32, 64) / 10
-    with_lamp[8, 20] = 2000
-    write_exr(folder / "lamp.exr", with_lamp)
-    (folder / "mesh.obj").write_text(MESH)
+    write_scene(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert run("prefilter", "probe.exr", "--brdf", "phong", "-o", "m.exr").code == 0

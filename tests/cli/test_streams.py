@@ -12,14 +12,12 @@ import sys
 import pytest
 
 from tests.cli.helpers import (
-    MESH,
     WHOLE,
     Run,
     environment,
-    noise,
     run,
     snapshot,
-    write_exr,
+    write_scene,
 )
 
 pytestmark = [
@@ -44,11 +42,7 @@ FULL = "Error: standard output: No space left on device\n"
 def prepared(tmp_path_factory):
     """A folder with a probe, one with lamps and a mesh."""
     folder = tmp_path_factory.mktemp("streams")
-    write_exr(folder / "probe.exr", noise(32, 64))
-    with_lamps = noise(32, 64) / 10
-    with_lamps[8, 20] = 2000
-    write_exr(folder / "lamp.exr", with_lamps)
-    (folder / "mesh.obj").write_text(MESH)
+    write_scene(folder)
     return folder
 
 
