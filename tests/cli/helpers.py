@@ -28,16 +28,15 @@ that are, and fail to import them ever after."""
 
 
 UNPRIVILEGED = """
-import difflib, importlib, os, pkgutil, shrm_cli
-for module in pkgutil.walk_packages(shrm_cli.__path__, "shrm_cli."):
-    importlib.import_module(module.name)
+import ctypes, os
 if os.geteuid() == 0:
-    os.setgroups([])
-    os.setresgid(65534, 65534, 65534)
-    os.setresuid(65534, 65534, 65534)
+    version, this_process = 0x20080522, 0
+    ends = ctypes.CDLL(None).capset((ctypes.c_uint32 * 2)(version, this_process),
+                                    (ctypes.c_uint32 * 6)())
+    assert ends == 0
 """
-"""Makes a process of root's one of nobody's, because permissions do not bind root. All modules are
-imported before, while their files can still be read."""
+"""Takes the capabilities from a process of root's, because permissions do not bind root. It stays
+root's otherwise: the environment may lie in a folder that no other user can enter."""
 MESH = "v 0 1 0\nv 1 0 1\nv -1 0 1\nv -1 0 -1\nv 1 0 -1\nf 1 3 2\nf 1 4 3\nf 1 5 4\nf 1 2 5\n"
 """A pyramid without its base, as OBJ."""
 FAULTS = int(os.environ.get("FAULTS", "1"))

@@ -314,7 +314,6 @@ def test_a_pipe_is_not_replaced(folder):
 
 def test_folder_without_permission(folder):
     (folder / "sub").mkdir(mode=0o555)
-    folder.chmod(0o755)
     refused_output(
         folder, "sub/out.exr", "no permission to write in sub; name another", code=UNPRIVILEGED
     )
