@@ -6,8 +6,9 @@ About the central direction the reflected light is, for each azimuthal order q,
 
 An SHRM expands the dependence on theta_o in Legendre functions (eq. 5.23 of Ramamoorthi's thesis).
 Here it is expanded in the right singular vectors of ``rho_hat_lq(theta_o)``, whose rows are
-weighted by the power of the probe's light: no other functions come closer with as few of them. It
-is the factorization of Kautz and McCool, made in the frequency domain and order by order, which
+weighted by the power of the probe's light: no other functions come closer with as few of them.
+Views are weighted, too, because the same error is seen more easily where little light is reflected.
+It is the factorization of Kautz and McCool, made in the frequency domain and order by order, which
 section 5.8 of the thesis names as future work. The first function of q = 0 is the split sum.
 
 References
@@ -15,6 +16,7 @@ References
 Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,6 +35,10 @@ MAX_Q = 12
 """The largest azimuthal order q that maps hold."""
 _MOST_FUNCTIONS = MAX_PRINCIPAL_MAPS
 """The most functions of an azimuthal order that a map may hold."""
+_EVENNESS = 0.25
+"""The power of the directional albedo relative to which functions keep errors small: 0 would be the
+least RMS error, and 1 the least relative to each view's light. This one costs half a percent of the
+RMS error, and takes up to an eighth from what is seen in dark places."""
 
 
 def span_of(center: Center) -> float:
@@ -67,14 +73,18 @@ class Spectrum:
         ``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel.
     weights : ndarray, shape (n,)
         The weights of the nodes of the visible views; the others are 0.
+    unit : ndarray, shape (n, 3)
+        The size of an error that is as bad at one node as at another. The functions are singular
+        vectors of the transfer functions in these units.
     albedo : ndarray, shape (n, 3), optional
-        What the BRDF was divided by, at the nodes.
+        What the BRDF is divided by, at the nodes; it is the unit then.
     """
 
     transfer: TransferFunctions
     center: Center
     light: Array
     weights: Array
+    unit: Array
     albedo: Array | None = None
 
     @classmethod
@@ -91,36 +101,44 @@ class Spectrum:
             As the attribute.
         divide : bool
             Whether to factorize the BRDF divided by its directional albedo, so that the error is
-            small relative to the albedo. Otherwise it is small relative to the whole.
+            small relative to the albedo. Otherwise it is small relative to a power of it.
         """
         weights = np.where(transfer.theta_o <= span_of(center), transfer.weights, 0.0)
-        albedo = directional_albedo(transfer) if divide else None
-        return cls(transfer, center, light[: transfer.order_f + 1], weights, albedo)
+        albedo = directional_albedo(transfer)
+        unit, kept = (albedo, albedo) if divide else (albedo**_EVENNESS, None)
+        return cls(transfer, center, light[: transfer.order_f + 1], weights, unit, kept)
 
     @cached_property
     def vectors(self) -> Array:
-        """The functions of theta_o at the nodes, shape (Q+1, k, n, 3), the strongest first.
+        """The singular vectors at the nodes, shape (Q+1, k, n, 3), the strongest first.
 
         Their squares integrate to ``1 / (2 pi)`` over ``sin(theta_o) dtheta_o``, as those of the
-        Legendre functions do; where the BRDF is divided by its albedo, after that division.
+        Legendre functions do. They are in units of `unit`.
         """
         transfer = self.transfer
         # Dark places beside lamps are lit by the broad parts of lobes, which a plain RMS would
         # neglect: low degrees count more.
         emphasis = self.light / (2 * np.arange(len(self.light)) + 1)[:, None]
-        scale = np.sqrt(2 * np.pi * self.weights)[:, None] * np.ones(3)
-        divided = scale / (1.0 if self.albedo is None else self.albedo)
-        count = min(len(self.light), int((self.weights > 0).sum()), _MOST_FUNCTIONS)
+        # Only seen views take part: others would only make vectors that are nowhere seen.
+        seen = self.weights > 0
+        scale = np.sqrt(2 * np.pi * self.weights[seen])
+        count = min(len(self.light), len(scale), _MOST_FUNCTIONS)
         orders = min(transfer.max_q, MAX_Q) + 1
         vectors = np.zeros((orders, count, len(self.weights), 3))
         for q in range(orders):
             for channel in range(3):
-                rows = np.sqrt(emphasis[q:, channel])[:, None] * transfer.values[q, q:, :, channel]
-                rows = rows * divided[:, channel]
+                values = transfer.values[q, q:, seen, channel].T
+                rows = np.sqrt(emphasis[q:, channel])[:, None] * values
+                rows = rows * (scale / self.unit[seen, channel])
                 # The right singular vectors are eigenvectors of a small matrix over the nodes.
                 basis = _with_sign(np.linalg.eigh(rows.T @ rows)[1])
-                vectors[q, :, :, channel] = basis[:, ::-1][:, :count].T
-        return vectors * np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+                vectors[q, :, seen, channel] = basis[:, ::-1][:, :count] / scale[:, None]
+        return vectors
+
+    @cached_property
+    def functions(self) -> Array:
+        """The functions that the transfer functions are expanded in, as `vectors`; without unit."""
+        return self.vectors * self.unit
 
     @cached_property
     def energies(self) -> Array:
@@ -130,17 +148,46 @@ class Spectrum:
     @cached_property
     def _reflected(self) -> list[Array]:
         """The energy of the reflected light in the first k functions, to degree l: q: [k, l]."""
-        return [self._sums(part**2 * self.light, q) for q, part in enumerate(self._parts)]
+        return [self._sums(gains * self.light, q) for q, gains in enumerate(self._gains)]
 
     @cached_property
     def _own(self) -> list[Array]:
-        """The BRDF's own energy in the first k functions, to degree l: a list by q of [k, l]."""
-        return [self._sums(part**2, q) for q, part in enumerate(self._parts)]
+        """The BRDF's own energy in the first k functions, to degree l: a list by q of [k, l].
+
+        Where it is divided by its albedo, that of the quotient.
+        """
+        squares = self._gains if self.albedo is None else [part**2 for part in self._parts]
+        return [self._sums(each, q) for q, each in enumerate(squares)]
+
+    @cached_property
+    def _gains(self) -> list[Array]:
+        """The energy that each function takes from the error, for each q: [k, l, channel].
+
+        It would be the square of its part if functions were orthogonal, as they are but for the
+        unit: the square of the rest is ``sum(rho^2) - 2 sum(a p) + sum(a G a)``, with the parts a,
+        the projections p of rho on the functions, and the products G of two functions.
+        """
+        found = []
+        for q, functions in enumerate(self.functions.transpose(0, 3, 1, 2)):
+            weighted = functions * self.weights
+            parts = self._parts[q].transpose(2, 0, 1)
+            projected = weighted @ self.transfer.values[q].transpose(2, 1, 0)
+            # Each product of two different functions comes with the later of them, and twice.
+            products = self._products[q]
+            later = 2 * np.tril(products, -1) + products * np.eye(products.shape[1])
+            found.append((parts * (2 * projected - later @ parts)).transpose(1, 2, 0))
+        return found
+
+    @cached_property
+    def _products(self) -> Array:
+        """The integrals of two functions' product, times 2 pi: [q, channel, k, k]."""
+        functions = self.functions.transpose(0, 3, 1, 2)
+        return 2 * np.pi * (functions * self.weights) @ functions.swapaxes(-1, -2)
 
     @staticmethod
-    def _sums(squares: Array, q: int) -> Array:
-        """Add squares [k, l, channel] of an order up: over channels, functions and degrees."""
-        sums = (2 if q else 1) * squares.sum(axis=2).cumsum(axis=0).cumsum(axis=1)
+    def _sums(energies: Array, q: int) -> Array:
+        """Add energies [k, l, channel] of an order up: over channels, functions and degrees."""
+        sums = (2 if q else 1) * energies.sum(axis=2).cumsum(axis=0).cumsum(axis=1)
         return np.concatenate([np.zeros((1, sums.shape[1])), sums])
 
     def light_parts(self, q: int, first: int, last: int) -> Array:
@@ -159,15 +206,23 @@ class Spectrum:
         """
         return self._parts[q][first:last]
 
-    def bundle_parts(self, degree: int, first: int, last: int, order: int) -> Array:
-        """Return the `light_parts` of bundles of a degree, q = 0 .. degree, to an order of light.
+    def orthogonal_parts(self, q: int, count: int) -> Array:
+        """Return the `light_parts` of the same sum of functions, written in orthogonal ones.
 
-        Returns
-        -------
-        ndarray, shape (order+1, degree+1, last - first, 3)
+        Their squares are energies. The first functions of both kinds span the same functions.
         """
-        parts = [self.light_parts(q, first, last) for q in range(degree + 1)]
-        return np.stack(parts, axis=1)[:, :, : order + 1].transpose(2, 1, 0, 3)
+        factors = self._factors[q][:, :count, :count]
+        parts = self.light_parts(q, 0, count).transpose(2, 0, 1)
+        return (factors.swapaxes(-1, -2) @ parts).transpose(1, 2, 0)
+
+    @cached_property
+    def _factors(self) -> Array:
+        """The Cholesky factors of the products, [q, channel, k, k]."""
+        return np.linalg.cholesky(self._products)
+
+    def bundle_parts(self, degree: int, first: int, last: int, order: int) -> Array:
+        """Return the `light_parts` of bundles of a degree; see `bundled`."""
+        return bundled(self._parts[: degree + 1], first, last, order)
 
     @cached_property
     def _parts(self) -> list[Array]:
@@ -175,9 +230,7 @@ class Spectrum:
         found = []
         for q, vectors in enumerate(self.vectors):
             values = self.transfer.values[q]
-            if self.albedo is not None:
-                values = values / self.albedo
-            weighted = (vectors * self.weights[:, None]).transpose(2, 0, 1)
+            weighted = (vectors * (self.weights[:, None] / self.unit)).transpose(2, 0, 1)
             found.append((weighted @ values.transpose(2, 1, 0)).transpose(1, 2, 0))
         return found
 
@@ -187,7 +240,8 @@ class Spectrum:
         seen = self.weights > 0
         nodes = self.transfer.theta_o[seen]
         matrix = interpolation_matrix(nodes, self.angles(), odd=q % 2 == 1)
-        table = np.einsum("to,koc->ktc", matrix, self.vectors[q, first:last][:, seen])
+        stored = self.functions if self.albedo is None else self.vectors
+        table = np.einsum("to,koc->ktc", matrix, stored[q, first:last][:, seen])
         if q > 0:  # a function of the azimuth has no value where there is none
             table[:, 0] = 0.0
         return table
@@ -265,7 +319,10 @@ class Spectrum:
     @cached_property
     def known(self) -> Array:
         """The BRDF's energy of each degree over visible views, shape (F+1, 3)."""
-        values = self.transfer.values
+        return self._energy(self.transfer.values)
+
+    def _energy(self, values: Array) -> Array:
+        """Integrate the squares of transfer functions over visible views, shape (F+1, 3)."""
         squares = np.einsum("qloc,qloc,o->qlc", values, values, self.weights)
         return np.tensordot(both_signs(self.transfer.max_q), squares, 1) / (2 * np.pi)
 
@@ -278,10 +335,17 @@ class Spectrum:
         every = self.transfer.degree_energy.sum()
         return float(self.known.sum() / every) if every > 0 else 1.0
 
-    @property
+    @cached_property
     def total_energy(self) -> float:
-        """The BRDF's energy in visible views, of all degrees."""
-        return float(self.visible * self.transfer.total_energy.sum())
+        """The BRDF's energy in visible views, of all degrees.
+
+        Where it is divided by its albedo it is the quotient's, of which the same part is unknown.
+        """
+        whole = float(self.visible * self.transfer.total_energy.sum())
+        known = float(self.known.sum())
+        if self.albedo is None or known <= 0:
+            return whole
+        return whole * float(self._energy(self.transfer.values / self.albedo).sum()) / known
 
     def whole(self) -> float:
         """Return the energy of the reflected light over visible views, of the known degrees."""
@@ -294,6 +358,26 @@ class Spectrum:
     def kept(self, counts: "tuple[int, ...]") -> Array:
         """Return the energy of the reflected light in some functions, up to each degree."""
         return np.sum([self._reflected[q][used] for q, used in enumerate(counts)], axis=0)
+
+
+def bundled(parts: Sequence[Array], first: int, last: int, order: int) -> Array:
+    """Take what bundles hold out of the parts of functions.
+
+    Parameters
+    ----------
+    parts : sequence of ndarray, shape (>= last, >= order+1, 3)
+        The parts of the functions of each azimuthal order q = 0 .. p, where p is the degree of the
+        bundles.
+    first, last : int
+        Which functions, from `first` to before `last`.
+    order : int
+        The largest order of the light.
+
+    Returns
+    -------
+    ndarray, shape (order+1, p+1, last - first, 3)
+    """
+    return np.stack([each[first:last, : order + 1] for each in parts]).transpose(2, 0, 1, 3)
 
 
 def directional_albedo(transfer: TransferFunctions) -> Array:

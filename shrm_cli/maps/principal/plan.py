@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.principal.functions import Spectrum
+from shrm_cli.maps.principal.functions import Spectrum, bundled
 from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
 from shrm_cli.maps.size import (
     TRIED_SIZES,
@@ -111,7 +111,7 @@ class Planner:
         energies = np.diff(kept, prepend=0.0)
         carried = self._carried(energies, size)
         left = self.whole - kept[carried]
-        if is_exact or self.spectrum.albedo is not None:
+        if is_exact:
             left = self.spectrum.missing(counts, carried) + self.whole - self.spectrum.whole()
         lost = self._lost(counts, carried, size)
         whole = max(self.whole, 1e-300)
@@ -123,10 +123,10 @@ class Planner:
         degrees = bundle_degrees(counts)
         errors = bilinear_errors(carried + max(degrees), size, self.sampling, self._places)
         light, lost = self.spectrum.light[: carried + 1], 0.0
+        parts = [self.spectrum.orthogonal_parts(q, count) for q, count in enumerate(counts)]
         for p in set(degrees):
             first, count = degrees.index(p), degrees.count(p)
-            kept = self.spectrum.bundle_parts(p, first, first + count, carried)
-            energy = cube_energies(light, kept)
+            energy = cube_energies(light, bundled(parts[: p + 1], first, first + count, carried))
             lost += float(errors[: len(energy)] @ energy)
         return lost
 
@@ -142,7 +142,9 @@ class Planner:
         ----------
         energies : ndarray, shape (F+1,)
         """
-        rms = np.sqrt(np.append(np.cumsum(energies[::-1])[-2::-1], 0.0)) / (4 * np.pi)
+        # A function may be wrong at some degrees, and take less than nothing from their error.
+        beyond = np.append(np.cumsum(np.maximum(energies, 0)[::-1])[-2::-1], 0.0)
+        rms = np.sqrt(beyond) / (4 * np.pi)
         # The mean of the reflected light is that of the light, times that of the albedo.
         albedo = self.spectrum.weights @ self.spectrum.transfer.values[0, 0] / np.sqrt(np.pi) / 2
         mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
