@@ -37,9 +37,9 @@ _MOST_FUNCTIONS = MAX_PRINCIPAL_MAPS
 """The most functions of an azimuthal order that a map may hold."""
 _EVENNESS = 0.25
 """The power of the directional albedo relative to which functions keep errors small: 0 would be the
-least RMS error, and 1 the least relative to each view's light. This one costs half a percent of the
-RMS error, of plastics with many functions up to four, and takes up to an eighth from the errors that
-are seen in dark places."""
+least RMS error, and 1 the least relative to each view's light. This one costs half a percent of
+the RMS error, of plastics with many functions up to four, and takes up to an eighth from the errors
+that are seen in dark places."""
 
 
 def span_of(center: Center) -> float:
