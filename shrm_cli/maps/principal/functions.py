@@ -74,19 +74,15 @@ class Spectrum:
         ``4 pi / (2l+1) sum_m |L_lm|^2`` of each degree and channel.
     weights : ndarray, shape (n,)
         The weights of the nodes of the visible views; the others are 0.
-    unit : ndarray, shape (n, 3)
-        The size of an error that is as bad at one node as at another. The functions are singular
-        vectors of the transfer functions in these units.
-    albedo : ndarray, shape (n, 3), optional
-        What the BRDF is divided by, at the nodes; it is the unit then.
+    is_divided : bool
+        Whether the BRDF is divided by its directional albedo.
     """
 
     transfer: TransferFunctions
     center: Center
     light: Array
     weights: Array
-    unit: Array
-    albedo: Array | None = None
+    is_divided: bool = False
 
     @classmethod
     def of(
@@ -105,9 +101,22 @@ class Spectrum:
             small relative to the albedo. Otherwise it is small relative to a power of it.
         """
         weights = np.where(transfer.theta_o <= span_of(center), transfer.weights, 0.0)
-        albedo = directional_albedo(transfer)
-        unit, kept = (albedo, albedo) if divide else (albedo**_EVENNESS, None)
-        return cls(transfer, center, light[: transfer.order_f + 1], weights, unit, kept)
+        return cls(transfer, center, light[: transfer.order_f + 1], weights, divide)
+
+    @cached_property
+    def albedo(self) -> Array | None:
+        """What the BRDF is divided by, at the nodes, shape (n, 3), if it is."""
+        return directional_albedo(self.transfer) if self.is_divided else None
+
+    @cached_property
+    def unit(self) -> Array:
+        """The size of an error that is as bad at one node as at another, shape (n, 3).
+
+        The functions are singular vectors of the transfer functions in these units.
+        """
+        if self.albedo is not None:
+            return self.albedo
+        return np.asarray(directional_albedo(self.transfer) ** _EVENNESS)
 
     @cached_property
     def vectors(self) -> Array:
@@ -175,7 +184,7 @@ class Spectrum:
             projected = weighted @ self.transfer.values[q].transpose(2, 1, 0)
             # Each product of two different functions comes with the later of them, and twice.
             products = self._products[q]
-            later = 2 * np.tril(products, -1) + products * np.eye(products.shape[1])
+            later = np.tril(products) + np.tril(products, -1)
             found.append((parts * (2 * projected - later @ parts)).transpose(1, 2, 0))
         return found
 
