@@ -9,10 +9,12 @@ import contextvars
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from shrm_cli import settings
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -47,6 +49,8 @@ def in_order(
     if threads <= 1 or not is_large:
         yield from map(work, jobs)
         return
+    # Small runs start no threads, and are spared the loading of this module.
+    from concurrent.futures import ThreadPoolExecutor
 
     def alone(job: Job) -> Result:
         with settings.using(threads=1):

@@ -105,7 +105,6 @@ def prefilter(
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import store
-    from shrm_cli.maps.shader.code import look_up_code
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts
     from shrm_cli.probe.probe import open_probe
 
@@ -124,12 +123,16 @@ def prefilter(
     if not (output or force):
         keep_other_map(target, to, source, given, precision)
     printed = {}
+    is_told = as_json or not quiet
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
         if prints["shader"] is not None:
+            from shrm_cli.maps.shader.code import look_up_code
+
             printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"])
         stored = store(target, made.map, precision)
-        summary = made.summary()
+        # What nobody is told need not be found out.
+        summary = made.summary() if is_told else made.quick_summary()
     result = {"file": os.fspath(target), **summary, "storage_error": stored.error}
     result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
@@ -138,7 +141,7 @@ def prefilter(
     warnings += [f"{target}: {line}" for line in made.warnings]
     for text in [] if as_json else printed.values():
         echo(text.rstrip("\n"))
-    lines = _report(chosen, made, result)
+    lines = _report(chosen, made, result) if is_told else []
     conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
 
 

@@ -20,7 +20,6 @@ from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees
-from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
@@ -128,6 +127,9 @@ def prefilter(
     lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
 
     def share() -> float | None:
+        # It is loaded when it is asked for, which whoever prints nothing does not do.
+        from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
+
         is_whole = len(terms) == 1
         return predicted_wrong_share(terms[0].planner, terms[0].form) if is_whole else None
 

@@ -28,7 +28,6 @@ from shrm_cli.maps.shrm.budget import (
 from shrm_cli.maps.shrm.compressed import compressed
 from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
 from shrm_cli.maps.size import check_size, choose_size, total_error
-from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.orders import choose_center, choose_orders
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -272,6 +271,9 @@ def prefilter_shrm(
     is_all = form is SHRM_FORM and not kept.info.added_error
 
     def share() -> float | None:
+        # It is loaded when it is asked for, which whoever prints nothing does not do.
+        from shrm_cli.maps.wrong_share import predicted_wrong_share
+
         return predicted_wrong_share(expansion) if is_all else None
 
     facts = {"error_bound": expansion.bound}
