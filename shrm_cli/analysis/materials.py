@@ -22,7 +22,7 @@ _ACCURACY = 1e-3
 """The fraction of a BRDF's energy that the sampling of its coefficients may miss."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MaterialEnergies:
     """The energy that orders capture of several BRDFs.
 

@@ -42,7 +42,7 @@ _HIGHER = 2
 """The reflected light counts as known at an F that is this many times the F of the grid."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EnergyGrid:
     """The fraction of a BRDF's energy in every pair of orders (eq. 5.18).
 
@@ -113,7 +113,7 @@ def energy_grid(
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AccuracyCurve:
     """Accuracy of the reflected light against F, and estimates of it (figure 5.5).
 
@@ -190,7 +190,7 @@ def _missing(degrees: Array, total: Array) -> Array:
     return np.clip(1 - found / whole, 0, 1) if whole > 0 else np.zeros(len(degrees))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OrderPictures:
     """Spheres drawn from maps of different P, and as they truly are (figure 5.6).
 

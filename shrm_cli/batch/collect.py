@@ -64,7 +64,7 @@ class Gathered(Protocol):
     def digest(self) -> str: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Collection:
     """The coefficients of many probes.
 

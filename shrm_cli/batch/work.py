@@ -83,7 +83,7 @@ class Terms:
     gathering: Gathering | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """What a worker hands back of one probe.
 

@@ -28,7 +28,7 @@ from shrm_cli.vocabulary import MAX_ORDER_P
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BrdfCoefficients:
     """Coefficients of a transfer function up to the orders F and P, and its whole energy.
 

@@ -21,7 +21,7 @@ _ACCURACY = 1e-3  # the relative change of an albedo that counts as settled
 _SAMPLES_AT_ONCE = 2**17
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Examination:
     """What `examine` finds; arrays of three are linear RGB.
 

@@ -69,7 +69,7 @@ def lobe_width(brdf: Brdf) -> float:
     return float(radius[np.searchsorted(inside, inside[-1] / 2)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Expansion:
     """Lobes of several views as harmonics, with estimates of what their sampling misses.
 
@@ -247,7 +247,7 @@ def _with_thirds(weights: Array) -> Array:
     return np.append(weights, thirds, axis=2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Sums:
     """Integrals of samples over the azimuth, as far as they are known; 0 elsewhere.
 

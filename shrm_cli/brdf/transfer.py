@@ -60,7 +60,7 @@ _SCALE = 1000
 """The number of steps in which progress is reported."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TransferFunctions:
     """The lobes of a BRDF for all views, as harmonics of the light about the central direction.
 

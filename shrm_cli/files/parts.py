@@ -37,7 +37,7 @@ LARGE = 2**20
 """The values of planes above which several threads are worth their start."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Part:
     """One part of a file to write.
 

@@ -46,7 +46,7 @@ class SurfaceMaterial:
     textures: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles that share vertices.
 

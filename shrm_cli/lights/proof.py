@@ -23,7 +23,7 @@ _NORMALS = 2048
 _VALUES_AT_ONCE = 2**23
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Proof:
     """How far the irradiance of residual and discs is from that of the probe.
 

@@ -109,7 +109,7 @@ def _halves(mode: Array) -> Array:
     return np.moveaxis(mode, 2, 0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Table:
     """What couples light of all degrees l with the degree p of the view to coefficients over R.
 

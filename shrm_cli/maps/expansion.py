@@ -30,7 +30,7 @@ _UNKNOWN = 0.02
 """The part of the predicted squared error that may be an estimate."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Expansion:
     """A BRDF and the light of a probe in the frequency domain, and the orders of their map.
 

@@ -10,7 +10,7 @@ from typing import Any
 from shrm_cli.maps.base import Map
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prefiltered:
     """A map, and what is known of how it was made.
 

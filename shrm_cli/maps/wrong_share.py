@@ -61,7 +61,7 @@ _UNSURE = 0.005, 0.1
 and in units of the share."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lobes:
     """Lobes of a BRDF for some views, and what a map leaves out of them.
 

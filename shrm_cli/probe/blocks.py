@@ -27,7 +27,7 @@ _HOLE_ROWS = 32
 """Rows that are read before and behind a block with holes, at first."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BlockReader:
     """Reads the pixels of a probe.
 

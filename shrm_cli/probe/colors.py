@@ -13,7 +13,7 @@ from shrm_cli.probe.options import ReadOptions, chromaticities_of
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ColorReading:
     """How the colors of a probe are understood.
 

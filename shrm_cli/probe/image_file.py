@@ -45,7 +45,7 @@ class _Held:
     pixels: Any = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImageFile:
     """A `ProbeImage` in a file that was opened: its header, and its pixels on demand.
 

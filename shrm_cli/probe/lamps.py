@@ -30,7 +30,7 @@ _PASSES, _SETTLED = 16, 0.99
 A lamp that raised its own limit would be smooth in part: a row of 32 lost .8 % of its light."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lamps:
     """What integrals over a block of polar rows must add for lamps.
 

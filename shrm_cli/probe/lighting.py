@@ -23,7 +23,7 @@ _ROWS_AT_ONCE = 16
 """The rows whose squares are summed at a time, which stay in the processor's cache."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lighting:
     """Incident light in the frequency domain.
 

@@ -27,7 +27,7 @@ from shrm_cli.vocabulary import Orientation, Sampling
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Probe:
     """A probe whose pixels are read on demand, and checked as they are.
 

@@ -22,7 +22,7 @@ _BAND_ROWS = 16 * _TILE_ROWS
 _TINY = 1e-300
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Source:
     """A probe as many small lights, in tiles of neighboring pixels.
 

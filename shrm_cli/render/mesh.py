@@ -37,7 +37,7 @@ MIN_COSINE = 0.01
 """The least N.V that surfaces are shaded with."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Hits:
     """What rays meet; arrays of one entry a ray, and of -1 in `faces` for no triangle."""
 

@@ -69,7 +69,7 @@ class Lens:
         return min(int(np.ceil(np.pi / self.pixel)), 2**16)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Aim:
     """Where a camera looks and from how far.
 

@@ -15,7 +15,7 @@ from shrm_cli.render.shading import KnownMap
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recolored:
     """A map whose radiance is shown in other primaries; that is exact for maps of every form.
 

@@ -173,7 +173,7 @@ class Actor:
         return tangents_from_uvs(self.mesh)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stage:
     """All meshes of a picture as one.
 

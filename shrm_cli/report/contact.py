@@ -34,7 +34,7 @@ MOST_MAPS = 2000
 _VIEWER = Viewer(30, 15)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Thumbnail:
     """A map as the page shows it.
 

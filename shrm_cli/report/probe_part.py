@@ -32,7 +32,7 @@ _LEAST_STOPS = 4.0
 """The fewest stops that false colours span."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Preview:
     """A probe as a small lat-long.
 

@@ -397,7 +397,7 @@ class _QuarterTurn(Protocol):
         """Turn functions, shape (2l+1, ...), or turn them back."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _WholeTurn:
     """The matrix of Ry(pi/2) between real harmonics of one degree: one product for few of them."""
 
@@ -408,7 +408,7 @@ class _WholeTurn:
         return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _SplitTurn:
     """The same by the parts of that matrix that are not zero, a quarter of it.
 

@@ -35,7 +35,7 @@ _MOST_SAMPLES = 2**16
 """The most rays of a vertex."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """What is to be baked, and what it will take.
 

@@ -34,7 +34,7 @@ class Facts:
     samples: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Transfer:
     """Precomputed radiance transfer of a mesh, for light of any coefficients.
 

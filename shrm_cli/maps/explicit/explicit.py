@@ -41,7 +41,7 @@ _NOISE = 0.02
 it counts as zero."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExplicitMap(Map):
     """Reflected light tabulated over the central direction and samples of the view.
 

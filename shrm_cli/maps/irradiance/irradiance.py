@@ -88,7 +88,7 @@ def matrix_constants() -> tuple[float, float, float, float, float]:
     return float(c1), float(c2), float(c3), float(a0 * constant), float(a2 * zonal)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Irradiance(LightMap):
     """The irradiance of a surface as a function of its normal.
 

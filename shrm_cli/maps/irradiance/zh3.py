@@ -46,7 +46,7 @@ _LEAST = 1e-6
 """The least degree 1, beside degree 0, that has a direction; weaker ones get no degree 2."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Zh3(Irradiance):
     """An irradiance map whose degree 2 is zonal; `coefficients` hold it as five numbers too.
 

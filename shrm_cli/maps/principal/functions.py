@@ -60,7 +60,7 @@ def _with_sign(basis: Array) -> Array:
     return basis * np.where(basis[largest, np.arange(basis.shape[1])] < 0, -1.0, 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spectrum:
     """The singular vectors of a BRDF, weighted by light, for every azimuthal order and channel.
 

@@ -45,7 +45,7 @@ _VALUES_AT_ONCE = 2**22
 """The most values of cubes that are looked up at a time, 16 MB as 32-bit floats."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lobe:
     """The light that one term of a BRDF reflects, about its own central direction.
 

@@ -126,7 +126,7 @@ class ProductMap(FixedMap):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ProductTexture(ProductMap):
     """The product functions of a BRDF over the view, and maybe the light that it is under.
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PackedTexture:
     """An array of images, as graphics APIs take it.
 

@@ -66,7 +66,7 @@ class FactorOrders(Protocol):
     def law(self) -> Law: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SphericalHarmonicExponential(SurfaceLightMap):
     """The light that GGX surfaces reflect, as the logarithms of two factors P and Q.
 
@@ -228,7 +228,7 @@ class ShadedExponential(Shaded):
         return LobeMoments(self.roughness)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExponentSeries:
     """The numbers that the coefficients are multiplied by at some normals and views.
 

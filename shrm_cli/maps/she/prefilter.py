@@ -82,7 +82,7 @@ class _Factors:
     law: Law
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """The n samples of one channel that k coefficients are fitted to.
 

@@ -28,7 +28,7 @@ _GOLDEN = (np.sqrt(5) - 1) / 2
 """By this part of a step, a ring of samples is turned from the one before, for even coverage."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReflectanceSamples:
     """Light reflected at pairs of mirror direction R and view V that fill both spheres evenly.
 

@@ -22,7 +22,7 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CompressedShrm(Map):
     """An SHRM as K spatial maps and the matrix that mixes its coefficients from them.
 

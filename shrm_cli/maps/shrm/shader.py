@@ -18,7 +18,7 @@ from shrm_cli.vocabulary import Center
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Term:
     """A term of the map: its cubes, shape (6N, N, K, 3), and the matrix that mixes them, if any."""
 

@@ -34,7 +34,7 @@ _TEXELS_AT_ONCE = 2**14
 """The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shrm(Map):
     """A spherical harmonic reflection map.
 

@@ -57,7 +57,7 @@ def rms(term: Shrm | CompressedShrm) -> float:
     return float(np.sqrt(energy / 3) / (4 * np.pi))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SummedShrm(Map):
     """SHRMs whose radiances add up.
 

@@ -31,7 +31,7 @@ _LARGEST_TOLERANCE = 0.7
 """The largest tolerance that is tried for the terms."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """A term of a sum with its orders.
 
@@ -60,7 +60,7 @@ class Term:
         return coefficient_count(self.choice.orders, self.coefficients)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A BRDF that is split into terms whose combined error is at most that of the whole.
 

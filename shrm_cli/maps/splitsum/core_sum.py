@@ -76,7 +76,7 @@ def sum_core(
     return sums[folded.source, folded.image].reshape(directions.shape)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Folded:
     """Directions in a 16th of the sphere, and which of them, in which image, each direction is.
 
@@ -109,7 +109,7 @@ def _fold(directions: Array) -> _Folded:
     return _Folded(polar[first], turn[first], source, image)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Table:
     """The values of a core, tabulated, which takes a third of the time.
 

@@ -26,7 +26,7 @@ _FADE = 0.05
 """The least number of degrees over which an expansion fades out, as a part of its order."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Expansion:
     """What the degrees of the light are multiplied with for a level, and what is known of it.
 

@@ -23,7 +23,7 @@ from shrm_cli.vocabulary import LEVEL_MAPPINGS, LevelMapping, Sampling
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplitSum(SurfaceLightMap):
     """Light prefiltered by the lobes of GGX for N = V = R, one cube for each roughness.
 

@@ -53,7 +53,7 @@ def terms_of(order: int) -> list[Term]:
     ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ZernikeSeries:
     """An expansion of a BRDF in the functions H.
 
