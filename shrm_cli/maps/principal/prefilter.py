@@ -18,7 +18,7 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, lobe_strengths
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
@@ -28,8 +28,6 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
-from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, MAX_ORDER_F, Sampling
 
@@ -57,10 +55,8 @@ _ROUNDING = 1 + 1e-9
 """How much more than what was asked for counts as the same."""
 _SHARP = 0.05
 """The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
-_PAIRS = 4096
-"""The central directions and views at which it is measured how coherent the terms of a sum are."""
 _SMALL = 16
-"""The texels along a face's edge of the maps that are made for that."""
+"""The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
 _FIRST_Q = 6
 """The largest azimuthal order q that is computed first. Sharp lobes have more at grazing views."""
 _PART_ASIDE = 0.1
@@ -381,18 +377,14 @@ def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sam
     """
     if len(parts) == 1:
         return 1.0
-    views = spiral_directions(_PAIRS)
-    centers = np.random.default_rng(0).permutation(views)
     info = MapInfo(0, 0, 0.0, 1.0, 0.0)
-    found = []
+    small = []
     for part, planner in zip(parts, planners, strict=True):
         form = planner.with_maps(1, _SMALL)
         lobe = _lobe(_Term(part, planner, form, 0.0, 0, True), sampling)
-        found.append(
-            PrincipalMap((lobe,), info, sampling).radiance(bisector(centers, views), views)
-        )
-    separate = sum(float(np.sqrt(np.mean(each**2))) for each in found)
-    together = float(np.sqrt(np.mean(np.sum(found, axis=0) ** 2)))
+        small.append(PrincipalMap((lobe,), info, sampling))
+    strengths, together = lobe_strengths(small)
+    separate = float(strengths.sum())
     return together / separate if separate > 0 else 1.0
 
 

@@ -28,7 +28,7 @@ from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector, to_angles, views_around
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
-from shrm_cli.sphere.quadrature import gauss_legendre
+from shrm_cli.sphere.quadrature import gauss_legendre, spiral_directions
 from shrm_cli.sphere.rotation import rotate_to_frames
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import Center, Frame, Sampling
@@ -43,6 +43,8 @@ _NODES = 64
 """Gauss's nodes over the angle of the view, for conversions."""
 _VALUES_AT_ONCE = 2**22
 """The most values of cubes that are looked up at a time, 16 MB as 32-bit floats."""
+_PAIRS = 4096
+"""Pairs of mirror directions and views that tell how bright the lobes of a map are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,6 +298,26 @@ class PrincipalMap(Map):
         """Check that the map could be kept in memory at another size; see `check_size`."""
         check_size(self.info.order_f, int(np.ceil(np.sqrt(self.cube_count))) - 1, size)
 
+    def _moved(self, size: int, sampling: Sampling) -> Map:
+        if len(self.lobes) == 1:
+            return super()._moved(size, sampling)
+        # What a lobe loses is relative to its own light, so that it is found of each by itself.
+        bare = replace(self.info, added_error=0.0)
+        alone = [PrincipalMap((lobe,), bare, self.sampling) for lobe in self.lobes]
+        moved = [each._moved(size, sampling) for each in alone]
+        strengths, whole = lobe_strengths(alone)
+
+        def joint(errors: list[float]) -> float:
+            return float(np.linalg.norm(strengths * errors) / max(whole, 1e-300))
+
+        lost = joint([each.info.added_error for each in moved])
+        info = replace(
+            self.info,
+            added_error=float(np.hypot(self.info.added_error, lost)),
+            filter_error=joint([each.info.filter_error for each in moved]),
+        )
+        return self.with_planes([each.planes()[0] for each in moved], sampling, info)
+
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate the reflected radiance, shape (..., 3), filtered between texels."""
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
@@ -354,6 +376,27 @@ class PrincipalMap(Map):
         order_p = _DEFAULT_ORDER_P if order_p is None else order_p
         check_size(self.info.order_f, order_p, self.size)
         return _expanded(self, order_p).to_frame(frame or "global")
+
+
+def lobe_strengths(maps: Sequence[PrincipalMap]) -> tuple[Array, float]:
+    """Return how bright the lobes of a sum are, each a map of its own, and how bright their sum is.
+
+    Parameters
+    ----------
+    maps : sequence of PrincipalMap
+
+    Returns
+    -------
+    strengths : ndarray, shape (maps,)
+        The RMS of the light of each over mirror directions and views.
+    whole : float
+        That of the sum: as much as all together where all are bright in the same places.
+    """
+    views = spiral_directions(_PAIRS)
+    centers = np.random.default_rng(0).permutation(views)
+    found = [each.radiance(bisector(centers, views), views) for each in maps]
+    strengths = np.array([np.sqrt(np.mean(each**2)) for each in found])
+    return strengths, float(np.sqrt(np.mean(np.sum(found, axis=0) ** 2)))
 
 
 def _expanded(source: PrincipalMap, order_p: int) -> Shrm:

@@ -24,6 +24,7 @@ from tests.bilinear import look_up
 from tests.brute_force import bright_pairs, unit
 from tests.maps.damage import refused, survives_flipped_bits
 from tests.maps.scenes import make_shrm, normals_of, uniform_points
+from tests.paper.looked_up import looked_up
 
 HEIGHT = 64
 pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
@@ -407,6 +408,27 @@ def test_resampled_maps_say_what_it_costs(stored):
     small = made.resampled(8)
     assert small.size == 8
     assert 0 < small.info.added_error < 1
+
+
+@pytest.mark.parametrize("size", [8, 12])
+def test_a_resampled_sum_says_what_each_lobe_loses(room, size):
+    """Its first lobe is diffuse and loses next to nothing, and the other one is sharp."""
+    made = prefilter(room, "0.5*lambertian+0.5*ggx:roughness=0.4", to="principal", maps=10)
+    assert [lobe.center for lobe in made.lobes] == ["normal", "reflection"]
+    small = made.resampled(size)
+    rng = np.random.default_rng(7)
+    centers, views, shares = bright_pairs(rng, made, 6000)
+    normals = normals_of(centers, views)
+    truth = made.radiance(normals, views)
+
+    def error(found):
+        return np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
+
+    added = error(small.radiance(normals, views))
+    as_on_a_gpu = error(looked_up(small, normals, views))
+    info = small.info
+    assert info.added_error == pytest.approx(added, rel=0.2)
+    assert np.hypot(info.added_error, info.filter_error) == pytest.approx(as_on_a_gpu, rel=0.2)
 
 
 def test_explicit_maps_of_lobes(room):
