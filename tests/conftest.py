@@ -1,5 +1,6 @@
 """Fixtures that tests share: reproducible random numbers, a cache of their own and sample files."""
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +18,16 @@ def own_cache(tmp_path_factory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SHRM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def obeyed_ctrl_c() -> None:
+    """Let the processes that tests start obey Ctrl-C, also where the tests themselves ignore it.
+
+    Shells start what runs in the background so, and processes inherit it.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture
