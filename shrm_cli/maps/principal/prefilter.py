@@ -22,6 +22,7 @@ from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, lobe_strengths
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
+from shrm_cli.maps.shrm.summed import joint_error
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
 from shrm_cli.orders import Orders, octaves_to_come
 from shrm_cli.probe.lighting import Projection
@@ -393,18 +394,14 @@ def _info(
 ) -> MapInfo:
     """Return the record of the map, with the errors of the terms combined."""
     strengths = np.sqrt([term.energy for term in terms])
-    whole = max(float(strengths.sum()) * coherence, 1e-300)
-
-    def combined(errors: Sequence[float]) -> float:
-        return float(np.linalg.norm(strengths * errors) / whole)
-
+    whole = float(strengths.sum()) * coherence
     energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
     captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
     order_p = max(len(term.form.counts) - 1 for term in terms)
     orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
     return replace(
         provenance(probe, brdf, orders),
-        predicted_error=combined([term.form.error for term in terms]),
-        filter_error=combined([term.form.filter_error for term in terms]),
+        predicted_error=joint_error(strengths, [term.form.error for term in terms], whole),
+        filter_error=joint_error(strengths, [term.form.filter_error for term in terms], whole),
         carried=max(term.form.carried for term in terms),
     )

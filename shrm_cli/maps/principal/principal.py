@@ -23,7 +23,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.summed import AZIMUTHS
+from shrm_cli.maps.shrm.summed import AZIMUTHS, joint_error
 from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector, to_angles, views_around
@@ -306,16 +306,10 @@ class PrincipalMap(Map):
         alone = [PrincipalMap((lobe,), bare, self.sampling) for lobe in self.lobes]
         moved = [each._moved(size, sampling) for each in alone]
         strengths, whole = lobe_strengths(alone)
-
-        def joint(errors: list[float]) -> float:
-            return float(np.linalg.norm(strengths * errors) / max(whole, 1e-300))
-
-        lost = joint([each.info.added_error for each in moved])
-        info = replace(
-            self.info,
-            added_error=float(np.hypot(self.info.added_error, lost)),
-            filter_error=joint([each.info.filter_error for each in moved]),
-        )
+        lost = joint_error(strengths, [each.info.added_error for each in moved], whole)
+        looked_up = joint_error(strengths, [each.info.filter_error for each in moved], whole)
+        added = float(np.hypot(self.info.added_error, lost))
+        info = replace(self.info, added_error=added, filter_error=looked_up)
         return self.with_planes([each.planes()[0] for each in moved], sampling, info)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:

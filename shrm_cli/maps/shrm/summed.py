@@ -23,18 +23,20 @@ AZIMUTHS = 32
 """The number of azimuths of the view over which `zonal_radiance` of sums averages."""
 
 
-def joint_error(strengths: Sequence[float], errors: Sequence[float]) -> float:
+def joint_error(strengths: ArrayLike, errors: Sequence[float], whole: float | None = None) -> float:
     """Return the error of a sum relative to the sum, taking those of its terms as independent.
 
     Parameters
     ----------
-    strengths : sequence of float
+    strengths : array_like, shape (terms,)
         The RMS of the light that each term reflects.
     errors : sequence of float
         The relative errors of the terms.
+    whole : float, optional
+        The RMS of the sum, by default that of terms which are bright in the same places.
     """
-    whole = max(sum(strengths), 1e-300)
-    return float(np.linalg.norm(np.multiply(strengths, errors)) / whole)
+    whole = float(np.sum(strengths)) if whole is None else whole
+    return float(np.linalg.norm(np.multiply(strengths, errors)) / max(whole, 1e-300))
 
 
 def _stating(
