@@ -124,7 +124,7 @@ def prefilter(
     lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
 
     def share() -> float | None:
-        # It is loaded when it is asked for, which whoever prints nothing does not do.
+        # Only a whole summary needs this module, which `--quiet` runs do without.
         from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 
         is_whole = len(terms) == 1

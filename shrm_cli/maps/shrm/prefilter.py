@@ -271,7 +271,7 @@ def prefilter_shrm(
     is_all = form is SHRM_FORM and not kept.info.added_error
 
     def share() -> float | None:
-        # It is loaded when it is asked for, which whoever prints nothing does not do.
+        # Only a whole summary needs this module, which `--quiet` runs do without.
         from shrm_cli.maps.wrong_share import predicted_wrong_share
 
         return predicted_wrong_share(expansion) if is_all else None
