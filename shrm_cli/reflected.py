@@ -30,7 +30,11 @@ half a per cent of the darkest places that `shrm compare` judges, those of 2 % o
 
 
 def predicted_error(
-    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    order_f: int,
+    order_p: int,
+    factors: Array | None = None,
 ) -> float:
     """Predict the relative RMS error of the reflected light, uniformly over all R and V.
 
@@ -48,6 +52,8 @@ def predicted_error(
         The coefficients of the BRDF, to orders above F and P.
     order_f, order_p : int
         The largest l and p that are kept.
+    factors : ndarray, shape (order_f + 1,), optional
+        What the map multiplies each l <= F with; 1 by default.
 
     Returns
     -------
@@ -56,8 +62,14 @@ def predicted_error(
     """
     light = weighted_power(lighting, coefficients.order_f)
     whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
-    kept = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p))
+    by_degree = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p), axis=1)
+    kept = by_degree.sum() if factors is None else by_degree @ kept_energy(factors)
     return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
+
+
+def kept_energy(factors: Array) -> Array:
+    """Return the part of an energy that is no error where amplitudes are multiplied by factors."""
+    return np.asarray(1 - (1 - factors) ** 2)
 
 
 def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
@@ -165,8 +177,8 @@ def own_energies_beyond(
     return above, rest - above
 
 
-def carried_order(
-    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+def visible_order(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_p: int | None = None
 ) -> int:
     """Find the order l beyond which nothing of the reflected light is visible.
 
@@ -178,17 +190,16 @@ def carried_order(
     lighting : Lighting
         The light, to at least the order of the coefficients.
     coefficients : BrdfCoefficients
-        The coefficients of the BRDF, to at least the orders F and P.
-    order_f, order_p : int
-        The orders F and P that the tolerance asks for.
+    order_p : int, optional
+        The order P of the map; every p by default.
 
     Returns
     -------
     int
-        At least F, and at most the order of the coefficients.
+        At most the order of the coefficients.
     """
     seen = visible_beyond(lighting, coefficients, order_p) > INVISIBLE
-    return max(order_f, int(np.argmin(seen)))
+    return int(np.argmin(seen))
 
 
 def visible_beyond(
@@ -240,8 +251,7 @@ def cube_energies(light: Array, parts: Array) -> Array:
         Their sum is the sum over l and q, of both signs, of light and squared parts.
     """
     order, p = parts.shape[0] - 1, parts.shape[1] - 1
-    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
-    coupled = (by_order @ zonal_coupling(order, p)).reshape(order + 1, -1, 3, p + 1)
+    coupled = _coupled(parts).reshape(order + 1, -1, 3, p + 1)
     energies = np.einsum("lc,lncj->jl", light, coupled**2)
     result = np.zeros(order + p + 1)
     for j, shift in enumerate(range(-p, p + 1, 2)):
@@ -252,6 +262,43 @@ def cube_energies(light: Array, parts: Array) -> Array:
     return result
 
 
+def _coupled(parts: Array) -> Array:
+    """Write the parts of cubes over R in their own degrees J, shape (F+1, 3n, p+1).
+
+    Parameters
+    ----------
+    parts : ndarray, shape (F+1, p+1, n, 3)
+        As `cube_energies` takes them.
+    """
+    order, p = parts.shape[0] - 1, parts.shape[1] - 1
+    by_order = np.ascontiguousarray(np.moveaxis(parts, 1, -1)).reshape(order + 1, -1, p + 1)
+    return np.asarray(by_order @ zonal_coupling(order, p))
+
+
+def filtered_parts(parts: Array, factors: Array) -> Array:
+    """Return the parts of cubes over R each of whose own degrees is multiplied with a factor.
+
+    A look-up blurs the numbers of a cube, which are those of world axes. About the mirror direction
+    that takes from the functions of one azimuthal order, and adds to those of others.
+
+    Parameters
+    ----------
+    parts : ndarray, shape (F+1, p+1, n, 3)
+        As `cube_energies` takes them.
+    factors : ndarray, shape (>= F+p+1,)
+
+    Returns
+    -------
+    ndarray, shape (F+1, p+1, n, 3)
+    """
+    order, p = parts.shape[0] - 1, parts.shape[1] - 1
+    own = np.abs(np.arange(order + 1)[:, None] + np.arange(-p, p + 1, 2))
+    filtered = _coupled(parts) * factors[own][:, None]
+    # The coupling is orthogonal, but that each q > 0 stands for both of its signs.
+    back = filtered @ zonal_coupling(order, p).swapaxes(1, 2) / np.where(np.arange(p + 1), 2, 1)
+    return np.moveaxis(back.reshape(order + 1, *parts.shape[2:], p + 1), -1, 1)
+
+
 def filtering_error(
     lighting: Lighting,
     coefficients: BrdfCoefficients,
@@ -259,12 +306,13 @@ def filtering_error(
     order_p: int,
     size: int,
     sampling: Sampling = "center",
+    factors: Array | None = None,
 ) -> float:
     """Predict the relative RMS error of looking a map up by bilinear filtering.
 
     Parameters
     ----------
-    lighting, coefficients, order_f, order_p
+    lighting, coefficients, order_f, order_p, factors
         The same as for `predicted_error`.
     size, sampling
         Those of the map's cubes.
@@ -275,6 +323,8 @@ def filtering_error(
         The error of the map as it is made, without that of its orders; 0 for black light.
     """
     light = weighted_power(lighting, order_f)
+    if factors is not None:
+        light = light * factors[:, None] ** 2
     places = fine_places(lighting, coefficients.values[: order_f + 1, 0, 0])
     errors = bilinear_errors(order_f + order_p, size, sampling, places)
     lost = whole = 0.0
@@ -330,7 +380,11 @@ def truncated_lobe_error(
 
 
 def error_bound(
-    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    order_f: int,
+    order_p: int,
+    factors: Array | None = None,
 ) -> float:
     """Return a conservative relative RMS error, the square root of eps_B of eq. 5.19.
 
@@ -343,7 +397,7 @@ def error_bound(
 
     Parameters
     ----------
-    lighting, coefficients, order_f, order_p
+    lighting, coefficients, order_f, order_p, factors
         The same as for `predicted_error`.
 
     Returns
@@ -353,6 +407,8 @@ def error_bound(
     """
     light = weighted_power(lighting, order_f)
     kept = _kept(coefficients, order_f, order_p)
+    if factors is not None:
+        kept = kept * kept_energy(factors)[:, None]
     low = coefficients.degree_energy[: order_f + 1]
     light_left = np.maximum(lighting.energy - lighting.power()[: order_f + 1].sum(axis=0), 0)
     rho_left = np.maximum(coefficients.total_energy - low.sum(axis=0), 0)

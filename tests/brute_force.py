@@ -5,12 +5,20 @@ Nothing here shares code with shrm. Equations 5.x are those of chapter 5 of Rama
 
 import numpy as np
 from scipy.special import sph_harm_y
+from scipy.stats import qmc
 
 
 def unit(rng, count):
     """Return uniformly distributed directions, shape (count, 3)."""
     vectors = rng.normal(size=(count, 3))
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def on_sphere(square):
+    """Return directions that are as even on the sphere as points are on a square, (n, 2)."""
+    z, azimuth = 2 * square[:, 0] - 1, 2 * np.pi * square[:, 1]
+    sine = np.sqrt(1 - z**2)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=1)
 
 
 def microfacet(sigma):
@@ -112,24 +120,51 @@ def band_limited(coefficients):
     return rho_hat
 
 
+def grazing(even):
+    """Return N.V of views, more of them grazing than there are, and their density to even views.
+
+    Half of them are spread as evenly as all views of a mirror direction are, whose squares of N.V
+    are even. Of the other half the logarithms are even, from .02 on.
+    """
+    cosines = np.linspace(0, 1, 100_001)[1:]
+    span = -np.log(0.02)
+    below = cosines**2 / 2 + np.maximum(1 + np.log(cosines) / span, 0) / 2
+    found = np.interp(even, below, cosines)
+    return found, 0.5 + np.where(found > 0.02, 1 / (4 * found**2 * span), 0)
+
+
 def bright_pairs(rng, reflection_map, count):
     """Mirror directions and views where a map is bright, and the weights of integrals over all.
 
     A lamp's few directions hold most of the energy and of the error of reflected light, so that
-    pairs drawn evenly tell little. These are drawn in proportion to the map's own squared light,
-    with a part of it everywhere, and their weights undo that.
+    pairs drawn evenly tell little. A quarter of these is drawn in proportion to the map's own
+    squared light, the others everywhere, since errors may be where the map is dark. Their weights
+    undo that. They are drawn from many that are spread more evenly than at random, and of which
+    many graze, so that sums vary less.
 
     Returns
     -------
     reflections, views : ndarray, shape (count, 3)
     weights : ndarray, shape (count, 1)
     """
-    reflections, views = unit(rng, 20 * count), unit(rng, 20 * count)
+    drawn = qmc.Sobol(4, rng=rng).random_base2(int(np.ceil(np.log2(60 * count))))
+    reflections = on_sphere(drawn[:, :2])
+    cosines, density = grazing(drawn[:, 2])
+    # The view is twice as far from the mirror direction as from the normal.
+    from_reflection = 2 * np.arccos(cosines)
+    tangents = np.cross(reflections, [0.36, 0.48, 0.8])
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    azimuth = 2 * np.pi * drawn[:, 3, None]
+    across = np.cos(azimuth) * tangents + np.sin(azimuth) * np.cross(reflections, tangents)
+    views = (
+        np.cos(from_reflection)[:, None] * reflections + np.sin(from_reflection)[:, None] * across
+    )
     normals = reflections + views
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     energy = np.sum(reflection_map.radiance(normals, views) ** 2, axis=1)
-    share = energy + energy.mean() / 4
-    share /= share.sum()
+    wanted = energy + 3 * np.average(energy, weights=1 / density)
+    share = wanted / density
     order = np.argsort(share)
-    chosen = order[np.searchsorted(np.cumsum(share[order]), (np.arange(count) + 0.5) / count)]
-    return reflections[chosen], views[chosen], 1 / share[chosen, None]
+    summed = np.cumsum(share[order])
+    chosen = order[np.searchsorted(summed, summed[-1] * (np.arange(count) + 0.5) / count)]
+    return reflections[chosen], views[chosen], 1 / wanted[chosen, None]

@@ -6,16 +6,20 @@ import pytest
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
+from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.orders import choose_orders
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import (
-    carried_order,
+    cube_energies,
     energies_beyond,
     energy_beyond,
     error_bound,
+    filtered_parts,
     predicted_error,
     visible_beyond,
+    visible_order,
 )
+from shrm_cli.sphere.harmonics import degrees
 
 
 def lit(power, energy=None):
@@ -44,6 +48,11 @@ def test_predicted_error_is_exact_where_everything_is_known():
     squares = coefficients.values[:, 0, 0, 0] ** 2 / (2 * np.arange(33) + 1)
     expected = np.sqrt(squares[5] / (2 * squares[3] + squares[5]))
     assert predicted_error(lit(power), coefficients, 4, 0) == pytest.approx(expected)
+    factors = np.array([1, 1, 1, 0.75, 0.5, 0.25])
+    errors = np.array([2 * squares[3] * 0.25**2, squares[5] * 0.75**2])
+    expected = np.sqrt(errors.sum() / (2 * squares[3] + squares[5]))
+    found = predicted_error(lit(power), coefficients, 5, 0, factors)
+    assert found == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("spec", ["microfacet:sigma=0.2", "phong:exponent=50", "lambertian"])
@@ -68,7 +77,7 @@ def test_black_light_has_no_error():
     black = lit(np.zeros((33, 3)))
     assert predicted_error(black, coefficients, 4, 2) == 0
     assert error_bound(black, coefficients, 4, 2) == 0
-    assert carried_order(black, coefficients, 4, 2) == 4
+    assert visible_order(black, coefficients, 2) == 0
 
 
 @pytest.mark.parametrize(("spec", "order"), [("phong:exponent=512", 52), ("phong:exponent=64", 16)])
@@ -148,10 +157,37 @@ def test_visible_part_is_the_rms_of_the_missing_degrees():
     assert (np.diff(found) <= 0).all()
 
 
-def test_carried_order_leaves_nothing_visible():
+def test_nothing_is_visible_beyond_the_visible_order():
     coefficients = compute_coefficients(parse_spec("phong:exponent=64"), 80, 0)
     light = lamp(80)
-    carried = carried_order(light, coefficients, 10, 0)
+    order = visible_order(light, coefficients, 0)
     seen = visible_beyond(light, coefficients, 0)
-    assert seen[carried] <= 1e-4 < seen[carried - 1]
-    assert carried_order(light, coefficients, 70, 0) == 70
+    assert seen[order] <= 1e-4 < seen[order - 1]
+
+
+def test_parts_of_cubes_are_filtered_in_their_own_degrees(rng):
+    order, p = 12, 3
+    parts = rng.normal(size=(order + 1, p + 1, 2, 3))
+    q, degree = np.arange(p + 1), np.arange(order + 1)
+    parts[degree[:, None] < q] = 0  # there are none
+    everything = filtered_parts(parts, np.full(order + p + 1, 0.5))
+    assert everything == pytest.approx(0.5 * parts, abs=1e-12)
+    factors = rng.random(order + p + 1)
+    light = rng.random((order + 1, 3))
+    squares = np.sum(filtered_parts(parts, factors) ** 2, axis=2)
+    found = np.einsum("lqc,lc,q->", squares, light, np.where(q, 2, 1))
+    assert found == pytest.approx(factors**2 @ cube_energies(light, parts))
+
+
+def test_filtered_parts_are_those_of_filtered_cubes(rng):
+    """Functions of one order q are turned to world axes, and blurred there."""
+    order, p, q = 5, 2, 1
+    parts = np.zeros((order + 1, p + 1, 1, 3))
+    parts[order, q] = 1.0
+    factors = 1 / (1 + np.arange(order + p + 1.0))
+    light = np.zeros(((order + 1) ** 2, 3))
+    light[order**2 :] = rng.normal(size=(2 * order + 1, 3))
+    cubes = bundle_coefficients(light, parts)
+    blurred = cubes * factors[degrees(order + p)][:, None, None, None]
+    assert np.abs(blurred).max() > 0.01
+    assert bundle_coefficients(light, filtered_parts(parts, factors)) == pytest.approx(blurred)

@@ -8,20 +8,26 @@ whose part of the reflected light is visible, so that no truncated series rings 
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.maps.band import Band
 from shrm_cli.maps.size import largest_f, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import (
-    carried_order,
     energy_beyond,
     error_bound,
     filtering_error,
     predicted_error,
     reflected_rms,
+    visible_order,
 )
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
+
+Array = NDArray[np.floating]
 
 _KNOWN = 0.75
 """The part of the computed orders beyond which nothing may be visible. What is visible at the end
@@ -45,8 +51,8 @@ class Expansion:
         The light, to at least the order of the coefficients.
     size : int
         Texels along a face's edge of the map.
-    carried : int
-        The largest order of the light that the map keeps, F or more.
+    band : Band
+        The degrees of the light that the map keeps.
     """
 
     brdf: Brdf
@@ -54,12 +60,25 @@ class Expansion:
     coefficients: BrdfCoefficients
     lighting: Lighting
     size: int
-    carried: int
+    band: Band
 
     @cached_property
     def error(self) -> float:
         """The predicted relative RMS error of the reflected light; see `predicted_error`."""
-        return predicted_error(self.lighting, self.coefficients, self.carried, self.orders.order_p)
+        return predicted_error(
+            self.lighting, self.coefficients, *self._orders, factors=self.band.factors
+        )
+
+    @property
+    def carried(self) -> int:
+        """The largest order of the light that the map keeps, F or more."""
+        return max(self.band.last, self.orders.order_f)
+
+    @cached_property
+    def kept(self) -> Array:
+        """The coefficients of the BRDF as the map has them, to the last degree and to P."""
+        values = self.coefficients.truncated(self.band.last, self.orders.order_p)
+        return values * self.band.factors[:, None, None, None]
 
     @property
     def remark(self) -> str | None:
@@ -75,13 +94,38 @@ class Expansion:
 
     def filter_error(self, sampling: Sampling = "center") -> float:
         """Predict the relative RMS error of bilinear filtering; see `filtering_error`."""
-        orders = self.carried, self.orders.order_p
-        return filtering_error(self.lighting, self.coefficients, *orders, self.size, sampling)
+        form = *self._orders, self.size, sampling
+        return filtering_error(self.lighting, self.coefficients, *form, factors=self.band.factors)
 
     @property
     def bound(self) -> float:
         """The conservative relative RMS error of eq. 5.19; see `error_bound`."""
-        return error_bound(self.lighting, self.coefficients, self.carried, self.orders.order_p)
+        return error_bound(
+            self.lighting, self.coefficients, *self._orders, factors=self.band.factors
+        )
+
+    @property
+    def _orders(self) -> tuple[int, int]:
+        return self.band.last, self.orders.order_p
+
+
+def carried_band(
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int, limit: int
+) -> Band:
+    """Choose the degrees of the light that a map carries.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+    order_f, order_p : int
+        The orders F and P that the tolerance asks for.
+    limit : int
+        The largest degree that the map may carry.
+    """
+    known = min(coefficients.order_f, lighting.resolved_order)
+    return Band.of(visible_order(lighting, coefficients, order_p), limit, known, order_f)
 
 
 def carry(
@@ -115,11 +159,10 @@ def carry(
     limit = max(f, min(supported_order(size, p), largest_f(p), MAX_ORDER_F))
     lighting = light.to_order(max(coefficients.order_f, limit))
     while True:
-        visible = carried_order(lighting, coefficients, f, p)
-        carried = f if is_exact else min(visible, limit)
-        made = Expansion(brdf, orders, coefficients, lighting, size, carried)
+        band = Band.exact(f) if is_exact else carried_band(lighting, coefficients, f, p, limit)
+        made = Expansion(brdf, orders, coefficients, lighting, size, band)
         known = coefficients.order_f
-        is_known = is_exact or visible <= _KNOWN * known
+        is_known = is_exact or band.last <= _KNOWN * known
         if known >= limit or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
         further = min(2 * known, limit)

@@ -27,7 +27,7 @@ from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
 from shrm_cli.maps.expansion import Expansion
 from shrm_cli.memo import Memo
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.reflected import INVISIBLE, visible_beyond
+from shrm_cli.reflected import visible_order
 from shrm_cli.sphere.harmonics import complex_from_real, legendre_table
 from shrm_cli.sphere.wigner import small_d_degrees
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG, Center
@@ -196,9 +196,8 @@ def _lobes_of(expansion: Expansion, accuracy: float) -> Lobes | None:
     accuracy : float
         The part of the lobes' energy that their sampling may miss.
     """
-    brdf, known, carried = expansion.brdf, expansion.coefficients, expansion.carried
-    seen = visible_beyond(expansion.lighting, known) > INVISIBLE
-    order = int(np.argmin(seen))
+    brdf, known = expansion.brdf, expansion.coefficients
+    order = visible_order(expansion.lighting, known)
     order_p = expansion.orders.order_p
     angles, shares = sample_views(brdf.center, 1 if brdf.zonal else _VIEWS)
     if brdf.zonal:  # the same lobe for all views
@@ -211,7 +210,7 @@ def _lobes_of(expansion: Expansion, accuracy: float) -> Lobes | None:
     error = whole.copy()
     functions = 2 * np.pi * legendre_table(order_p, np.cos(angles))
     for q in range(min(order_p, len(whole) - 1) + 1):
-        kept = known.values[: min(carried, order) + 1, q : order_p + 1, q, : whole.shape[-1]]
+        kept = expansion.kept[: order + 1, q:, q, : whole.shape[-1]]
         error[q, : len(kept)] -= np.einsum("lpc,po->loc", kept, functions[q, : order_p + 1 - q])
     return Lobes(whole, error, shares)
 

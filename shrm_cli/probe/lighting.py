@@ -46,6 +46,11 @@ class Lighting:
     def order(self) -> int:
         return order_of(len(self.coefficients))
 
+    @cached_property
+    def resolved_order(self) -> int:
+        """The largest degree that is not 0, as those are that are finer than the pixels."""
+        return int(np.flatnonzero(self._power.any(axis=1)).max(initial=0))
+
     def power(self) -> Array:
         """``sum_m |L_lm|^2`` of each degree and channel, shape (order+1, 3); read-only."""
         return self._power

@@ -218,9 +218,6 @@ def make_maps(brdf: Brdf, probe: Probe) -> dict[str, tuple[Map, float]]:
     made = {AFTER: (default, time.perf_counter() - started)}
     for way, choose in ways(brdf).items():
         to, options = choose(default)
-        if options.get("order_f") == default.info.order_carried:
-            made[way] = made[AFTER]  # it would be the same map
-            continue
         started = time.perf_counter()
         other = prefilter_with_facts(probe, to, {"brdf": brdf, **options}).map
         made[way] = other, time.perf_counter() - started

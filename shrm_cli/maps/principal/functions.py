@@ -16,7 +16,6 @@ References
 Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -216,23 +215,46 @@ class Spectrum:
         """
         return self._parts[q][first:last]
 
-    def orthogonal_parts(self, q: int, count: int) -> Array:
-        """Return the `light_parts` of the same sum of functions, written in orthogonal ones.
+    def shown_energy(self, q: int, parts: Array, light: Array) -> float:
+        """Return the energy of reflected light that the first functions of an order q make up.
 
-        Their squares are energies. The first functions of both kinds span the same functions.
+        Parameters
+        ----------
+        q : int
+        parts : ndarray, shape (k, F+1, 3)
+            What the light of each degree is multiplied with, for the first k functions.
+        light : ndarray, shape (F+1, 3)
+            As the attribute, to the same degree.
+
+        Returns
+        -------
+        float
+            That of both signs of q together, integrated over visible views.
         """
-        factors = self._factors[q][:, :count, :count]
-        parts = self.light_parts(q, 0, count).transpose(2, 0, 1)
-        return (factors.swapaxes(-1, -2) @ parts).transpose(1, 2, 0)
-
-    @cached_property
-    def _factors(self) -> Array:
-        """The Cholesky factors of the products, [q, channel, k, k]."""
-        return np.linalg.cholesky(self._products)
+        by_channel = parts.transpose(2, 0, 1)
+        products = self._products[q][:, : len(parts), : len(parts)]
+        squares = np.sum(by_channel * (products @ by_channel), axis=1)
+        return float((2 if q else 1) * np.sum(light.T * squares))
 
     def bundle_parts(self, degree: int, first: int, last: int, order: int) -> Array:
-        """Return the `light_parts` of bundles of a degree; see `bundled`."""
-        return bundled(self._parts[: degree + 1], first, last, order)
+        """Return what the light of each degree is multiplied with, for bundles of a degree.
+
+        Parameters
+        ----------
+        degree : int
+            The largest q of the bundles.
+        first, last : int
+            Which functions, from `first` to before `last`.
+        order : int
+            The largest order of the light.
+
+        Returns
+        -------
+        ndarray, shape (order+1, degree+1, last - first, 3)
+            The coefficients rho_hat_lqk, which take the place of rho_hat_lpq.
+        """
+        parts = [each[first:last, : order + 1] for each in self._parts[: degree + 1]]
+        return np.stack(parts).transpose(2, 0, 1, 3)
 
     @cached_property
     def _parts(self) -> list[Array]:
@@ -266,15 +288,15 @@ class Spectrum:
         """Return the angles of the entries of tables, radians, shape (TABLE,)."""
         return np.linspace(0.0, span_of(self.center), TABLE)
 
-    def missing(self, counts: "tuple[int, ...]", order: int) -> float:
+    def missing(self, counts: "tuple[int, ...]", factors: Array) -> float:
         """Return the energy of the reflected light that some of the functions do not represent.
 
         Parameters
         ----------
         counts : tuple of int
             The number of functions of each q.
-        order : int
-            The largest order of the light that is kept.
+        factors : ndarray, shape (order + 1,)
+            What each degree of the light that is kept is multiplied with.
 
         Returns
         -------
@@ -285,7 +307,7 @@ class Spectrum:
         signs = both_signs(self.transfer.max_q)
         total = 0.0
         for q in range(self.transfer.max_q + 1):
-            rest = self.rest(q, counts, order)
+            rest = self.rest(q, counts, factors)
             squares = np.einsum("loc,loc,o->lc", rest, rest, self.weights)
             total += float(signs[q] * np.sum(self.light * squares)) / (2 * np.pi)
         return total
@@ -294,7 +316,7 @@ class Spectrum:
         self,
         q: int,
         counts: "tuple[int, ...]",
-        order: int,
+        factors: Array,
         nodes: NDArray[np.intp] | None = None,
     ) -> Array:
         """Return what some of the functions leave out of the transfer functions of an order q.
@@ -302,7 +324,7 @@ class Spectrum:
         Parameters
         ----------
         q : int
-        counts, order
+        counts, factors
             The same as for `missing`.
         nodes : ndarray of int, shape (n,), optional
             The nodes of the transfer functions; all of them by default.
@@ -319,11 +341,11 @@ class Spectrum:
             return rest
         back = linear_matrix(self.angles(), self.transfer.theta_o[at])
         albedo = self.albedo_table()
-        parts = self.light_parts(q, 0, used)[:, : order + 1]
+        parts = self.light_parts(q, 0, used)[:, : len(factors)] * factors[:, None]
         functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
         if albedo is not None:
             functions = functions * (back @ albedo)
-        rest[: order + 1] -= 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
+        rest[: len(factors)] -= 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
         return rest
 
     @cached_property
@@ -368,26 +390,6 @@ class Spectrum:
     def kept(self, counts: "tuple[int, ...]") -> Array:
         """Return the energy of the reflected light in some functions, up to each degree."""
         return np.sum([self._reflected[q][used] for q, used in enumerate(counts)], axis=0)
-
-
-def bundled(parts: Sequence[Array], first: int, last: int, order: int) -> Array:
-    """Take what bundles hold out of the parts of functions.
-
-    Parameters
-    ----------
-    parts : sequence of ndarray, shape (>= last, >= order+1, 3)
-        The parts of the functions of each azimuthal order q = 0 .. p, where p is the degree of the
-        bundles.
-    first, last : int
-        Which functions, from `first` to before `last`.
-    order : int
-        The largest order of the light.
-
-    Returns
-    -------
-    ndarray, shape (order+1, p+1, last - first, 3)
-    """
-    return np.stack([each[first:last, : order + 1] for each in parts]).transpose(2, 0, 1, 3)
 
 
 def directional_albedo(transfer: TransferFunctions) -> Array:

@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.principal.functions import Spectrum, bundled
+from shrm_cli.maps.band import Band
+from shrm_cli.maps.principal.functions import Spectrum
 from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
 from shrm_cli.maps.size import (
     TRIED_SIZES,
@@ -17,7 +18,13 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.reflected import INVISIBLE, cube_energies, energy_beyond, fine_places
+from shrm_cli.reflected import (
+    INVISIBLE,
+    energy_beyond,
+    filtered_parts,
+    fine_places,
+    kept_energy,
+)
 from shrm_cli.sphere.bilinear import bilinear_errors
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
@@ -34,8 +41,8 @@ class Form:
         The number of functions of each azimuthal order.
     size : int
         Texels along a face's edge.
-    carried : int
-        The largest order of the light that is kept.
+    band : Band
+        The degrees of the light that are kept.
     error : float
         The predicted relative RMS error of the functions and the orders.
     filter_error : float
@@ -44,9 +51,14 @@ class Form:
 
     counts: Counts
     size: int
-    carried: int
+    band: Band
     error: float
     filter_error: float
+
+    @property
+    def carried(self) -> int:
+        """The largest order of the light that is kept."""
+        return self.band.last
 
     @property
     def cubes(self) -> int:
@@ -107,33 +119,37 @@ class Planner:
 
         The exact error counts that the functions are tabulated; the other takes far less time.
         """
-        kept = self.spectrum.kept(counts)
-        energies = np.diff(kept, prepend=0.0)
-        carried = self._carried(energies, size)
-        left = self.whole - kept[carried]
+        energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
+        band = self._band(energies, size)
         if is_exact:
-            left = self.spectrum.missing(counts, carried) + self.whole - self.spectrum.whole()
-        lost = self._lost(counts, carried, size)
+            missing = self.spectrum.missing(counts, band.factors)
+            left = missing + self.whole - self.spectrum.whole()
+        else:
+            left = self.whole - float(energies[: band.last + 1] @ kept_energy(band.factors))
+        lost = self._lost(counts, band, size)
         whole = max(self.whole, 1e-300)
         error, filtered = (float(np.sqrt(max(each, 0.0) / whole)) for each in (left, lost))
-        return Form(counts, size, carried, error, filtered)
+        return Form(counts, size, band, error, filtered)
 
-    def _lost(self, counts: Counts, carried: int, size: int) -> float:
+    def _lost(self, counts: Counts, band: Band, size: int) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""
-        degrees = bundle_degrees(counts)
-        errors = bilinear_errors(carried + max(degrees), size, self.sampling, self._places)
-        light, lost = self.spectrum.light[: carried + 1], 0.0
-        parts = [self.spectrum.orthogonal_parts(q, count) for q, count in enumerate(counts)]
+        degrees, last = bundle_degrees(counts), band.last
+        errors = np.sqrt(bilinear_errors(last + max(degrees), size, self.sampling, self._places))
+        light = self.spectrum.light[: last + 1] * band.factors[:, None] ** 2
+        lost = [np.empty((count, last + 1, 3)) for count in counts]
         for p in set(degrees):
-            first, count = degrees.index(p), degrees.count(p)
-            energy = cube_energies(light, bundled(parts[: p + 1], first, first + count, carried))
-            lost += float(errors[: len(energy)] @ energy)
-        return lost
+            bundles = slice(degrees.index(p), degrees.index(p) + degrees.count(p))
+            parts = self.spectrum.bundle_parts(p, bundles.start, bundles.stop, last)
+            by_order = filtered_parts(parts, errors).transpose(1, 2, 0, 3)
+            for q, each in enumerate(by_order):
+                lost[q][bundles] = each
+        return sum(self.spectrum.shown_energy(q, each, light) for q, each in enumerate(lost))
 
-    def _carried(self, energies: Array, size: int) -> int:
-        """Return the order beyond which nothing is visible, or that the texels support."""
+    def _band(self, energies: Array, size: int) -> Band:
+        """Return the degrees that are visible, as far as the texels support them."""
         limit = supported_order(size, 0 if self._is_zonal else 1)
-        return min(limit, self.spectrum.transfer.order_f, self.visible_order(energies))
+        known = min(self.spectrum.transfer.order_f, self.lighting.resolved_order)
+        return Band.of(self.visible_order(energies), limit, known)
 
     def visible_order(self, energies: Array) -> int:
         """Return the order beyond which nothing is visible of light with an energy in each degree.

@@ -14,15 +14,15 @@ from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer, power_of
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, lobe_strengths
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
-from shrm_cli.maps.shrm.summed import joint_error
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
 from shrm_cli.orders import Orders, octaves_to_come
 from shrm_cli.probe.lighting import Projection
@@ -364,6 +364,7 @@ def _cubes(term: _Term, degree: int, bundles: list[int], sampling: Sampling) -> 
     """
     spectrum, form = term.planner.spectrum, term.form
     kept = spectrum.bundle_parts(degree, bundles[0], bundles[-1] + 1, form.carried)
+    kept *= form.band.factors[:, None, None, None]
     series = bundle_coefficients(term.planner.lighting.coefficients, kept)
     flat = series.swapaxes(1, 2).reshape(len(series), -1)
     planes = synthesize_cube(flat, form.size, sampling, np.float32)
@@ -384,7 +385,7 @@ def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sam
         form = planner.with_maps(1, _SMALL)
         lobe = _lobe(_Term(part, planner, form, 0.0, 0, True), sampling)
         small.append(PrincipalMap((lobe,), info, sampling))
-    strengths, together = lobe_strengths(small)
+    strengths, together = brightness(small)
     separate = float(strengths.sum())
     return together / separate if separate > 0 else 1.0
 

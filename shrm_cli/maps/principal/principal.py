@@ -20,15 +20,16 @@ from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.summed import AZIMUTHS, joint_error
+from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector, to_angles, views_around
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
-from shrm_cli.sphere.quadrature import gauss_legendre, spiral_directions
+from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import Center, Frame, Sampling
@@ -305,7 +306,7 @@ class PrincipalMap(Map):
         bare = replace(self.info, added_error=0.0)
         alone = [PrincipalMap((lobe,), bare, self.sampling) for lobe in self.lobes]
         moved = [each._moved(size, sampling) for each in alone]
-        strengths, whole = lobe_strengths(alone)
+        strengths, whole = brightness(alone)
         lost = joint_error(strengths, [each.info.added_error for each in moved], whole)
         looked_up = joint_error(strengths, [each.info.filter_error for each in moved], whole)
         added = float(np.hypot(self.info.added_error, lost))
@@ -370,27 +371,6 @@ class PrincipalMap(Map):
         order_p = _DEFAULT_ORDER_P if order_p is None else order_p
         check_size(self.info.order_f, order_p, self.size)
         return _expanded(self, order_p).to_frame(frame or "global")
-
-
-def lobe_strengths(maps: Sequence[PrincipalMap]) -> tuple[Array, float]:
-    """Return how bright the lobes of a sum are, each a map of its own, and how bright their sum is.
-
-    Parameters
-    ----------
-    maps : sequence of PrincipalMap
-
-    Returns
-    -------
-    strengths : ndarray, shape (maps,)
-        The RMS of the light of each over mirror directions and views.
-    whole : float
-        That of the sum: as much as all together where all are bright in the same places.
-    """
-    views = spiral_directions(_PAIRS)
-    centers = np.random.default_rng(0).permutation(views)
-    found = [each.radiance(bisector(centers, views), views) for each in maps]
-    strengths = np.array([np.sqrt(np.mean(each**2)) for each in found])
-    return strengths, float(np.sqrt(np.mean(np.sum(found, axis=0) ** 2)))
 
 
 def _expanded(source: PrincipalMap, order_p: int) -> Shrm:

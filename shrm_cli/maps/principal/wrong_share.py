@@ -43,7 +43,8 @@ def _lobes(spectrum: Spectrum, form: Form, order: int) -> Lobes:
     """Take the lobes of some views, and what the map leaves out of them, up to an order."""
     transfer = spectrum.transfer
     nodes, shares = _views(spectrum)
-    error = [spectrum.rest(q, form.counts, form.carried, nodes) for q in range(transfer.max_q + 1)]
+    factors = form.band.factors
+    error = [spectrum.rest(q, form.counts, factors, nodes) for q in range(transfer.max_q + 1)]
     return Lobes(
         transfer.values[:, : order + 1, nodes],
         np.stack([each[: order + 1] for each in error]),

@@ -13,10 +13,12 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.expansion import carried_band
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
+    largest_f,
     largest_p,
     nothing_fits,
     stored_bytes,
@@ -214,10 +216,7 @@ def fitting(
         p = min(largest_p(carried, texels, max_size), coefficients.order_p, most)
         if p < 0:
             continue
-        error = np.hypot(
-            predicted_error(lighting, coefficients, carried, p),
-            filtering_error(lighting, coefficients, carried, p, texels, sampling),
-        )
+        error = np.hypot(*map_errors(lighting, coefficients, p, texels, sampling))
         orders = least_orders(coefficients, tolerance, order_p=p)
         orders = replace(orders, order_f=min(orders.order_f, carried))
         made = Choice(orders, texels)
@@ -225,6 +224,29 @@ def fitting(
     if not found:
         raise nothing_fits(size)
     return min(found, key=lambda each: each[:2])[2]
+
+
+def map_errors(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    order_p: int,
+    size: int,
+    sampling: Sampling = "center",
+) -> tuple[float, float]:
+    """Predict the errors of an SHRM of an order P and a size, which carries what it can.
+
+    Returns
+    -------
+    error, filter_error : float
+        That of its orders, and that of looking it up; relative RMS.
+    """
+    limit = min(supported_order(size, order_p), largest_f(order_p))
+    band = carried_band(lighting, coefficients, 0, order_p, limit)
+    orders = band.last, order_p
+    return (
+        predicted_error(lighting, coefficients, *orders, factors=band.factors),
+        filtering_error(lighting, coefficients, *orders, size, sampling, factors=band.factors),
+    )
 
 
 def within_error(
@@ -272,11 +294,8 @@ def within_error(
     coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
     lighting = light.to_order(coefficients.order_f)
 
-    def total(carried: int, p: int, texels: int) -> float:
-        return total_error(
-            predicted_error(lighting, coefficients, carried, p),
-            filtering_error(lighting, coefficients, carried, p, texels, sampling),
-        )
+    def total(p: int, texels: int) -> float:
+        return total_error(*map_errors(lighting, coefficients, p, texels, sampling))
 
     found: list[tuple[bool, float, Choice]] = []
     for texels in TRIED_SIZES if size is None else (size,):
@@ -284,11 +303,11 @@ def within_error(
         most = min(largest_p(carried, texels, max_size), coefficients.order_p)
         if most < 0:
             continue
-        last = total(carried, most, texels)
+        last = total(most, texels)
         low, high = 0, most  # the error falls with P
         while low < high and last <= error:
             middle = (low + high) // 2
-            met = total(carried, middle, texels) <= error
+            met = total(middle, texels) <= error
             low, high = (low, middle) if met else (middle + 1, high)
         p = low if last <= error else most
         orders = least_orders(coefficients, tolerance, order_p=p)

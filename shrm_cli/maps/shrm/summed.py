@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.look_up import look_up_error
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -21,22 +22,6 @@ Array = NDArray[np.floating]
 
 AZIMUTHS = 32
 """The number of azimuths of the view over which `zonal_radiance` of sums averages."""
-
-
-def joint_error(strengths: ArrayLike, errors: Sequence[float], whole: float | None = None) -> float:
-    """Return the error of a sum relative to the sum, taking those of its terms as independent.
-
-    Parameters
-    ----------
-    strengths : array_like, shape (terms,)
-        The RMS of the light that each term reflects.
-    errors : sequence of float
-        The relative errors of the terms.
-    whole : float, optional
-        The RMS of the sum, by default that of terms which are bright in the same places.
-    """
-    whole = float(np.sum(strengths)) if whole is None else whole
-    return float(np.linalg.norm(np.multiply(strengths, errors)) / max(whole, 1e-300))
 
 
 def _stating(
@@ -142,12 +127,15 @@ class SummedShrm(Map):
         if all(one is other for one, other in zip(bare, moved, strict=True)):
             return self
         strengths = [rms(term) for term in bare]
-        own = joint_error(strengths, [each.info.added_error for each in moved])
+        # Few pairs tell little of the light of a lamp, but well enough how much terms share of it.
+        apart, together = brightness(bare)
+        whole = float(np.sum(strengths)) * together / max(float(np.sum(apart)), 1e-300)
+        own = joint_error(strengths, [each.info.added_error for each in moved], whole)
         info = replace(self.info, added_error=float(np.hypot(self.info.added_error, own)))
         if self.info.filter_error:
             order = self.info.order_carried + self.info.order_p
             looked_up = [look_up_error(term.planes()[0], term.sampling, order) for term in moved]
-            info = replace(info, filter_error=joint_error(strengths, looked_up))
+            info = replace(info, filter_error=joint_error(strengths, looked_up, whole))
         errors = info.added_error, info.filter_error
         terms = tuple(_stating(each, *errors) for each in moved)
         return SummedShrm(terms, info)

@@ -10,14 +10,22 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.sums import split
 from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.expansion import Expansion, carry
+from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
-from shrm_cli.maps.shrm.budget import Choice, affordable, fitting, most_order_p, shortfall
+from shrm_cli.maps.shrm.budget import (
+    Choice,
+    affordable,
+    fitting,
+    map_errors,
+    most_order_p,
+    shortfall,
+)
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
 from shrm_cli.maps.shrm.seconds import making_seconds
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.summed import SummedShrm, joint_error
-from shrm_cli.maps.size import check_size, choose_size
+from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.probe.probe import Probe
@@ -153,12 +161,14 @@ def plan_terms(
     except BrdfError:
         return None
     lighting = light.to_order(max(each.order_f for each in [coefficients, *found]))
-    goal = combined_error([whole], lighting)
+    together = reflected_rms(lighting, coefficients)
+    goal = _total_error([whole], lighting, together)
     if choice.orders.captured < 1 - tolerance:
         shared = _shared(terms, found, lighting, tolerance, max_size, size)
-        if shared is None or combined_error(shared, lighting) >= goal:
+        if shared is None or _total_error(shared, lighting, together) >= goal:
             return None
         return Plan(shared, whole, light, max_size, is_closer=True)
+    enough = _truncation_error([whole], lighting)
     for factor in _LOOSER:
         looser = min(factor * tolerance, _LARGEST_TOLERANCE)
         plan = Plan(
@@ -172,7 +182,8 @@ def plan_terms(
         )
         if plan.bytes > max_size:
             return None
-        if combined_error(plan.terms, lighting) <= goal:
+        is_close = _truncation_error(plan.terms, lighting) <= enough
+        if is_close and _total_error(plan.terms, lighting, together) <= goal:
             return plan
     return None
 
@@ -218,18 +229,35 @@ def _least_term(
     )
 
 
-def combined_error(terms: Sequence[Term], light: Lighting) -> float:
-    """Predict the relative RMS error of a sum, taking the errors of its terms as independent.
+def _truncation_error(terms: Sequence[Term], light: Lighting) -> float:
+    """Return the error of terms that end at F and P, and are bright in the same places.
 
-    Each error is weighted by the light that its term reflects. Nothing is carried beyond F.
+    It judges the orders alone. The light that maps carry beyond F hides what a small F leaves out
+    of them, but it is F that decides their sizes.
     """
     orders = [term.choice.orders for term in terms]
     errors = [
         predicted_error(light, term.coefficients, each.order_f, each.order_p)
         for term, each in zip(terms, orders, strict=True)
     ]
-    strengths = [reflected_rms(light, term.coefficients) for term in terms]
-    return joint_error(strengths, errors)
+    strengths = _strengths(terms, light)
+    return joint_error(strengths, errors, sum(strengths))
+
+
+def _total_error(terms: Sequence[Term], light: Lighting, whole: float) -> float:
+    """Predict the error of the map of a sum, with look-ups; the sum reflects the RMS `whole`."""
+    errors = [
+        total_error(
+            *map_errors(light, each.coefficients, each.choice.orders.order_p, each.choice.size)
+        )
+        for each in terms
+    ]
+    return joint_error(_strengths(terms, light), errors, whole)
+
+
+def _strengths(terms: Sequence[Term], light: Lighting) -> list[float]:
+    """Return the RMS of the light that each term reflects."""
+    return [reflected_rms(light, term.coefficients) for term in terms]
 
 
 def prefilter_terms(
@@ -259,18 +287,20 @@ def prefilter_terms(
     ]
     strengths = [reflected_rms(each.lighting, each.coefficients) for each in expansions]
     whole = provenance(probe, plan.whole.brdf, _joint_orders(plan))
+    of_whole = plan.whole.coefficients
+    together = reflected_rms(light.to_order(of_whole.order_f), of_whole)
     maps = [_term_map(each, light, frame, sampling, dtype, compress) for each in expansions]
     maps = [replace(each, info=replace(each.info, brdf=whole.brdf)) for each in maps]
     infos = [each.info for each in maps]
     info = replace(
         whole,
-        predicted_error=joint_error(strengths, [each.predicted_error for each in infos]),
-        added_error=joint_error(strengths, [each.added_error for each in infos]),
-        filter_error=joint_error(strengths, [each.filter_error for each in infos]),
+        predicted_error=joint_error(strengths, [e.predicted_error for e in infos], together),
+        added_error=joint_error(strengths, [e.added_error for e in infos], together),
+        filter_error=joint_error(strengths, [e.filter_error for e in infos], together),
         carried=max(each.order_carried for each in infos),
     )
     bounds = np.array([each.bound for each in expansions])
-    bound = float(bounds @ strengths / max(sum(strengths), 1e-300))
+    bound = float(bounds @ strengths / max(together, 1e-300))
     remarks = {each.remark: None for each in expansions if each.remark is not None}
     missed = _shortfall(plan, info.predicted_error)
     warnings = (*remarks, *([] if missed is None else [missed]))
@@ -348,6 +378,5 @@ def from_expansion(
     )
     return Shrm.from_coefficients(
         expansion.lighting.coefficients,
-        expansion.coefficients.truncated(expansion.carried, orders.order_p), brdf.center, info,
-        expansion.size, frame, sampling, dtype, progress,
+        expansion.kept, brdf.center, info, expansion.size, frame, sampling, dtype, progress,
     )  # fmt: skip

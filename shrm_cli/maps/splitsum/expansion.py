@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.maps.band import Band
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
@@ -66,7 +67,7 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
     order = _least(missing <= tolerance**2 * whole)
     dark = _least(missing <= DARK_ERROR**2 * light[0])
     carried = min(max(dark, faded_order(order)), lighting.order)
-    fade = _fading(order, carried)
+    fade = Band(order, carried).factors
     lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
     error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
     return Expansion(passed[: carried + 1] / passed[0] * fade, order, error)
@@ -139,12 +140,6 @@ def _energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
     light = lighting.power().sum(axis=1) * passed[: lighting.order + 1] ** 2
     beyond = unknown_light(lighting, passed**2)
     return light, np.cumsum(light[::-1])[::-1] - light + beyond
-
-
-def _fading(order: int, carried: int) -> Array:
-    """Return the factor of each degree: 1 up to the order, and then smoothly down to 0."""
-    beyond = np.maximum(np.arange(carried + 1) - order, 0)
-    return np.cos(np.pi / 2 * beyond / (carried + 1 - order)) ** 2
 
 
 def _least(enough: NDArray[np.bool_]) -> int:

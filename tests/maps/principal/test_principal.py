@@ -1,5 +1,7 @@
 """Maps of principal functions: what they reflect, their errors, their files and conversions."""
 
+from itertools import product
+
 import numpy as np
 import OpenEXR
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.maps.band import Band
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal import functions
@@ -17,7 +20,7 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
-from shrm_cli.reflected import weighted_power
+from shrm_cli.reflected import kept_energy, weighted_power
 from shrm_cli.sphere.harmonics import legendre_table
 from tests import brute_force
 from tests.bilinear import look_up
@@ -122,14 +125,15 @@ def test_energies_of_functions_are_what_they_take_from_the_error(room, spec, div
     """Whether they are added up function by function, or the rest is integrated over the views."""
     spectrum = spectrum_of(room, parse_spec(spec), divide)
     order = spectrum.transfer.order_f
-    for counts in ((1,), (3, 2, 1), (6, 5, 3, 2)):
-        rest = spectrum.missing(counts, order)
-        kept = spectrum.kept(counts)[order]
+    bands = Band.exact(order), Band(order // 3, order // 2)
+    for counts, band in product(((1,), (3, 2, 1), (6, 5, 3, 2)), bands):
+        rest = spectrum.missing(counts, band.factors)
+        by_degree = np.diff(spectrum.kept(counts), prepend=0.0)[: band.last + 1]
+        kept = by_degree @ kept_energy(band.factors)
         assert spectrum.whole() - kept == pytest.approx(rest, rel=0.03)
-        parts = [spectrum.orthogonal_parts(q, count) for q, count in enumerate(counts)]
-        both = [(2 if q else 1) * np.sum(each**2, axis=0) for q, each in enumerate(parts)]
-        shown = integrated_energy(spectrum, counts)
-        assert np.sum(spectrum.light * np.sum(both, axis=0)) == pytest.approx(shown, rel=1e-9)
+        parts = [spectrum.light_parts(q, 0, count) for q, count in enumerate(counts)]
+        shown = sum(spectrum.shown_energy(q, each, spectrum.light) for q, each in enumerate(parts))
+        assert shown == pytest.approx(integrated_energy(spectrum, counts), rel=1e-9)
 
 
 def integrated_energy(spectrum, counts):
