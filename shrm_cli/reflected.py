@@ -198,8 +198,12 @@ def visible_order(
     int
         At most the order of the coefficients.
     """
-    seen = visible_beyond(lighting, coefficients, order_p) > INVISIBLE
-    return int(np.argmin(seen))
+    return last_visible(visible_beyond(lighting, coefficients, order_p))
+
+
+def last_visible(beyond: Array) -> int:
+    """Return the first order after which nothing is visible, of what `visible_beyond` returns."""
+    return int(np.argmin(beyond > INVISIBLE))
 
 
 def visible_beyond(

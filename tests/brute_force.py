@@ -133,14 +133,15 @@ def grazing(even):
     return found, 0.5 + np.where(found > 0.02, 1 / (4 * found**2 * span), 0)
 
 
-def bright_pairs(rng, reflection_map, count):
+def bright_pairs(rng, reflection_map, count, finer=None):
     """Mirror directions and views where a map is bright, and the weights of integrals over all.
 
     A lamp's few directions hold most of the energy and of the error of reflected light, so that
     pairs drawn evenly tell little. A quarter of these is drawn in proportion to the map's own
-    squared light, the others everywhere, since errors may be where the map is dark. Their weights
-    undo that. They are drawn from many that are spread more evenly than at random, and of which
-    many graze, so that sums vary less.
+    squared light, the others everywhere, since errors may be where the map is dark; half of all are
+    drawn where a finer map differs, if there is one. Their weights undo that. They are drawn from
+    many that are spread more evenly than at random, and of which many graze, so that sums vary
+    less.
 
     Returns
     -------
@@ -161,8 +162,12 @@ def bright_pairs(rng, reflection_map, count):
     )
     normals = reflections + views
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    energy = np.sum(reflection_map.radiance(normals, views) ** 2, axis=1)
-    wanted = energy + 3 * np.average(energy, weights=1 / density)
+    found = reflection_map.radiance(normals, views)
+    energy = np.sum(found**2, axis=1)
+    wanted = 3 + energy / np.average(energy, weights=1 / density)
+    if finer is not None:
+        missed = np.sum((found - finer.radiance(normals, views)) ** 2, axis=1)
+        wanted = wanted + 4 * missed / np.average(missed, weights=1 / density)
     share = wanted / density
     order = np.argsort(share)
     summed = np.cumsum(share[order])

@@ -12,11 +12,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.reflected import last_visible
+
 Array = NDArray[np.floating]
 
+_RINGS = 0.02
+"""The RMS of what a series loses at its end, relative to the mean reflected light, above which its
+rings are seen. Lobes that their texels resolve lose up to a hundredth, sharper ones a twentieth or
+more."""
 _WHOLE = 0.8
-"""The part of the degrees that is kept whole where a series has to end within visible light. Ending
-at once rings; a longer fall was measured to remove hardly more rings, and to blur lamps more."""
+"""The part of the degrees before the fall. A longer fall was measured to remove hardly more rings,
+and to blur lamps more."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +46,17 @@ class Band:
         return cls(order, order)
 
     @classmethod
-    def of(cls, visible: int, limit: int, known: int, least: int = 0) -> "Band":
+    def of(cls, beyond: Array, limit: int, furthest: int, known: int, least: int = 0) -> "Band":
         """Choose the degrees of a map.
 
         Parameters
         ----------
-        visible : int
-            The degree beyond which nothing of the known degrees is visible.
+        beyond : ndarray, shape (> known,)
+            The RMS of the reflected light after each degree, as `visible_beyond` returns it.
         limit : int
-            The largest degree that the map may carry.
+            The largest degree that a map may end with at once.
+        furthest : int
+            The largest degree of a map that fades out.
         known : int
             The largest degree that is known.
         least : int
@@ -57,13 +65,22 @@ class Band:
         Returns
         -------
         Band
-            It is exact where nothing visible is left out.
+            It is exact where no rings are seen.
         """
+        visible = last_visible(beyond)
         # What is visible at the last known degree goes on beyond it.
         if visible <= limit and visible < known:
             return cls.exact(max(visible, least))
         end = min(limit, known)
-        return cls(int(_WHOLE * end), end)
+        if beyond[int(_WHOLE * end)] <= _RINGS:
+            return cls.exact(end)
+        last = min(furthest, known)
+        return cls(int(_WHOLE * last), last)
+
+    @property
+    def fades(self) -> bool:
+        """Whether the last degrees are weakened."""
+        return self.whole < self.last
 
     @cached_property
     def factors(self) -> Array:

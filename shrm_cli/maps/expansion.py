@@ -2,7 +2,8 @@
 
 The tolerance asks for orders F and P, and F decides the size of the cubes. The texels of a cube of
 that size support several times F, and it costs no byte to use them. Maps therefore carry all orders
-whose part of the reflected light is visible, so that no truncated series rings beside a lamp.
+whose part of the reflected light is visible, and fade out where that is not possible, so that no
+truncated series rings beside a lamp.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
-from shrm_cli.maps.size import largest_f, supported_order
+from shrm_cli.maps.size import furthest_order, largest_f, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import (
@@ -23,7 +24,7 @@ from shrm_cli.reflected import (
     filtering_error,
     predicted_error,
     reflected_rms,
-    visible_order,
+    visible_beyond,
 )
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
@@ -110,7 +111,7 @@ class Expansion:
 
 
 def carried_band(
-    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int, limit: int
+    lighting: Lighting, coefficients: BrdfCoefficients, order_f: int, order_p: int, size: int
 ) -> Band:
     """Choose the degrees of the light that a map carries.
 
@@ -121,11 +122,15 @@ def carried_band(
     coefficients : BrdfCoefficients
     order_f, order_p : int
         The orders F and P that the tolerance asks for.
-    limit : int
-        The largest degree that the map may carry.
+    size : int
+        Texels along a face's edge of the map.
     """
-    known = min(coefficients.order_f, lighting.resolved_order)
-    return Band.of(visible_order(lighting, coefficients, order_p), limit, known, order_f)
+    beyond = visible_beyond(lighting, coefficients, order_p)
+    limit = max(supported_order(size, order_p), order_f)
+    furthest = max(furthest_order(size, order_p), order_f)
+    most = max(largest_f(order_p), order_f)
+    known = min(coefficients.order_f, lighting.resolved_order, most)
+    return Band.of(beyond, limit, furthest, known, order_f)
 
 
 def carry(
@@ -156,14 +161,17 @@ def carry(
         If the probe cannot be read, or the coefficients cannot be extended.
     """
     f, p = orders.order_f, orders.order_p
-    limit = max(f, min(supported_order(size, p), largest_f(p), MAX_ORDER_F))
-    lighting = light.to_order(max(coefficients.order_f, limit))
+    most = min(largest_f(p), MAX_ORDER_F)
+    wanted = max(f, min(supported_order(size, p), most))
     while True:
-        band = Band.exact(f) if is_exact else carried_band(lighting, coefficients, f, p, limit)
+        lighting = light.to_order(max(coefficients.order_f, wanted))
+        band = Band.exact(f) if is_exact else carried_band(lighting, coefficients, f, p, size)
         made = Expansion(brdf, orders, coefficients, lighting, size, band)
+        if band.fades:
+            wanted = max(f, min(furthest_order(size, p), most))
         known = coefficients.order_f
         is_known = is_exact or band.last <= _KNOWN * known
-        if known >= limit or (is_known and made.estimated <= _UNKNOWN * made.error**2):
+        if known >= wanted or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
-        further = min(2 * known, limit)
+        further = min(2 * known, wanted)
         coefficients = extended(brdf, coefficients, orders.tolerance, further, light.progress)

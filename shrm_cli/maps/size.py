@@ -29,6 +29,10 @@ _ORDERS_A_TEXEL_ALONE = 2.0
 """The same for maps of a single cube, whose error is all in the orders. It is all that the texels
 can tell apart, which kinks such as the horizon of Lambert's law need."""
 
+_FADING_ORDERS_A_TEXEL = 4 / 3
+"""The same for maps that fade out. So they have about the error of those that are cut off, and the
+tried sizes need no degrees beyond 64, 128 or 256, to which transfer functions are computed."""
+
 TRIED_SIZES = (12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)
 """The sizes of cubes that are tried for a map of few bytes, texels along a face's edge. Twice the
 bytes are a cube of the next size but one, so that those in between often share them better between
@@ -61,6 +65,11 @@ def supported_order(size: int, order_p: int = 1) -> int:
         The order P of the map; with 0 it has a single cube.
     """
     return int((_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
+
+
+def furthest_order(size: int, order_p: int = 1) -> int:
+    """Return the largest order of cubes that fade out; see `supported_order`."""
+    return int((_FADING_ORDERS_A_TEXEL if order_p else _ORDERS_A_TEXEL_ALONE) * size)
 
 
 def total_error(error: float, filter_error: float) -> float:

@@ -11,10 +11,16 @@ from shrm_cli.reflected import visible_order
 from tests.test_reflected import lamp, lit
 
 
-@pytest.mark.parametrize(("limit", "known"), [(40, 100), (100, 40), (40, 40)])
-def test_visible_light_fades_out_where_a_map_has_to_end(limit, known):
-    band = Band.of(min(60, known), limit, known)
-    assert band.last == 40
+def beyond(visible, known, level=1.0):
+    """The RMS after each degree of light that is bright up to one of them."""
+    return np.where(np.arange(known + 1) < min(visible, known), level, 0.0)
+
+
+@pytest.mark.parametrize(("limit", "known", "last"), [(40, 100, 48), (100, 40, 40), (40, 40, 40)])
+def test_visible_light_fades_out_where_a_map_has_to_end(limit, known, last):
+    band = Band.of(beyond(70, known), limit, 48, known)
+    assert (band.whole, band.last) == (int(0.8 * last), last)
+    assert band.fades
     factors = band.factors
     assert (factors[: band.whole + 1] == 1).all()
     assert (np.diff(factors[band.whole :]) < 0).all()
@@ -25,24 +31,33 @@ def test_visible_light_fades_out_where_a_map_has_to_end(limit, known):
 
 @pytest.mark.parametrize(("visible", "limit", "known"), [(30, 40, 31), (30, 30, 40), (0, 40, 40)])
 def test_light_that_ends_by_itself_is_kept_whole(visible, limit, known):
-    assert Band.of(visible, limit, known) == Band.exact(visible)
-    assert (Band.exact(visible).factors == 1).all()
+    band = Band.of(beyond(visible, known), limit, limit + 5, known)
+    assert band == Band.exact(visible)
+    assert not band.fades
+    assert (band.factors == 1).all()
+
+
+def test_faint_light_makes_no_rings():
+    """The RMS of what is lost is a hundredth of the mean, and a tenth."""
+    assert Band.of(beyond(70, 100, 0.01), 40, 50, 100) == Band.exact(40)
+    assert Band.of(beyond(70, 100, 0.1), 40, 50, 100).fades
 
 
 def test_degrees_that_the_tolerance_asks_for_are_kept_where_nothing_is_weakened():
-    assert Band.of(30, 100, 100, least=70) == Band.exact(70)
-    assert Band.of(90, 50, 100, least=48).last == 50
+    assert Band.of(beyond(30, 100), 100, 120, 100, least=70) == Band.exact(70)
+    assert Band.of(beyond(90, 100), 50, 60, 100, least=55).last == 60
 
 
 def test_maps_of_one_light_end_in_every_way():
     coefficients = compute_coefficients(parse_spec("phong:exponent=64"), 80, 0)
     light = lamp(80)
-    enough = carried_band(light, coefficients, 10, 0, 80)
+    enough = carried_band(light, coefficients, 10, 0, 40)
     assert enough == Band.exact(visible_order(light, coefficients, 0))
-    assert carried_band(light, coefficients, 70, 0, 80) == Band.exact(70)
-    few_texels = carried_band(light, coefficients, 10, 0, 30)
+    assert carried_band(light, coefficients, 70, 0, 40) == Band.exact(70)
+    # A single cube goes as far as its texels can tell degrees apart, and fades before.
+    few_texels = carried_band(light, coefficients, 10, 0, 15)
     assert 20 < few_texels.whole < few_texels.last == 30
     # The pixels of a small probe resolve fewer degrees than the cube and the BRDF have.
     power = np.repeat(2.0 * np.arange(81)[:, None] + 1, 3, axis=1) * (np.arange(81) <= 25)[:, None]
-    coarse = carried_band(lit(power), coefficients, 10, 0, 80)
+    coarse = carried_band(lit(power), coefficients, 10, 0, 40)
     assert 15 < coarse.whole < coarse.last == 25

@@ -11,6 +11,7 @@ from shrm_cli.maps.principal.functions import Spectrum
 from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
 from shrm_cli.maps.size import (
     TRIED_SIZES,
+    furthest_order,
     most_cubes,
     nothing_fits,
     stored_bytes,
@@ -19,7 +20,6 @@ from shrm_cli.maps.size import (
 )
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import (
-    INVISIBLE,
     energy_beyond,
     filtered_parts,
     fine_places,
@@ -147,16 +147,22 @@ class Planner:
 
     def _band(self, energies: Array, size: int) -> Band:
         """Return the degrees that are visible, as far as the texels support them."""
-        limit = supported_order(size, 0 if self._is_zonal else 1)
+        order_p = 0 if self._is_zonal else 1
+        ends = supported_order(size, order_p), furthest_order(size, order_p)
         known = min(self.spectrum.transfer.order_f, self.lighting.resolved_order)
-        return Band.of(self.visible_order(energies), limit, known)
+        return Band.of(self.visible_beyond(energies), *ends, known)
 
-    def visible_order(self, energies: Array) -> int:
-        """Return the order beyond which nothing is visible of light with an energy in each degree.
+    def visible_beyond(self, energies: Array) -> Array:
+        """Return the RMS after each degree of light with an energy in each, relative to its mean.
 
         Parameters
         ----------
         energies : ndarray, shape (F+1,)
+
+        Returns
+        -------
+        ndarray, shape (F+1,)
+            0 for black light.
         """
         # A function may be wrong at some degrees, and take less than nothing from their error.
         beyond = np.append(np.cumsum(np.maximum(energies, 0)[::-1])[-2::-1], 0.0)
@@ -164,7 +170,7 @@ class Planner:
         # The mean of the reflected light is that of the light, times that of the albedo.
         albedo = self.spectrum.weights @ self.spectrum.transfer.values[0, 0] / np.sqrt(np.pi) / 2
         mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
-        return int(np.argmax(rms <= INVISIBLE * mean)) if mean > 0 else 0
+        return rms / mean if mean > 0 else np.zeros_like(rms)
 
     def for_tolerance(self, tolerance: float) -> tuple[Counts, int, float]:
         """Find the least functions, and then the least order F, that miss a part of the energy.

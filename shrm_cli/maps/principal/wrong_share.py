@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shrm_cli.maps.principal.functions import Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.wrong_share import Lobes, known_share
+from shrm_cli.reflected import last_visible
 
 _VIEWS = 12
 """The number of views, of those that the transfer functions have."""
@@ -33,7 +34,8 @@ def predicted_wrong_share(planner: Planner, form: Form) -> float | None:
     spectrum = planner.spectrum
     if spectrum.center == "tangent":
         return None
-    order = planner.visible_order(np.sum(spectrum.light * spectrum.known, axis=1))
+    energies = np.sum(spectrum.light * spectrum.known, axis=1)
+    order = last_visible(planner.visible_beyond(energies))
     lobes = _lobes(spectrum, form, order)
     unknown = 1 - spectrum.whole() / max(planner.whole, 1e-300)
     return known_share(planner.lighting, lobes, unknown, form.error**2)

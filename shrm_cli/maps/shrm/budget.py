@@ -18,7 +18,6 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
-    largest_f,
     largest_p,
     nothing_fits,
     stored_bytes,
@@ -240,8 +239,7 @@ def map_errors(
     error, filter_error : float
         That of its orders, and that of looking it up; relative RMS.
     """
-    limit = min(supported_order(size, order_p), largest_f(order_p))
-    band = carried_band(lighting, coefficients, 0, order_p, limit)
+    band = carried_band(lighting, coefficients, 0, order_p, size)
     orders = band.last, order_p
     return (
         predicted_error(lighting, coefficients, *orders, factors=band.factors),
