@@ -5,9 +5,13 @@ import pytest
 
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps import band as band_module
 from shrm_cli.maps.band import Band
 from shrm_cli.maps.expansion import carried_band
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import visible_order
+from tests import brute_force
 from tests.test_reflected import lamp, lit
 
 
@@ -61,3 +65,45 @@ def test_maps_of_one_light_end_in_every_way():
     power = np.repeat(2.0 * np.arange(81)[:, None] + 1, 3, axis=1) * (np.arange(81) <= 25)[:, None]
     coarse = carried_band(lit(power), coefficients, 10, 0, 40)
     assert 15 < coarse.whole < coarse.last == 25
+
+
+@pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
+@pytest.mark.parametrize("to", ["shrm", "principal"])
+def test_maps_that_fade_out_do_not_ring(monkeypatch, to):
+    """A small lamp over a dim sky, against brute force: what is seen, and the RMS error."""
+    height = 64
+    light, weights = brute_force.latlong_samples(height)
+    pixels = np.full((height, 2 * height, 3), 0.1, dtype=np.float32)
+    pixels[20:22, 50:52] = 500
+    probe = Probe.from_array(pixels)
+    radiance = pixels.reshape(-1, 3).astype(float)
+    rng = np.random.default_rng(3)
+    reflections, views = brute_force.unit(rng, 1500), brute_force.unit(rng, 1500)
+    normals = reflections + views
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    kept = np.sum(normals * views, axis=1) > 0.3  # others are hardly lit by this lobe
+    lobe = brute_force.microfacet(0.1)
+    truth = np.array(
+        [
+            brute_force.reflected(lobe, r, v, light, weights, radiance)
+            for r, v in zip(reflections[kept], views[kept], strict=True)
+        ]
+    )[:, 1]
+    options = {"maps": 25} if to == "principal" else {"order_p": 4}
+
+    def seen() -> tuple[float, float, float]:
+        made = prefilter(probe, "microfacet:sigma=0.1", to=to, size=24, **options)
+        found = made.radiance(normals[kept], views[kept])[:, 1]
+        error = np.abs(found - truth) / np.maximum(truth, 0.02 * truth.mean())
+        return float(np.median(error)), float(np.mean(found < 0)), made.info.predicted_error
+
+    median, negative, predicted = seen()
+    monkeypatch.setattr(band_module, "_RINGS", np.inf)
+    cut_median, cut_negative, cut_predicted = seen()
+    print(
+        f"{to}: {cut_median:.4f} {cut_negative:.4f} {cut_predicted:.4f} cut off, "
+        f"{median:.4f} {negative:.4f} {predicted:.4f} fading"
+    )
+    assert median < 0.2 * cut_median
+    assert negative < 0.5 * cut_negative
+    assert predicted < 1.1 * cut_predicted
