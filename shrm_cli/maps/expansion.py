@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
+from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.size import furthest_order, largest_f, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import (
     energy_beyond,
     error_bound,
-    filtering_error,
     predicted_error,
     reflected_rms,
     visible_beyond,
@@ -94,9 +94,9 @@ class Expansion:
         return energy_beyond(self.lighting, self.coefficients) / whole if whole > 0 else 0.0
 
     def filter_error(self, sampling: Sampling = "center") -> float:
-        """Predict the relative RMS error of bilinear filtering; see `filtering_error`."""
-        form = *self._orders, self.size, sampling
-        return filtering_error(self.lighting, self.coefficients, *form, factors=self.band.factors)
+        """Return the relative RMS error of bilinear look-ups; see `shrm_look_up_error`."""
+        form = self.orders.order_p, self.size, sampling
+        return shrm_look_up_error(self.lighting, self.coefficients, self.band.factors, *form)
 
     @property
     def bound(self) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.maps.band import Band
+from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import Spectrum
 from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
 from shrm_cli.maps.size import (
@@ -20,15 +21,20 @@ from shrm_cli.maps.size import (
 )
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import (
+    cube_energies,
     energy_beyond,
     filtered_parts,
     fine_places,
     kept_energy,
 )
+from shrm_cli.sphere.between_texels import lost_between_texels
 from shrm_cli.sphere.bilinear import bilinear_errors
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
 
 Array = NDArray[np.floating]
+
+_FEW_TEXELS = 48
+"""The most texels along an edge of cubes that are looked through instead of predicted."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,8 @@ class Planner:
     def form(self, counts: Counts, size: int, is_exact: bool = False) -> Form:
         """Return the form with these functions and cubes of this size, and its errors.
 
-        The exact error counts that the functions are tabulated; the other takes far less time.
+        The exact error counts that the functions are tabulated, and what look-ups in small cubes
+        really miss; the other takes far less time.
         """
         energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
         band = self._band(energies, size)
@@ -126,12 +133,12 @@ class Planner:
             left = missing + self.whole - self.spectrum.whole()
         else:
             left = self.whole - float(energies[: band.last + 1] @ kept_energy(band.factors))
-        lost = self._lost(counts, band, size)
+        lost = self._lost(counts, band, size, is_exact)
         whole = max(self.whole, 1e-300)
         error, filtered = (float(np.sqrt(max(each, 0.0) / whole)) for each in (left, lost))
         return Form(counts, size, band, error, filtered)
 
-    def _lost(self, counts: Counts, band: Band, size: int) -> float:
+    def _lost(self, counts: Counts, band: Band, size: int, is_exact: bool) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""
         degrees, last = bundle_degrees(counts), band.last
         errors = np.sqrt(bilinear_errors(last + max(degrees), size, self.sampling, self._places))
@@ -143,7 +150,27 @@ class Planner:
             by_order = filtered_parts(parts, errors).transpose(1, 2, 0, 3)
             for q, each in enumerate(by_order):
                 lost[q][bundles] = each
-        return sum(self.spectrum.shown_energy(q, each, light) for q, each in enumerate(lost))
+        predicted = sum(self.spectrum.shown_energy(q, each, light) for q, each in enumerate(lost))
+        if not is_exact or size > _FEW_TEXELS:
+            return predicted
+        return predicted * self._misjudged(degrees, band, size, errors**2)
+
+    def _misjudged(self, degrees: tuple[int, ...], band: Band, size: int, errors: Array) -> float:
+        """Return what look-ups miss of the strongest bundles, in units of what is predicted.
+
+        Nearly all is missed in these, which hold the first function of each azimuthal order. Lamps
+        are in the same place in all channels, so that the brightest one tells enough.
+        """
+        p, light = degrees[0], self.spectrum.light[: band.last + 1]
+        kept = self.spectrum.bundle_parts(p, 0, degrees.count(p), band.last)
+        kept = kept * band.factors[:, None, None, None]
+        channel = int(np.argmax(light.sum(axis=0)))
+        one = slice(channel, channel + 1)
+        series = bundle_coefficients(self.lighting.coefficients[:, one], kept[..., one])
+        missed = lost_between_texels(series.reshape(len(series), -1), size, self.sampling).sum()
+        energies = cube_energies(light * (np.arange(3) == channel), kept)
+        predicted = float(errors[: len(energies)] @ energies)
+        return float(missed) / predicted if predicted > 0 else 1.0
 
     def _band(self, energies: Array, size: int) -> Band:
         """Return the degrees that are visible, as far as the texels support them."""

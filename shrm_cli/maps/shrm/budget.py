@@ -14,6 +14,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import carried_band
+from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.size import (
     TRIED_SIZES,
@@ -26,7 +27,7 @@ from shrm_cli.maps.size import (
 )
 from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
-from shrm_cli.reflected import filtering_error, predicted_error
+from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import (
     DEFAULT_MAX_SIZE,
     MAX_ORDER_F,
@@ -240,10 +241,9 @@ def map_errors(
         That of its orders, and that of looking it up; relative RMS.
     """
     band = carried_band(lighting, coefficients, 0, order_p, size)
-    orders = band.last, order_p
     return (
-        predicted_error(lighting, coefficients, *orders, factors=band.factors),
-        filtering_error(lighting, coefficients, *orders, size, sampling, factors=band.factors),
+        predicted_error(lighting, coefficients, band.last, order_p, factors=band.factors),
+        shrm_look_up_error(lighting, coefficients, band.factors, order_p, size, sampling),
     )
 
 
