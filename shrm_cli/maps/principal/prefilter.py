@@ -48,6 +48,8 @@ _FAIRLY = 1.25
 """How many times the known degrees a map may support that is compared with a smaller one."""
 _TRIES = 3
 """How often a form is sought that keeps an error."""
+_ANY_SIZE = 2**32
+"""More bytes than maps may have."""
 _CHEAP = 0.25
 """The part of the error that goes to terms of a single cube."""
 _LARGEST_ERROR = 0.99
@@ -121,7 +123,10 @@ def prefilter(
     info = _info(probe, brdf, terms, eps, coherence)
     made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
     remarks = [planner.spectrum.transfer.remark for planner in planners]
-    lines = [*filter(None, remarks), *_unmet(info, terms, error, max_size)]
+    unmet = _unmet(info, terms, error, max_size)
+    if unmet and error is not None:
+        unmet += _sufficient(planners, wanted, broad)
+    lines = [*filter(None, remarks), *([unmet] if unmet else [])]
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
@@ -134,22 +139,34 @@ def prefilter(
     return Prefiltered(made, facts, notes, tuple(lines), further)
 
 
-def _unmet(
-    info: MapInfo, terms: "Sequence[_Term]", error: float | None, max_size: int
-) -> list[str]:
-    """Return a line about an error or a tolerance that the map does not keep."""
+def _unmet(info: MapInfo, terms: "Sequence[_Term]", error: float | None, max_size: int) -> str:
+    """Return a line about an error or a tolerance that the map does not keep, or nothing."""
     total = total_error(info.predicted_error, info.filter_error)
     if error is not None and total > error * _ROUNDING:
-        return [
+        return (
             f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}; the best "
             f"map has {total:.1%}"
-        ]
+        )
     if error is None and not all(term.is_met for term in terms):
-        return [
+        return (
             f"{bytes_text(max_size)} hold no map that misses only `eps` {info.tolerance:g}; the "
             f"best one has an error of {total:.1%}, bilinear look-ups included; raise `max_size`"
-        ]
-    return []
+        )
+    return ""
+
+
+def _sufficient(planners: Sequence[Planner], wanted: "Sequence[_Wanted]", broad: int) -> str:
+    """Return which number of bytes would keep the errors of all terms, or nothing."""
+    needed = 0
+    for planner, want in zip(planners, wanted, strict=True):
+        free = replace(want, max_size=_ANY_SIZE)
+        form, is_met = _within_error(planner, want.error or 0.0, free)
+        if not is_met:
+            return ""
+        needed = max(needed, form.bytes)
+    # Every broad term gets the same share. It is rounded up to what `bytes_text` shows.
+    step = 10 ** max(len(str(broad * needed)) - 2, 0)
+    return f"; it takes `max_size` {bytes_text(-(-broad * needed // step) * step)}"
 
 
 @dataclass(frozen=True)
