@@ -42,7 +42,7 @@ def gpu_error(probe, made, brdf):
     [
         ("shrm", "lambertian", {}),
         ("shrm", "phong:exponent=8", {}),
-        ("principal", "ggx:roughness=0.7,f0=1", {"size": 16, "maps": 36}),
+        ("principal", "ggx:roughness=0.7,f0=1", {"size": 10, "maps": 36}),
     ],
 )
 @pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")

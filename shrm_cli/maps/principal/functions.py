@@ -16,6 +16,7 @@ References
 Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -236,24 +237,23 @@ class Spectrum:
         squares = np.sum(by_channel * (products @ by_channel), axis=1)
         return float((2 if q else 1) * np.sum(light.T * squares))
 
-    def bundle_parts(self, degree: int, first: int, last: int, order: int) -> Array:
-        """Return what the light of each degree is multiplied with, for bundles of a degree.
+    def bundle_parts(self, bundles: Sequence[tuple[int, ...]], order: int) -> Array:
+        """Return what the light of each degree is multiplied with, for bundles of a degree p.
 
         Parameters
         ----------
-        degree : int
-            The largest q of the bundles.
-        first, last : int
-            Which functions, from `first` to before `last`.
+        bundles : sequence of tuple of int
+            For each bundle, the index of its function of each order 0 .. p.
         order : int
             The largest order of the light.
 
         Returns
         -------
-        ndarray, shape (order+1, degree+1, last - first, 3)
+        ndarray, shape (order+1, p+1, bundles, 3)
             The coefficients rho_hat_lqk, which take the place of rho_hat_lpq.
         """
-        parts = [each[first:last, : order + 1] for each in self._parts[: degree + 1]]
+        by_order = enumerate(zip(*bundles, strict=True))
+        parts = [self._parts[q][list(used), : order + 1] for q, used in by_order]
         return np.stack(parts).transpose(2, 0, 1, 3)
 
     @cached_property

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shrm_cli.maps.band import Band
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import Spectrum
-from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_degrees, cubes_of
+from shrm_cli.maps.principal.selection import Counts, best_counts, bundle_functions, cubes_of
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     furthest_order,
@@ -140,37 +140,38 @@ class Planner:
 
     def _lost(self, counts: Counts, band: Band, size: int, is_exact: bool) -> float:
         """Return the energy that bilinear filtering takes from cubes or adds to them."""
-        degrees, last = bundle_degrees(counts), band.last
-        errors = np.sqrt(bilinear_errors(last + max(degrees), size, self.sampling, self._places))
+        last, most = band.last, len(counts) - 1
+        errors = np.sqrt(bilinear_errors(last + most, size, self.sampling, self._places))
         light = self.spectrum.light[: last + 1] * band.factors[:, None] ** 2
         lost = [np.empty((count, last + 1, 3)) for count in counts]
-        for p in set(degrees):
-            bundles = slice(degrees.index(p), degrees.index(p) + degrees.count(p))
-            parts = self.spectrum.bundle_parts(p, bundles.start, bundles.stop, last)
+        for bundles in bundle_functions(counts).values():
+            parts = self.spectrum.bundle_parts(bundles, last)
             by_order = filtered_parts(parts, errors).transpose(1, 2, 0, 3)
-            for q, each in enumerate(by_order):
-                lost[q][bundles] = each
+            for q, used in enumerate(zip(*bundles, strict=True)):
+                lost[q][list(used)] = by_order[q]
         predicted = sum(self.spectrum.shown_energy(q, each, light) for q, each in enumerate(lost))
         if not is_exact or size > _FEW_TEXELS:
             return predicted
-        return predicted * self._misjudged(degrees, band, size, errors**2)
+        return predicted * self._misjudged(counts, band, size, errors**2)
 
-    def _misjudged(self, degrees: tuple[int, ...], band: Band, size: int, errors: Array) -> float:
-        """Return what look-ups miss of the strongest bundles, in units of what is predicted.
+    def _misjudged(self, counts: Counts, band: Band, size: int, errors: Array) -> float:
+        """Return what look-ups miss of the cubes, in units of what is predicted.
 
-        Nearly all is missed in these, which hold the first function of each azimuthal order. Lamps
-        are in the same place in all channels, so that the brightest one tells enough.
+        Lamps are in the same place in all channels, so that the brightest one tells enough.
         """
-        p, light = degrees[0], self.spectrum.light[: band.last + 1]
-        kept = self.spectrum.bundle_parts(p, 0, degrees.count(p), band.last)
-        kept = kept * band.factors[:, None, None, None]
+        light = self.spectrum.light[: band.last + 1]
         channel = int(np.argmax(light.sum(axis=0)))
         one = slice(channel, channel + 1)
-        series = bundle_coefficients(self.lighting.coefficients[:, one], kept[..., one])
-        missed = lost_between_texels(series.reshape(len(series), -1), size, self.sampling).sum()
-        energies = cube_energies(light * (np.arange(3) == channel), kept)
-        predicted = float(errors[: len(energies)] @ energies)
-        return float(missed) / predicted if predicted > 0 else 1.0
+        missed = predicted = 0.0
+        for bundles in bundle_functions(counts).values():
+            kept = self.spectrum.bundle_parts(bundles, band.last)
+            kept *= band.factors[:, None, None, None]
+            series = bundle_coefficients(self.lighting.coefficients[:, one], kept[..., one])
+            flat = series.reshape(len(series), -1)
+            missed += float(lost_between_texels(flat, size, self.sampling).sum())
+            energies = cube_energies(light * (np.arange(3) == channel), kept)
+            predicted += float(errors[: len(energies)] @ energies)
+        return missed / predicted if predicted > 0 else 1.0
 
     def _band(self, energies: Array, size: int) -> Band:
         """Return the degrees that are visible, as far as the texels support them."""

@@ -20,7 +20,7 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.principal.selection import bundle_degrees
+from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import centered
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
@@ -357,30 +357,28 @@ def _within_error(planner: Planner, error: float, want: _Wanted) -> tuple[Form, 
 
 def _lobe(term: _Term, sampling: Sampling) -> Lobe:
     """Make the cubes and the tables of a term."""
-    spectrum, form = term.planner.spectrum, term.form
-    degrees = bundle_degrees(form.counts)
-    blocks = []
-    for p in sorted(set(degrees), reverse=True):
-        bundles = [index for index, degree in enumerate(degrees) if degree == p]
-        blocks.append(_cubes(term, p, bundles, sampling))
-    functions = [spectrum.table(q, k, k + 1) for k, p in enumerate(degrees) for q in range(p + 1)]
+    spectrum, counts = term.planner.spectrum, term.form.counts
+    bundles = bundle_functions(counts)
     return Lobe(
-        np.concatenate(blocks, axis=2),
-        degrees,
-        np.concatenate(functions),
+        np.concatenate([_cubes(term, each, sampling) for each in bundles.values()], axis=2),
+        bundle_degrees(counts),
+        np.concatenate(
+            [
+                spectrum.table(q, k, k + 1)
+                for same in bundles.values()
+                for bundle in same
+                for q, k in enumerate(bundle)
+            ]
+        ),
         term.brdf.center,
         spectrum.albedo_table(),
     )
 
 
-def _cubes(term: _Term, degree: int, bundles: list[int], sampling: Sampling) -> Array:
-    """Make the cubes of all bundles of a degree, shape (6N, N, cubes, 3), one after the other.
-
-    The bundle of index k holds the k-th function of each azimuthal order, because bundles are in
-    the order of descending degrees.
-    """
+def _cubes(term: _Term, bundles: Sequence[tuple[int, ...]], sampling: Sampling) -> Array:
+    """Make the cubes of all bundles of a degree, shape (6N, N, cubes, 3), one after the other."""
     spectrum, form = term.planner.spectrum, term.form
-    kept = spectrum.bundle_parts(degree, bundles[0], bundles[-1] + 1, form.carried)
+    kept = spectrum.bundle_parts(bundles, form.carried)
     kept *= form.band.factors[:, None, None, None]
     series = bundle_coefficients(term.planner.lighting.coefficients, kept)
     flat = series.swapaxes(1, 2).reshape(len(series), -1)

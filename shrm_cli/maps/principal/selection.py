@@ -28,6 +28,25 @@ def bundle_degrees(counts: Counts) -> tuple[int, ...]:
     return tuple(p for p in reversed(range(len(fewer))) for _ in range(fewer[p]))
 
 
+def bundle_functions(counts: Counts) -> dict[int, list[tuple[int, ...]]]:
+    """Return which functions the bundles of each degree hold.
+
+    A bundle of degree p shows details of up to p degrees more than those of the light, which
+    look-ups between texels blur. The strongest functions are therefore in the bundles of the lowest
+    degrees that may hold them, and the weakest in those of the highest.
+
+    Returns
+    -------
+    dict of int to list of tuple of int
+        For each degree p, descending, the bundles, in the order of `bundle_degrees`. A bundle is
+        given by the index of its function of each order 0 .. p, of which 0 is the strongest.
+    """
+    found: dict[int, list[tuple[int, ...]]] = {}
+    for place, p in enumerate(bundle_degrees(counts)):
+        found.setdefault(p, []).append(tuple(counts[q] - 1 - place for q in range(p + 1)))
+    return found
+
+
 def bundle_counts(degrees: tuple[int, ...]) -> Counts:
     """Return the number of functions of each order that bundles hold."""
     return tuple(sum(p >= q for p in degrees) for q in range(max(degrees, default=0) + 1))

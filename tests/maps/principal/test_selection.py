@@ -9,6 +9,7 @@ from shrm_cli.maps.principal.selection import (
     best_counts,
     bundle_counts,
     bundle_degrees,
+    bundle_functions,
     cubes_of,
 )
 
@@ -36,3 +37,11 @@ def test_bundles_hold_the_counts(counts):
     assert bundle_counts(degrees) == counts
     assert sum(2 * p + 1 for p in degrees) == cubes_of(counts)
     assert list(degrees) == sorted(degrees, reverse=True)
+
+
+@pytest.mark.parametrize("counts", [(1,), (3, 2, 1), (5, 1, 1, 1), (2, 2)])
+def test_bundles_hold_every_function_once_the_strongest_where_degrees_are_low(counts):
+    bundles = [each for same in bundle_functions(counts).values() for each in same]
+    assert tuple(len(each) - 1 for each in bundles) == bundle_degrees(counts)
+    for q, count in enumerate(counts):
+        assert [each[q] for each in bundles if len(each) > q] == list(reversed(range(count)))
