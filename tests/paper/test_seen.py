@@ -92,7 +92,8 @@ def test_principal_maps_have_as_many_bytes(rows):
         for way in (seen.AFTER, seen.PRINCIPAL, seen.SAME_BYTES)
     )
     assert (other.bytes, other.size) == (after.bytes, after.size)
-    assert 0.9 * after.bytes < best.bytes <= after.bytes
+    # A smaller map is taken where it is as good but for a twentieth.
+    assert 0.5 * after.bytes < best.bytes <= after.bytes
     assert best.gpu_rms < other.gpu_rms
 
 
@@ -128,7 +129,8 @@ def test_pairs_make_integrals_over_all_mirror_directions_and_views(probe):
             prefilter(probe, "microfacet:sigma=0.2", to=to, size=32, max_size="1MB")
             for to in ("shrm", "principal")
         )
-    pairs = bright_pairs(default, [other], 10000)
+    # One in twenty-five pairs is drawn evenly, and the others are where the light is.
+    pairs = bright_pairs(default, [other], 40000)
     cosines = np.sum(pairs.normals * pairs.views, axis=1, keepdims=True)
     mirrored = 2 * cosines * pairs.normals - pairs.views
     weights = pairs.weights / pairs.weights.sum()
