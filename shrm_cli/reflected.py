@@ -52,8 +52,8 @@ def predicted_error(
         The coefficients of the BRDF, to orders above F and P.
     order_f, order_p : int
         The largest l and p that are kept.
-    factors : ndarray, shape (order_f + 1,), optional
-        What the map multiplies each l <= F with; 1 by default.
+    factors : ndarray, shape (order_f + 1,) or (order_f + 1, order_p + 1), optional
+        What the map multiplies each l <= F with, or each l <= F and p <= P; 1 by default.
 
     Returns
     -------
@@ -62,8 +62,7 @@ def predicted_error(
     """
     light = weighted_power(lighting, coefficients.order_f)
     whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
-    by_degree = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p), axis=1)
-    kept = by_degree.sum() if factors is None else by_degree @ kept_energy(factors)
+    kept = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p, factors))
     return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
 
 
@@ -235,6 +234,18 @@ def visible_beyond(
     return np.asarray(np.max(rms / np.maximum(mean, 1e-300), axis=1))
 
 
+def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> float:
+    """Return what truncation after the order P leaves out, relative to the mean reflected light.
+
+    It is measured as `visible_beyond` does; the light of all known degrees counts.
+    """
+    order = coefficients.order_f
+    left = coefficients.degree_energy - _kept(coefficients, order, order_p)
+    energy = np.sum(weighted_power(lighting, order) * np.maximum(left, 0.0), axis=0)
+    mean = np.abs(lighting.coefficients[0] * coefficients.values[0, 0, 0]) / np.sqrt(4 * np.pi)
+    return float(np.max(np.sqrt(energy) / (4 * np.pi) / np.maximum(mean, 1e-300)))
+
+
 def cube_energies(light: Array, parts: Array) -> Array:
     """Return the energy of cubes over R in each of their own degrees.
 
@@ -327,13 +338,13 @@ def filtering_error(
         The error of the map as it is made, without that of its orders; 0 for black light.
     """
     light = weighted_power(lighting, order_f)
-    if factors is not None:
-        light = light * factors[:, None] ** 2
+    weights = _by_view(1.0 if factors is None else factors, order_f, order_p)
     places = fine_places(lighting, coefficients.values[: order_f + 1, 0, 0])
     errors = bilinear_errors(order_f + order_p, size, sampling, places)
     lost = whole = 0.0
     for p in range(order_p + 1):
-        energy = cube_energies(light, coefficients.values[: order_f + 1, p, : p + 1, None])
+        weighted = light * weights[:, p, None] ** 2
+        energy = cube_energies(weighted, coefficients.values[: order_f + 1, p, : p + 1, None])
         lost, whole = lost + float(errors[: len(energy)] @ energy), whole + float(energy.sum())
     return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
 
@@ -410,9 +421,7 @@ def error_bound(
         The error, which is 0 for black light.
     """
     light = weighted_power(lighting, order_f)
-    kept = _kept(coefficients, order_f, order_p)
-    if factors is not None:
-        kept = kept * kept_energy(factors)[:, None]
+    kept = _kept(coefficients, order_f, order_p, factors)
     low = coefficients.degree_energy[: order_f + 1]
     light_left = np.maximum(lighting.energy - lighting.power()[: order_f + 1].sum(axis=0), 0)
     rho_left = np.maximum(coefficients.total_energy - low.sum(axis=0), 0)
@@ -422,9 +431,24 @@ def error_bound(
     return float(np.sqrt(residual / whole)) if whole > 0 else 0.0
 
 
-def _kept(coefficients: BrdfCoefficients, order_f: int, order_p: int) -> Array:
-    """Return the energy of the BRDF at each degree l <= F with p <= P, shape (F+1, 3)."""
-    return coefficients.energies()[: order_f + 1, : order_p + 1].sum(axis=1)
+def _kept(
+    coefficients: BrdfCoefficients, order_f: int, order_p: int, factors: Array | None = None
+) -> Array:
+    """Return the energy of the BRDF at each degree l <= F with p <= P, shape (F+1, 3).
+
+    It is the part that is no error where amplitudes are multiplied by factors.
+    """
+    energies = coefficients.energies()[: order_f + 1, : order_p + 1]
+    if factors is not None:
+        energies = energies * kept_energy(_by_view(factors, order_f, order_p))[..., None]
+    return np.asarray(energies.sum(axis=1))
+
+
+def _by_view(factors: Array | float, order_f: int, order_p: int) -> Array:
+    """Return factors of each l, or of each l and p, as those of each l and p."""
+    known = np.asarray(factors)
+    known = known[:, None] if known.ndim == 1 else known
+    return np.broadcast_to(known, (order_f + 1, order_p + 1))
 
 
 def weighted_power(lighting: Lighting, order: int) -> Array:

@@ -191,3 +191,25 @@ def test_filtered_parts_are_those_of_filtered_cubes(rng):
     blurred = cubes * factors[degrees(order + p)][:, None, None, None]
     assert np.abs(blurred).max() > 0.01
     assert bundle_coefficients(light, filtered_parts(parts, factors)) == pytest.approx(blurred)
+
+
+def test_degrees_that_are_weakened_make_an_error_by_the_squares_of_what_they_lose():
+    """Factors of each degree of the light and of the view, by a sum over all of them."""
+    coefficients = compute_coefficients(parse_spec("microfacet:sigma=0.4"), 8, 4)
+    light = lit(np.repeat(np.exp(-np.arange(9.0))[:, None], 3, axis=1))
+    factors = np.outer(np.linspace(1, 0.3, 7), [1, 1, 0.8, 0.4])
+    whole = left = 0.0
+    power = light.power()
+    for degree in range(9):
+        measure = 4 * np.pi / (2 * degree + 1) * power[degree]
+        whole += np.sum(measure * coefficients.degree_energy[degree])
+        kept = np.zeros(3)
+        for p in range(4 if degree < 7 else 0):
+            signs = np.where(np.arange(p + 1) > 0, 2, 1)[:, None]
+            energy = np.sum(signs * coefficients.values[degree, p, : p + 1] ** 2, axis=0)
+            kept += energy
+            left += np.sum(measure * energy * (1 - factors[degree, p]) ** 2)
+        left += np.sum(measure * (coefficients.degree_energy[degree] - kept))
+    beyond = energy_beyond(light, coefficients)
+    found = predicted_error(light, coefficients, 6, 3, factors=factors)
+    assert found == pytest.approx(np.sqrt((left + beyond) / (whole + beyond)), rel=1e-9)

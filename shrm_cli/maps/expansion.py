@@ -25,6 +25,7 @@ from shrm_cli.reflected import (
     predicted_error,
     reflected_rms,
     visible_beyond,
+    visible_beyond_p,
 )
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
@@ -54,6 +55,8 @@ class Expansion:
         Texels along a face's edge of the map.
     band : Band
         The degrees of the light that the map keeps.
+    views : Band
+        The degrees of the view that it keeps, 0 to P.
     """
 
     brdf: Brdf
@@ -62,12 +65,13 @@ class Expansion:
     lighting: Lighting
     size: int
     band: Band
+    views: Band
 
     @cached_property
     def error(self) -> float:
         """The predicted relative RMS error of the reflected light; see `predicted_error`."""
         return predicted_error(
-            self.lighting, self.coefficients, *self._orders, factors=self.band.factors
+            self.lighting, self.coefficients, *self._orders, factors=self._factors
         )
 
     @property
@@ -79,7 +83,7 @@ class Expansion:
     def kept(self) -> Array:
         """The coefficients of the BRDF as the map has them, to the last degree and to P."""
         values = self.coefficients.truncated(self.band.last, self.orders.order_p)
-        return values * self.band.factors[:, None, None, None]
+        return values * self._factors[..., None, None]
 
     @property
     def remark(self) -> str | None:
@@ -96,18 +100,20 @@ class Expansion:
     def filter_error(self, sampling: Sampling = "center") -> float:
         """Return the relative RMS error of bilinear look-ups; see `shrm_look_up_error`."""
         form = self.orders.order_p, self.size, sampling
-        return shrm_look_up_error(self.lighting, self.coefficients, self.band.factors, *form)
+        return shrm_look_up_error(self.lighting, self.coefficients, self._factors, *form)
 
     @property
     def bound(self) -> float:
         """The conservative relative RMS error of eq. 5.19; see `error_bound`."""
-        return error_bound(
-            self.lighting, self.coefficients, *self._orders, factors=self.band.factors
-        )
+        return error_bound(self.lighting, self.coefficients, *self._orders, factors=self._factors)
 
     @property
     def _orders(self) -> tuple[int, int]:
         return self.band.last, self.orders.order_p
+
+    @cached_property
+    def _factors(self) -> Array:
+        return np.outer(self.band.factors, self.views.factors)
 
 
 def carried_band(
@@ -133,6 +139,20 @@ def carried_band(
     return Band.of(beyond, limit, furthest, known, order_f)
 
 
+def view_band(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> Band:
+    """Choose how the degrees of the view end that a map has.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+    order_p : int
+        The order P of the map.
+    """
+    return Band.of_views(visible_beyond_p(lighting, coefficients, order_p), order_p)
+
+
 def carry(
     light: Projection,
     brdf: Brdf,
@@ -140,6 +160,7 @@ def carry(
     coefficients: BrdfCoefficients,
     size: int,
     is_exact: bool = False,
+    is_exact_view: bool = False,
 ) -> Expansion:
     """Choose how far a map carries the light beyond F, and extend the coefficients as needed.
 
@@ -154,6 +175,8 @@ def carry(
         Texels along a face's edge.
     is_exact : bool
         Whether to carry nothing beyond F.
+    is_exact_view : bool
+        Whether to keep every degree of the view up to P as it is.
 
     Raises
     ------
@@ -166,7 +189,8 @@ def carry(
     while True:
         lighting = light.to_order(max(coefficients.order_f, wanted))
         band = Band.exact(f) if is_exact else carried_band(lighting, coefficients, f, p, size)
-        made = Expansion(brdf, orders, coefficients, lighting, size, band)
+        views = Band.exact(p) if is_exact_view else view_band(lighting, coefficients, p)
+        made = Expansion(brdf, orders, coefficients, lighting, size, band, views)
         if band.fades:
             wanted = max(f, min(furthest_order(size, p), most))
         known = coefficients.order_f

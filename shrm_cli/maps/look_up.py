@@ -44,8 +44,8 @@ def shrm_look_up_error(
     ----------
     lighting, coefficients, order_p, size, sampling
         The same as for `shrm_cli.reflected.filtering_error`.
-    factors : ndarray, shape (F+1,)
-        What the map multiplies each degree of the light with.
+    factors : ndarray, shape (F+1, P+1)
+        What the map multiplies each degree of the light and each one of the view with.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def shrm_look_up_error(
         return filtering_error(
             lighting, coefficients, order_f, order_p, size, sampling, factors=factors
         )
-    kept = coefficients.truncated(order_f, order_p) * factors[:, None, None, None]
+    kept = coefficients.truncated(order_f, order_p) * factors[..., None, None]
     light = separated(lighting.coefficients[: (order_f + 1) ** 2], order_f)
     lost = whole = 0.0
     for p in range(order_p + 1):

@@ -11,7 +11,11 @@ from shrm_cli.maps.expansion import carried_band
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import visible_order
+from shrm_cli.render.seen import seen_errors
+from shrm_cli.sphere.latlong import latlong_directions
 from tests import brute_force
+from tests.paper import seen
+from tests.paper.glossy_truth import light_of, sphere
 from tests.test_reflected import lamp, lit
 
 
@@ -50,6 +54,34 @@ def test_faint_light_makes_no_rings():
 def test_degrees_that_the_tolerance_asks_for_are_kept_where_nothing_is_weakened():
     assert Band.of(beyond(30, 100), 100, 120, 100, least=70) == Band.exact(70)
     assert Band.of(beyond(90, 100), 50, 60, 100, least=55).last == 60
+
+
+def test_degrees_of_the_view_fade_out_where_enough_of_them_end_too_soon():
+    assert Band.of_views(0.1, 25) == Band(20, 25)
+    assert Band.of_views(0.01, 25) == Band.exact(25)
+    assert Band.of_views(0.1, 13) == Band.exact(13)
+
+
+@pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
+def test_views_that_fade_out_do_not_ring(monkeypatch):
+    """Cloth, which shines at grazing views only, in a room with a lamp, beside the truth."""
+    directions = latlong_directions(64, 32)
+    lamp_light = np.where(directions @ np.array([0.6, 0.48, 0.64]) > 0.97, 60.0, 0.2)
+    probe = Probe.from_array(np.repeat(lamp_light[..., None], 3, axis=2), layout="latlong")
+    brdf, options = parse_spec("charlie:roughness=0.1"), {"size": 12, "max_size": "4MB"}
+    ball, light = sphere((0.6, 0.0, 0.8), 16), light_of([probe], 32)
+    truth = seen.lit(brdf, ball.normals, ball.views, light)
+    fading = prefilter(probe, brdf, **options)
+    monkeypatch.setattr(band_module, "_FEW_VIEWS", 99)
+    cut = prefilter(probe, brdf, **options)
+    by_hand = prefilter(probe, brdf, order_p=cut.info.order_p, **options)
+    assert cut.info.order_p == fading.info.order_p >= 20
+    errors = [seen_errors(each.radiance(ball.normals, ball.views), truth) for each in (fading, cut)]
+    assert errors[0].median_relative_error < 0.5 * errors[1].median_relative_error
+    assert errors[0].negative_share <= errors[1].negative_share
+    assert cut.info.predicted_error < fading.info.predicted_error < 1.1 * cut.info.predicted_error
+    # Orders that are given are kept whole.
+    assert by_hand.info.predicted_error < fading.info.predicted_error
 
 
 def test_maps_of_one_light_end_in_every_way():

@@ -13,7 +13,7 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.expansion import carried_band
+from shrm_cli.maps.expansion import carried_band, view_band
 from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.size import (
@@ -241,9 +241,11 @@ def map_errors(
         That of its orders, and that of looking it up; relative RMS.
     """
     band = carried_band(lighting, coefficients, 0, order_p, size)
+    views = view_band(lighting, coefficients, order_p)
+    factors = np.outer(band.factors, views.factors)
     return (
-        predicted_error(lighting, coefficients, band.last, order_p, factors=band.factors),
-        shrm_look_up_error(lighting, coefficients, band.factors, order_p, size, sampling),
+        predicted_error(lighting, coefficients, band.last, order_p, factors=factors),
+        shrm_look_up_error(lighting, coefficients, factors, order_p, size, sampling),
     )
 
 

@@ -334,7 +334,10 @@ def expand(
     check_size(orders.order_f, orders.order_p, size)
     if form.check is not None:
         form.check(size, count)
-    expansion = carry(light, brdf, orders, coefficients, size, is_exact=order_f is not None)
+    expansion = carry(
+        light, brdf, orders, coefficients, size,
+        is_exact=order_f is not None, is_exact_view=not is_free,
+    )  # fmt: skip
     lines = [expansion.remark]
     if is_free:
         lines.append(shortfall(brdf, coefficients, orders, allowed, expansion.error, form))
