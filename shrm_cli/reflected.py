@@ -52,8 +52,8 @@ def predicted_error(
         The coefficients of the BRDF, to orders above F and P.
     order_f, order_p : int
         The largest l and p that are kept.
-    factors : ndarray, shape (order_f + 1,) or (order_f + 1, order_p + 1), optional
-        What the map multiplies each l <= F with, or each l <= F and p <= P; 1 by default.
+    factors : ndarray, shape (order_f + 1, order_p + 1), optional
+        What the map multiplies each l <= F and p <= P with; 1 by default.
 
     Returns
     -------
@@ -229,9 +229,7 @@ def visible_beyond(
     of_brdf = coefficients.degree_energy if order_p is None else _kept(coefficients, order, order_p)
     energy = weighted_power(lighting, order) * of_brdf
     beyond = np.append(np.cumsum(energy[::-1], axis=0)[-2::-1], np.zeros((1, 3)), axis=0)
-    mean = np.abs(lighting.coefficients[0] * coefficients.values[0, 0, 0]) / np.sqrt(4 * np.pi)
-    rms = np.sqrt(beyond) / (4 * np.pi)
-    return np.asarray(np.max(rms / np.maximum(mean, 1e-300), axis=1))
+    return _beside_mean(beyond, lighting, coefficients)
 
 
 def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p: int) -> float:
@@ -242,8 +240,17 @@ def visible_beyond_p(lighting: Lighting, coefficients: BrdfCoefficients, order_p
     order = coefficients.order_f
     left = coefficients.degree_energy - _kept(coefficients, order, order_p)
     energy = np.sum(weighted_power(lighting, order) * np.maximum(left, 0.0), axis=0)
+    return float(_beside_mean(energy, lighting, coefficients))
+
+
+def _beside_mean(energies: Array, lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
+    """Return the RMS of energies, shape (..., 3), relative to the mean reflected light, (...).
+
+    It is that of the channel where it is largest.
+    """
     mean = np.abs(lighting.coefficients[0] * coefficients.values[0, 0, 0]) / np.sqrt(4 * np.pi)
-    return float(np.max(np.sqrt(energy) / (4 * np.pi) / np.maximum(mean, 1e-300)))
+    rms = np.sqrt(energies) / (4 * np.pi)
+    return np.asarray(np.max(rms / np.maximum(mean, 1e-300), axis=-1))
 
 
 def cube_energies(light: Array, parts: Array) -> Array:
@@ -338,12 +345,11 @@ def filtering_error(
         The error of the map as it is made, without that of its orders; 0 for black light.
     """
     light = weighted_power(lighting, order_f)
-    weights = _by_view(1.0 if factors is None else factors, order_f, order_p)
     places = fine_places(lighting, coefficients.values[: order_f + 1, 0, 0])
     errors = bilinear_errors(order_f + order_p, size, sampling, places)
     lost = whole = 0.0
     for p in range(order_p + 1):
-        weighted = light * weights[:, p, None] ** 2
+        weighted = light if factors is None else light * factors[:, p, None] ** 2
         energy = cube_energies(weighted, coefficients.values[: order_f + 1, p, : p + 1, None])
         lost, whole = lost + float(errors[: len(energy)] @ energy), whole + float(energy.sum())
     return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
@@ -440,15 +446,8 @@ def _kept(
     """
     energies = coefficients.energies()[: order_f + 1, : order_p + 1]
     if factors is not None:
-        energies = energies * kept_energy(_by_view(factors, order_f, order_p))[..., None]
+        energies = energies * kept_energy(factors)[..., None]
     return np.asarray(energies.sum(axis=1))
-
-
-def _by_view(factors: Array | float, order_f: int, order_p: int) -> Array:
-    """Return factors of each l, or of each l and p, as those of each l and p."""
-    known = np.asarray(factors)
-    known = known[:, None] if known.ndim == 1 else known
-    return np.broadcast_to(known, (order_f + 1, order_p + 1))
 
 
 def weighted_power(lighting: Lighting, order: int) -> Array:

@@ -51,7 +51,7 @@ def test_predicted_error_is_exact_where_everything_is_known():
     factors = np.array([1, 1, 1, 0.75, 0.5, 0.25])
     errors = np.array([2 * squares[3] * 0.25**2, squares[5] * 0.75**2])
     expected = np.sqrt(errors.sum() / (2 * squares[3] + squares[5]))
-    found = predicted_error(lit(power), coefficients, 5, 0, factors)
+    found = predicted_error(lit(power), coefficients, 5, 0, factors[:, None])
     assert found == pytest.approx(expected)
 
 
