@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli import __version__
 from shrm_cli.errors import MapError
@@ -37,6 +37,10 @@ product textures as version 5. All other maps are written as version 1,
 which earlier versions of `shrm` read too.
 """
 
+_DIGITS = 6, 7, 8, 9
+"""Six significant digits pass through 32-bit floats, and nine tell all of them apart."""
+_USUAL = 1e-13, 1e22
+"""Sizes of numbers whose digits are told by exact powers of ten, the largest of which is 10^22."""
 _MOST_DEPTH = 4
 """The most lists and objects within each other in the record of a BRDF."""
 _MOST_TEXT = 1024
@@ -114,6 +118,30 @@ def shortest(value: float) -> float:
     """
     # str() would depend on numpy's print options, which other libraries may set.
     return float(np.format_float_scientific(np.float32(value), unique=True))
+
+
+def shortest_values(values: ArrayLike) -> list[float]:
+    """Return `shortest` of many numbers, flat, in a tenth of the time."""
+    single = np.asarray(values, np.float32).ravel()
+    exact = single.astype(float)
+    sizes = np.abs(exact)
+    is_usual = (sizes >= _USUAL[0]) & (sizes < _USUAL[1])
+    found = exact.copy()
+    left = np.flatnonzero(is_usual)
+    # What fewer digits tell is found among six, whose trailing zeros a float does not have.
+    for digits in _DIGITS:
+        places = digits - 1 - np.floor(np.log10(sizes[left]))
+        # Negative powers of ten are not exact, and the quotient would be off by a rounding.
+        scale = 10.0 ** np.abs(places)
+        is_fine = places >= 0
+        whole = np.rint(np.where(is_fine, exact[left] * scale, exact[left] / scale))
+        rounded = np.where(is_fine, whole / scale, whole * scale)
+        is_same = rounded.astype(np.float32) == single[left]
+        found[left[is_same]] = rounded[is_same]
+        left = left[~is_same]
+    for i in np.flatnonzero(~is_usual & (sizes > 0)):
+        found[i] = shortest(exact[i])
+    return [float(value) for value in found]
 
 
 def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array | None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.attributes import common_header, shortest
+from shrm_cli.maps.attributes import common_header, shortest_values
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.stored import COLORS, StoredImage
@@ -89,8 +89,8 @@ def _decode_lobe(image: StoredImage) -> Lobe:
 
 def _text(table: Array) -> str:
     """Return a table as JSON, with the fewest decimals that keep its 32-bit floats."""
-    flat = [shortest(float(value)) for value in np.asarray(table).ravel()]
-    return json.dumps({"shape": list(table.shape), "values": flat}, separators=(",", ":"))
+    content = {"shape": list(table.shape), "values": shortest_values(table)}
+    return json.dumps(content, separators=(",", ":"))
 
 
 def _json(path: str, name: str, text: str) -> Any:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.attributes import common_header, options_text, shortest
+from shrm_cli.maps.attributes import common_header, options_text, shortest_values
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
@@ -64,7 +64,7 @@ def _encode_plain(shrm: Shrm) -> Part:
 
 
 def _encode_compressed(shrm: CompressedShrm) -> Part:
-    rows = [[shortest(x) for x in row] for row in shrm.matrix]
+    rows = [shortest_values(row) for row in shrm.matrix]
     header = common_header(shrm, shrm.order_p) | {"shrm:pca_matrix": json.dumps(rows)}
     return Part(_channels(component_channels(shrm.cube_count), shrm.components), header)
 
