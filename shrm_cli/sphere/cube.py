@@ -51,6 +51,16 @@ def cube_directions(size: int, sampling: Sampling = "center") -> Array:
     return points.reshape(6 * size, size, 3)
 
 
+def texel_directions(
+    rows: NDArray[np.intp], columns: NDArray[np.intp], size: int, sampling: Sampling = "center"
+) -> Array:
+    """Unit directions of some of these texels, given by their rows and columns, shape (..., 3)."""
+    s = nodes(size, sampling)
+    right, down, forward = np.moveaxis(face_axes(), 1, 0)[:, rows // size]
+    points = forward + right * s[columns][..., None] + down * s[rows % size][..., None]
+    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
+
+
 def cube_coordinates(directions: ArrayLike) -> tuple[NDArray[np.intp], Array, Array]:
     """The face that each direction meets, and where on it.
 

@@ -57,6 +57,13 @@ def test_directions_of_the_texels(size, sampling):
     np.testing.assert_allclose(found, expected, atol=4 * EPS)
 
 
+@pytest.mark.parametrize("sampling", SAMPLINGS)
+def test_directions_of_some_texels(sampling):
+    rows, columns = np.random.default_rng(1).integers([30, 5], size=(40, 2)).T
+    found = cube.texel_directions(rows, columns, 5, sampling)
+    np.testing.assert_array_equal(found, cube.cube_directions(5, sampling)[rows, columns])
+
+
 @pytest.mark.parametrize("size", [2, 5])
 def test_border_texels_are_shared_by_the_faces_that_meet_there(size):
     found = cube.cube_directions(size, "border").reshape(-1, 3)

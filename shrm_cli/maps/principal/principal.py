@@ -8,9 +8,10 @@ and the view count: the bundle's harmonics at ``p + 1`` fixed angles from C in t
 part of each q, which is multiplied with its function.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -26,15 +27,17 @@ from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
-from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.sphere.cube import cube_directions, cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, to_angles, views_around
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
-from shrm_cli.sphere.sampling import CubeSampler
+from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 Array = NDArray[np.floating]
+LookUp = Callable[[Array], Array]
+"""From directions, shape (n, 3), to the values of all cubes there, shape (n, 3K)."""
 
 _DEFAULT_ORDER_P = 8
 """The order P of the SHRM that a map is converted to, where none is asked for."""
@@ -119,13 +122,13 @@ class Lobe:
         part = (position - low)[..., None, None]
         return np.asarray((1 - part) * table[low] + part * table[low + 1])
 
-    def radiance(self, sampler: CubeSampler, centers: Array, views: Array) -> Array:
+    def radiance(self, look_up: LookUp, centers: Array, views: Array) -> Array:
         """Evaluate the light of the lobe for central directions and views, shape (..., 3).
 
         Parameters
         ----------
-        sampler : CubeSampler
-            Of the cubes, as (6N, N, 3K).
+        look_up : LookUp
+            Such as a `CubeSampler` of the cubes as (6N, N, 3K).
         centers, views : ndarray, shape (..., 3)
             Unit vectors in world axes.
         """
@@ -135,10 +138,10 @@ class Lobe:
         step = max(_VALUES_AT_ONCE // (3 * self.cubes.shape[2]), 1)
         for start in range(0, len(centers), step):
             part = slice(start, start + step)
-            result[part] = self._radiance(sampler, centers[part], views[part])
+            result[part] = self._radiance(look_up, centers[part], views[part])
         return result.reshape(shape)
 
-    def _radiance(self, sampler: CubeSampler, centers: Array, views: Array) -> Array:
+    def _radiance(self, look_up: LookUp, centers: Array, views: Array) -> Array:
         """Evaluate what `radiance` does, for so few points that they fit into memory."""
         # The normal lies between the mirror direction and the view, and tells their plane even
         # where the view grazes and points away from the mirror direction.
@@ -149,19 +152,27 @@ class Lobe:
         theta = 2 * np.arctan2(
             np.linalg.norm(views - centers, axis=-1), np.linalg.norm(views + centers, axis=-1)
         )
-        values = sampler(centers).reshape(*centers.shape[:-1], -1, 3)
+        values = look_up(centers).reshape(len(centers), -1, 3)
         functions = self.at(theta)
         result = np.zeros(centers.shape)
         cube = first = 0
-        parts: dict[int, Array] = {}
-        for p in self.degrees:
-            if p not in parts:
-                parts[p] = _orders_in_plane(p, centers, across)
-            bundle = values[..., cube : cube + 2 * p + 1, :]
-            by_order = np.einsum("...qk,...kc->...qc", parts[p], bundle)
-            result += np.sum(by_order * functions[..., first : first + p + 1, :], axis=-2)
-            cube, first = cube + 2 * p + 1, first + p + 1
+        # Bundles of a degree stand one behind the other, and are taken apart together.
+        for p, same in groupby(self.degrees):
+            count = len(list(same))
+            bundles = values[:, cube : cube + count * (2 * p + 1)]
+            cube += bundles.shape[1]
+            by_bundle = bundles.reshape(len(centers), count, 2 * p + 1, 3)
+            by_order = _orders_in_plane(p, centers, across)[:, None] @ by_bundle
+            used = functions[:, first : first + count * (p + 1)]
+            first += used.shape[1]
+            result += np.einsum("nbqc,nbqc->nc", by_order, used.reshape(by_order.shape))
         return result
+
+
+def _nearest(cubes: Array, sampling: Sampling, directions: Array) -> Array:
+    """Return the values of cubes in the texels nearest to directions, shape (n, 3K)."""
+    rows, columns = nearest_texels(directions, cubes.shape[1], sampling)
+    return cubes[rows, columns].reshape(len(directions), -1)
 
 
 def _orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
@@ -321,6 +332,21 @@ class PrincipalMap(Map):
         for lobe, sampler in zip(self.lobes, self._samplers, strict=True):
             centers = central_directions(lobe.center, normals, views)
             result += lobe.radiance(sampler, centers, views)
+        return result
+
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Evaluate the radiance with the center of the nearest texel as the central direction.
+
+        There it is exact. Taking the values of the nearest texels for directions beside them is
+        not enough: the functions of small cubes are turned with the direction. See `Map.glimpse`.
+        """
+        normals = bisector(reflections, views)
+        result = np.zeros(normals.shape)
+        for lobe in self.lobes:
+            centers = central_directions(lobe.center, normals, views)
+            form = lobe.cubes.shape[1], self.sampling
+            centers = texel_directions(*nearest_texels(centers, *form), *form)
+            result += lobe.radiance(partial(_nearest, lobe.cubes, self.sampling), centers, views)
         return result
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:

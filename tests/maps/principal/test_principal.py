@@ -21,6 +21,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import kept_energy, weighted_power
+from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import legendre_table
 from tests import brute_force
 from tests.bilinear import look_up
@@ -117,6 +118,21 @@ def test_a_tolerance_is_kept_where_the_albedo_is_divided_by(room, name):
     assert 0.94 <= made.info.captured < 0.99
     measured = measured_error(made, room, brdf, PAIRS[name])
     assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
+
+
+def test_a_glimpse_is_what_is_stored_in_the_nearest_texels(room):
+    """At the centers of texels nothing is interpolated, whatever the view is."""
+    made = prefilter(room, SPECS["metal"], to="principal", maps=12, size=16)
+    centers = cube_directions(16).reshape(-1, 3)[::3]
+    views = normals_of(centers, unit(np.random.default_rng(1), len(centers)))
+    beside = centers + 1e-3 * unit(np.random.default_rng(2), len(centers))
+    beside /= np.linalg.norm(beside, axis=1)[:, None]
+    expected = made.radiance(normals_of(centers, views), views)
+    found = made.glimpse(beside, views)
+    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        made.glimpse(centers, views), expected, atol=1e-5 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize("divide", [False, True])
