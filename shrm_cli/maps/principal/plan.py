@@ -35,6 +35,8 @@ Array = NDArray[np.floating]
 
 _FEW_TEXELS = 48
 """The most texels along an edge of cubes that are looked through instead of predicted."""
+_NEARLY = 1.1
+"""How much worse than the best map one of fewer cubes may be, as shaders look up every cube."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,12 @@ class Planner:
         """Where on the faces of a cube the finest details of the first function are."""
         return fine_places(self.lighting, self.spectrum.light_parts(0, 0, 1)[0])
 
-    @property
+    @cached_property
+    def _forms(self) -> dict[tuple[Counts, int, bool], Form]:
+        """The forms that were asked for."""
+        return {}
+
+    @cached_property
     def _is_zonal(self) -> bool:
         energies = self.spectrum.energies
         return bool(energies.sum() - energies[0, 0] <= 1e-12 * energies.sum())
@@ -124,8 +131,14 @@ class Planner:
         """Return the form with these functions and cubes of this size, and its errors.
 
         The exact error counts that the functions are tabulated, and what look-ups in small cubes
-        really miss; the other takes far less time.
+        really miss; the other takes far less time. Searches ask for some forms again and again.
         """
+        key = counts, size, is_exact
+        if key not in self._forms:
+            self._forms[key] = self._form(*key)
+        return self._forms[key]
+
+    def _form(self, counts: Counts, size: int, is_exact: bool) -> Form:
         energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
         band = self._band(energies, size)
         if is_exact:
@@ -162,15 +175,19 @@ class Planner:
         light = self.spectrum.light[: band.last + 1]
         channel = int(np.argmax(light.sum(axis=0)))
         one = slice(channel, channel + 1)
-        missed = predicted = 0.0
+        # All cubes are looked through at once, because each order has tables of its own.
+        series = np.zeros(((band.last + len(counts)) ** 2, cubes_of(counts)))
+        predicted, first = 0.0, 0
         for bundles in bundle_functions(counts).values():
             kept = self.spectrum.bundle_parts(bundles, band.last)
             kept *= band.factors[:, None, None, None]
-            series = bundle_coefficients(self.lighting.coefficients[:, one], kept[..., one])
-            flat = series.reshape(len(series), -1)
-            missed += float(lost_between_texels(flat, size, self.sampling).sum())
+            found = bundle_coefficients(self.lighting.coefficients[:, one], kept[..., one])
+            flat = found.reshape(len(found), -1)
+            series[: len(flat), first : first + flat.shape[1]] = flat
+            first += flat.shape[1]
             energies = cube_energies(light * (np.arange(3) == channel), kept)
             predicted += float(errors[: len(energies)] @ energies)
+        missed = float(lost_between_texels(series, size, self.sampling).sum())
         return missed / predicted if predicted > 0 else 1.0
 
     def _band(self, energies: Array, size: int) -> Band:
@@ -231,6 +248,25 @@ class Planner:
     def with_maps(self, maps: int, size: int) -> Form:
         """Return the best form of at most so many cubes of a size."""
         return self.form(self.choices[min(maps, len(self.choices)) - 1], size)
+
+    def best_within(self, max_size: int, largest: int) -> Form:
+        """Return the form of the fewest cubes that has nearly the least total error.
+
+        Parameters
+        ----------
+        max_size : int
+            The most bytes, enough for a cube of some tried size.
+        largest : int
+            The most texels along a face's edge.
+        """
+        forms = [
+            self.with_maps(most, texels)
+            for texels in TRIED_SIZES
+            if texels <= largest and (most := most_cubes(texels, max_size))
+        ]
+        least = min(form.total_error for form in forms)
+        good = [form for form in forms if form.total_error <= _NEARLY * least]
+        return min(good, key=lambda form: form.cubes)
 
     def within_error(
         self, error: float, max_size: int, size: int | None = None

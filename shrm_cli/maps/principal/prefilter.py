@@ -276,14 +276,43 @@ def _hides_visible(planner: Planner, want: _Wanted) -> bool:
     """Tell whether the map that a tolerance asks for could carry light beyond the known degrees."""
     if want.maps is None and _fills_budget(planner, want):
         return False
-    form = _tolerated(planner, want)
+    form = _simplest(planner, want) if want.maps is not None else _tolerated(planner, want)[0]
     return form.carried == planner.spectrum.transfer.order_f < supported_order(form.size)
 
 
-def _tolerated(planner: Planner, want: _Wanted) -> Form:
-    """Return the form that the tolerance asks for, whatever its bytes."""
+def _simplest(planner: Planner, want: _Wanted) -> Form:
+    """Return the least functions, with the least order F, that keep the tolerance.
+
+    The texels are chosen by F, and the bytes may be any number.
+    """
     counts, order_f, _ = planner.for_tolerance(want.tolerance)
     return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
+
+
+def _tolerated(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
+    """Find the form that the tolerance asks for, and tell whether it is kept.
+
+    The simplest form that keeps the tolerance says how many bytes the map may have. Half of the
+    texels along an edge leave room for four times the functions, which is nearly always better.
+    """
+    simplest = _simplest(planner, want)
+    if simplest.bytes > want.max_size or not _keeps_tolerance(planner, simplest, want):
+        best, _ = planner.within_error(0.0, want.max_size, want.size)
+        form, _ = planner.within_error(_NEARLY * best.total_error, want.max_size, want.size)
+        return form, False
+    if want.size is not None:
+        return simplest, True
+    form = planner.best_within(simplest.bytes, simplest.size)
+    return (form if _keeps_tolerance(planner, form, want) else simplest), True
+
+
+def _keeps_tolerance(planner: Planner, form: Form, want: _Wanted) -> bool:
+    """Tell whether a form can capture what a tolerance asks for of the BRDF's energy.
+
+    It does as far as its texels go: it carries less where the light itself has no more.
+    """
+    order = min(supported_order(form.size), planner.spectrum.transfer.order_f)
+    return planner.captured(form.counts, order) >= 1 - want.tolerance
 
 
 def _fills_budget(planner: Planner, want: _Wanted) -> bool:
@@ -293,7 +322,7 @@ def _fills_budget(planner: Planner, want: _Wanted) -> bool:
     size, which the best map within the budget did without, were judged by far fewer degrees than
     they support.
     """
-    if _tolerated(planner, want).bytes <= want.max_size:
+    if _simplest(planner, want).bytes <= want.max_size:
         return False
     best, _ = planner.within_error(0.0, want.max_size, want.size)
     larger = [texels for texels in TRIED_SIZES if texels > best.size]
@@ -323,20 +352,15 @@ def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> 
 
 def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
     """Choose the form of a term's map."""
-    counts, order_f, captured = planner.for_tolerance(want.tolerance)
-    size = choose_size(order_f) if want.size is None else want.size
+    _, order_f, _ = planner.for_tolerance(want.tolerance)
     is_met = True
     if want.error is not None:
         form, is_met = _within_error(planner, want.error, want)
     elif want.maps is not None:
+        size = choose_size(order_f) if want.size is None else want.size
         form = planner.with_maps(want.maps, size)
     else:
-        form = planner.form(counts, size)
-        if form.bytes > want.max_size or captured < 1 - want.tolerance:
-            is_met = False
-            best, _ = planner.within_error(0.0, want.max_size, want.size)
-            least = _NEARLY * best.total_error
-            form, _ = planner.within_error(least, want.max_size, want.size)
+        form, is_met = _tolerated(planner, want)
     form = planner.form(form.counts, form.size, is_exact=True)
     order_f = min(order_f, supported_order(form.size))
     captured = planner.captured(form.counts, form.carried)

@@ -16,6 +16,7 @@ from shrm_cli.maps.principal import functions
 from shrm_cli.maps.principal import prefilter as principal_prefilter
 from shrm_cli.maps.principal.prefilter import _transfer as transfer_functions
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.size import choose_size, stored_bytes
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -65,6 +66,17 @@ def measured_error(made, probe, brdf, count=3000, seed=4):
     return np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
 
 
+def shown_error(made, probe, brdf, count):
+    """The same with bilinear look-ups in half precision, as on a GPU."""
+    (lobe,) = made.lobes
+    half = made.planes()[0].astype(np.float16)
+    rng = np.random.default_rng(5)
+    centers, views, shares = bright_pairs(rng, made, count)
+    truth = Reference(probe, brdf, dtype=np.float64).radiance(normals_of(centers, views), views)
+    found = lobe.radiance(lambda directions: look_up(half, directions), centers, views)
+    return np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
+
+
 def spectrum_of(probe, brdf, divide):
     """The functions of a BRDF to order 64, for the light of a probe."""
     transfer = compute_transfer(brdf, 64, 6, 1e-4)
@@ -111,13 +123,29 @@ def test_measured_error_is_the_predicted_one(room, name, divide):
 def test_a_tolerance_is_kept_where_the_albedo_is_divided_by(room, name):
     """The tolerance is a part of the energy of the quotient, which views share more evenly."""
     brdf = parse_spec(SPECS[name])
-    made = prefilter(room, brdf, to="principal", eps=0.05, divide=True)
+    made = prefilter(room, brdf, to="principal", eps=0.2, divide=True)
     assert made.lobes[0].albedo is not None
     assert made.cube_count > 1
-    # The map does not carry degrees that the light lacks, which the tolerance counts.
-    assert 0.94 <= made.info.captured < 0.99
-    measured = measured_error(made, room, brdf, PAIRS[name])
-    assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
+    assert 0.8 <= made.info.captured < 1
+    total = np.hypot(made.info.predicted_error, made.info.filter_error)
+    assert shown_error(made, room, brdf, PAIRS[name]) == pytest.approx(total, rel=0.1)
+
+
+@pytest.mark.parametrize(("name", "eps"), [("microfacet", 0.05), ("metal", 0.1)])
+def test_a_tolerance_makes_the_best_of_the_bytes_that_it_asks_for(room, name, eps):
+    """The fewest functions that keep it leave room for many more where texels are fewer."""
+    brdf = parse_spec(SPECS[name])
+    asked = {"brdf": brdf, "to": "principal", "eps": eps}
+    made = prefilter(room, **asked)
+    # A given size keeps the fewest functions, and is far larger here than their order F asks for.
+    order_f = prefilter(room, **asked, size=128).info.order_f
+    simplest = prefilter(room, **asked, size=choose_size(order_f))
+    assert made.size < simplest.size
+    assert made.cube_count > simplest.cube_count
+    sizes = [stored_bytes(each.size, each.cube_count) for each in (made, simplest)]
+    assert sizes[0] <= sizes[1]
+    errors = [shown_error(each, room, brdf, PAIRS[name]) for each in (made, simplest)]
+    assert errors[0] < errors[1] / 2
 
 
 def test_a_glimpse_is_what_is_stored_in_the_nearest_texels(room):
@@ -273,18 +301,7 @@ def test_hair_is_about_its_tangent(room):
 def test_an_error_is_kept_with_bilinear_look_ups_and_half(room, name, error, divide):
     brdf = parse_spec(SPECS[name])
     made = prefilter(room, brdf, to="principal", error=error, divide=divide)
-    (lobe,) = made.lobes
-    half = made.planes()[0].astype(np.float16)
-    rng = np.random.default_rng(5)
-    centers, views, shares = bright_pairs(rng, made, PAIRS[name])
-    normals = normals_of(centers, views)
-    truth = Reference(room, brdf, dtype=np.float64).radiance(normals, views)
-
-    def bilinear(directions):
-        return look_up(half, directions)
-
-    found = lobe.radiance(bilinear, centers, views)
-    measured = np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
+    measured = shown_error(made, room, brdf, PAIRS[name])
     total = np.hypot(made.info.predicted_error, made.info.filter_error)
     assert total <= error
     assert measured < 1.1 * error
