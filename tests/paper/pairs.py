@@ -72,11 +72,12 @@ def bright_pairs(default: Map, others: Sequence[Map], count: int) -> Pairs:
     # The view is twice as far from the mirror direction as from the normal.
     views = _views_at(centers, cosines if is_normal else 2 * cosines**2 - 1, rng)
     normals = centers if is_normal else bisector(centers, views)
-    mirrored = 2 * cosines[:, None] * normals - views
     maps = default, *others
-    *found, best = (each.glimpse(mirrored, views) for each in maps)
-    filtered = [looked_up(each, normals, views) - each.radiance(normals, views) for each in maps]
-    differing = [found[0], *(each - best for each in found), *filtered]
+    found = [each.radiance(normals, views) for each in maps]
+    filtered = [
+        looked_up(each, normals, views) - shown for each, shown in zip(maps, found, strict=True)
+    ]
+    differing = [found[0], *(each - found[-1] for each in found[:-1]), *filtered]
     energies = [np.sum(each**2, axis=1) for each in differing]
     means = [np.average(each, weights=1 / density) for each in energies]
     wanted = _EVERYWHERE + sum(

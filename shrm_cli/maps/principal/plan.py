@@ -265,7 +265,8 @@ class Planner:
             if texels <= largest and (most := most_cubes(texels, max_size))
         ]
         least = min(form.total_error for form in forms)
-        good = [form for form in forms if form.total_error <= _NEARLY * least]
+        # Light that is no number has no error that is one, and is refused elsewhere.
+        good = [form for form in forms if not form.total_error > _NEARLY * least]
         return min(good, key=lambda form: form.cubes)
 
     def within_error(

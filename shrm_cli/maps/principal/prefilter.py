@@ -296,22 +296,21 @@ def _tolerated(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
     texels along an edge leave room for four times the functions, which is nearly always better.
     """
     simplest = _simplest(planner, want)
-    if simplest.bytes > want.max_size or not _keeps_tolerance(planner, simplest, want):
+    known = planner.spectrum.transfer.order_f
+    if simplest.bytes > want.max_size or not _is_captured(planner, simplest, known, want):
         best, _ = planner.within_error(0.0, want.max_size, want.size)
         form, _ = planner.within_error(_NEARLY * best.total_error, want.max_size, want.size)
         return form, False
     if want.size is not None:
         return simplest, True
     form = planner.best_within(simplest.bytes, simplest.size)
-    return (form if _keeps_tolerance(planner, form, want) else simplest), True
+    # Its fewer texels may end before the order F, beyond which this light may have nothing.
+    order = min(supported_order(form.size), known)
+    return (form if _is_captured(planner, form, order, want) else simplest), True
 
 
-def _keeps_tolerance(planner: Planner, form: Form, want: _Wanted) -> bool:
-    """Tell whether a form can capture what a tolerance asks for of the BRDF's energy.
-
-    It does as far as its texels go: it carries less where the light itself has no more.
-    """
-    order = min(supported_order(form.size), planner.spectrum.transfer.order_f)
+def _is_captured(planner: Planner, form: Form, order: int, want: _Wanted) -> bool:
+    """Tell whether the functions of a form miss no more of the BRDF up to an order than asked."""
     return planner.captured(form.counts, order) >= 1 - want.tolerance
 
 
