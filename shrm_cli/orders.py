@@ -4,7 +4,9 @@ F is the largest degree l of the light that a map keeps, and P the largest degre
 Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -207,27 +209,18 @@ def choose_center(
         The BRDF about the best centre.
     counts : dict
         The number of coefficients that each centre would need. Centres about which the tolerance
-        cannot be met are left out.
-
-    Raises
-    ------
-    OrderError, BrdfError
-        If the tolerance cannot be met about any centre.
+        cannot be met are left out; if it can be met about none, the BRDF keeps its own.
     """
     candidates: list[Center] = ["reflection", "normal"]
     if brdf.center == "tangent":
         candidates = ["tangent"]
     counts: dict[Center, int] = {}
-    refusal: Exception | None = None
     for center in candidates:
-        try:
+        with suppress(OrderError, BrdfError):  # the BRDF may be too sharp about this centre
             found = choose_orders(brdf.recentered(center), tolerance, progress=progress)
             counts[center] = coefficient_count(*found)
-        except (OrderError, BrdfError) as error:  # the BRDF is too sharp about this centre
-            refusal = error
-    if not counts:
-        raise refusal or OrderError(f"{brdf!r}: has no central direction")
-    best = min(counts, key=lambda center: (counts[center], center != brdf.center))
+    needs = {brdf.center: math.inf} | counts
+    best = min(needs, key=lambda center: (needs[center], center != brdf.center))
     return brdf.recentered(best), counts
 
 

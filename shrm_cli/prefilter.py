@@ -66,7 +66,8 @@ def prefilter(
         Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     center : {"auto", "reflection", "normal", "tangent"}, optional
         The central direction of the map, which is the BRDF's own by default. ``auto`` takes the
-        direction that needs the fewest coefficients.
+        direction that needs the fewest coefficients. For ``principal`` both are the direction
+        about which the lobes gather, which is the normal for rough surfaces and cloth.
     domain : {"frequency", "angular"}, optional
         The domain in which explicit maps are made, ``frequency`` by default.
     source_height : int, optional

@@ -219,7 +219,7 @@ SHARED = {
         Option(
             "center",
             "Central direction of the map; auto takes the one with the fewest coefficients.  "
-            "[default: the BRDF's own]",
+            "[default: the BRDF's own; of principal the best one]",
             "choice",
             choices=("auto", *CENTERS),
         ),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
+from shrm_cli.brdf.gathered import gathering_center
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer, power_of_two_times
@@ -22,7 +23,7 @@ from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
 from shrm_cli.maps.provenance import provenance
-from shrm_cli.maps.shrm.prefilter import centered
+from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
 from shrm_cli.orders import Orders, octaves_to_come
 from shrm_cli.probe.lighting import Projection
@@ -106,8 +107,7 @@ def prefilter(
     """
     if error is not None and maps is not None:
         raise ArgumentError("maps", "does not apply with `error`, which chooses them")
-    brdf, notes = centered(brdf, eps, center)
-    parts = split(brdf) if isinstance(brdf, Sum) else [brdf]
+    parts, notes = _terms(brdf, center, divide)
     light = Projection(probe, progress)
     asked = _Wanted(eps, error, maps, max_size, size)
     planners = [_planner(light, part, asked, divide, sampling) for part in parts]
@@ -137,6 +137,24 @@ def prefilter(
 
     facts, further = {"error_bound": None}, {"predicted_wrong_share": share}
     return Prefiltered(made, facts, notes, tuple(lines), further)
+
+
+def _terms(brdf: Brdf, center: str | None, divide: bool) -> tuple[list[Brdf], Notes]:
+    """Take a BRDF apart into terms, each about the center that is asked for, or the best one.
+
+    The best one has nothing to do with the number of harmonics, of which maps have none. Quotients
+    keep the center of the BRDF: about the normal the last degree before the horizon, where they
+    are steep, is a large part of all views.
+    """
+    terms = split(brdf) if isinstance(brdf, Sum) else [brdf]
+    if center is not None and center != "auto":
+        return [term.recentered(center) for term in terms], ()  # type: ignore[arg-type]
+    found = [term if divide else term.recentered(gathering_center(term)) for term in terms]
+    is_own = all(a.center == b.center for a, b in zip(found, terms, strict=True))
+    if is_own and center is None:
+        return found, ()
+    centers = " and ".join(dict.fromkeys(term.center for term in found))
+    return found, (("centre", f"{centers}, about which its lobes gather"),)
 
 
 def _unmet(info: MapInfo, terms: "Sequence[_Term]", error: float | None, max_size: int) -> str:

@@ -183,7 +183,8 @@ def centered(
         return brdf.recentered(center), ()  # type: ignore[arg-type]
     brdf, counts = choose_center(brdf, tolerance, progress)
     needs = ", ".join(f"{count:,} about the {name}" for name, count in counts.items())
-    return brdf, (("centre", f"{brdf.center} (coefficients: {needs})"),)
+    why = f"coefficients: {needs}" if counts else "too sharp to count coefficients"
+    return brdf, (("centre", f"{brdf.center} ({why})"),)
 
 
 def order_warnings(

@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
-from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.errors import ArgumentError, MapError, ShrmWarning
 from shrm_cli.maps.band import Band
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
@@ -278,6 +278,31 @@ def test_diffuse_brdfs_count_only_visible_views(room):
     truth = Reference(room, brdf).radiance(normals, views)
     measured = np.sqrt(np.sum((made.radiance(normals, views) - truth) ** 2) / np.sum(truth**2))
     assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
+
+
+@pytest.mark.parametrize("spec", ["charlie:roughness=0.3", "ggx:roughness=1,f0=1"])
+def test_rough_surfaces_are_about_the_normal(room, spec):
+    """On spheres their maps are better there than about the mirror direction."""
+    given = {"brdf": spec, "to": "principal", "eps": 1e-3, "max_size": 150_000}
+    with pytest.warns(ShrmWarning, match="150 kB hold no map"):
+        found = [prefilter(room, center=center, **given) for center in (None, "reflection")]
+    made, other = found
+    assert (made.center, other.center) == ("normal", "reflection")
+    assert made.cube_count < other.cube_count
+    rng = np.random.default_rng(3)
+    normals, views = unit(rng, 2000), unit(rng, 2000)
+    views *= np.sign(np.sum(normals * views, axis=1))[:, None]
+    pixels = np.sum(normals * views, axis=1)[:, None]
+    truth = Reference(room, parse_spec(spec)).radiance(normals, views)
+    errors = [np.sum(pixels * (each.radiance(normals, views) - truth) ** 2) for each in found]
+    assert errors[0] < errors[1] / 4
+
+
+def test_terms_obey_the_center_that_is_asked_for(room):
+    given = {"brdf": "0.5*lambertian+0.5*charlie:roughness=0.5", "to": "principal", "eps": 0.1}
+    centers = [prefilter(room, center=c, **given).center for c in (None, "auto", "reflection")]
+    assert centers == ["normal+normal", "normal+normal", "reflection+reflection"]
+    assert prefilter(room, **given, divide=True).center == "normal+reflection"
 
 
 def test_hair_is_about_its_tangent(room):

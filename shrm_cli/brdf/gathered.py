@@ -1,0 +1,56 @@
+"""Where the lobes of a BRDF gather: about the mirror direction, or about the normal."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.lobe_expansion import light_rule
+from shrm_cli.brdf.polar_rule import azimuths
+from shrm_cli.sphere.directions import from_angles, tilted_frame
+from shrm_cli.vocabulary import Center
+
+_VIEWS, _LIGHTS, _AZIMUTHS = 12, 48, 16
+"""The numbers of samples in theta_o, theta_i and, over half a turn, phi."""
+_NEARLY = 0.9
+"""How many times as much lobes gather about the mirror direction that are still about the normal.
+
+Maps of `ggx:roughness=0.7,f0=1` (1.13 times) are as good about the one as about the other, and
+those of `microfacet:sigma=0.8` (1.09) have half the error about the normal."""
+
+
+def gathering_center(brdf: Brdf) -> Center:
+    """Return the direction about which a BRDF's own functions of the view are the fewest.
+
+    Sharp lobes are about the mirror direction. The lobes of rough surfaces, felt and diffuse
+    standards hardly turn with the view, and sheen is a ring along the horizon: about the normal,
+    few functions hold them. Lobes gather about the direction that has the larger mean cosine with
+    the light, weighted by the squared lobe.
+
+    Parameters
+    ----------
+    brdf : Brdf
+
+    Returns
+    -------
+    {"reflection", "normal", "tangent"}
+        The BRDF's own central direction, unless that is the mirror direction and its lobes gather
+        about the normal.
+    """
+    if brdf.center != "reflection" or brdf.zonal:
+        return brdf.center
+    rule = light_rule(brdf)
+    if rule.focus != 1:  # the lobe is too sharp to gather about anything else
+        return brdf.center
+    theta_o = np.pi * (np.arange(_VIEWS) + 0.5) / _VIEWS
+    theta, weights = rule.nodes(_LIGHTS)
+    phi = azimuths(_AZIMUTHS)
+    # The mirror direction is tilted from the normal towards -X, the view towards +X.
+    around = from_angles(theta[:, None], phi)[:, None]
+    light = tilted_frame(around, theta_o[:, None] / 2)
+    view = from_angles(theta_o / 2, 0.0)[None, :, None]
+    squares = weights[:, None, None] * np.sum(brdf.transfer(light, view) ** 2, axis=-1)
+    whole = np.maximum(squares.sum(axis=(0, 2)), 1e-300)
+    of_mirror = np.cos(theta) @ squares.sum(axis=2)
+    of_normal = np.sum(squares * light[..., 2], axis=(0, 2))
+    # All views count alike, whatever they reflect, because errors are seen where they are dark.
+    even = np.sin(theta_o) / whole
+    return "normal" if even @ of_normal > _NEARLY * (even @ of_mirror) else "reflection"
