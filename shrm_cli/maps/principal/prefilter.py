@@ -47,6 +47,9 @@ _MOST_OCTAVES = 2
 """The most doublings at once for a measured BRDF, whose noise makes the estimate too large."""
 _FAIRLY = 1.25
 """How many times the known degrees a map may support that is compared with a smaller one."""
+_LEAST_BYTES = 2**17
+"""Bytes that a map may have whatever the tolerance is. Broad lobes need so few texels that only a
+handful of functions would be left, and dark places a third wrong."""
 _TRIES = 3
 """How often a form is sought that keeps an error."""
 _ANY_SIZE = 2**32
@@ -310,8 +313,9 @@ def _simplest(planner: Planner, want: _Wanted) -> Form:
 def _tolerated(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
     """Find the form that the tolerance asks for, and tell whether it is kept.
 
-    The simplest form that keeps the tolerance says how many bytes the map may have. Half of the
-    texels along an edge leave room for four times the functions, which is nearly always better.
+    The simplest form that keeps the tolerance says how many bytes the map may have, if these are
+    not few anyway. Half of the texels along an edge leave room for four times the functions, which
+    is nearly always better.
     """
     simplest = _simplest(planner, want)
     known = planner.spectrum.transfer.order_f
@@ -321,7 +325,8 @@ def _tolerated(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
         return form, False
     if want.size is not None:
         return simplest, True
-    form = planner.best_within(simplest.bytes, simplest.size)
+    room = min(max(simplest.bytes, _LEAST_BYTES), want.max_size)
+    form = planner.best_within(room, simplest.size)
     # Its fewer texels may end before the order F, beyond which this light may have nothing.
     order = min(supported_order(form.size), known)
     return (form if _is_captured(planner, form, order, want) else simplest), True

@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
-from shrm_cli.errors import ArgumentError, MapError, ShrmWarning
+from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.band import Band
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
@@ -16,7 +16,6 @@ from shrm_cli.maps.principal import functions
 from shrm_cli.maps.principal import prefilter as principal_prefilter
 from shrm_cli.maps.principal.prefilter import _transfer as transfer_functions
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.size import choose_size, stored_bytes
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -129,23 +128,6 @@ def test_a_tolerance_is_kept_where_the_albedo_is_divided_by(room, name):
     assert 0.8 <= made.info.captured < 1
     total = np.hypot(made.info.predicted_error, made.info.filter_error)
     assert shown_error(made, room, brdf, PAIRS[name]) == pytest.approx(total, rel=0.1)
-
-
-@pytest.mark.parametrize(("name", "eps"), [("microfacet", 0.05), ("metal", 0.1)])
-def test_a_tolerance_makes_the_best_of_the_bytes_that_it_asks_for(room, name, eps):
-    """The fewest functions that keep it leave room for many more where texels are fewer."""
-    brdf = parse_spec(SPECS[name])
-    asked = {"brdf": brdf, "to": "principal", "eps": eps}
-    made = prefilter(room, **asked)
-    # A given size keeps the fewest functions, and is far larger here than their order F asks for.
-    order_f = prefilter(room, **asked, size=128).info.order_f
-    simplest = prefilter(room, **asked, size=choose_size(order_f))
-    assert made.size < simplest.size
-    assert made.cube_count > simplest.cube_count
-    sizes = [stored_bytes(each.size, each.cube_count) for each in (made, simplest)]
-    assert sizes[0] <= sizes[1]
-    errors = [shown_error(each, room, brdf, PAIRS[name]) for each in (made, simplest)]
-    assert errors[0] < errors[1] / 2
 
 
 def test_a_glimpse_is_what_is_stored_in_the_nearest_texels(room):
@@ -278,31 +260,6 @@ def test_diffuse_brdfs_count_only_visible_views(room):
     truth = Reference(room, brdf).radiance(normals, views)
     measured = np.sqrt(np.sum((made.radiance(normals, views) - truth) ** 2) / np.sum(truth**2))
     assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
-
-
-@pytest.mark.parametrize("spec", ["charlie:roughness=0.3", "ggx:roughness=1,f0=1"])
-def test_rough_surfaces_are_about_the_normal(room, spec):
-    """On spheres their maps are better there than about the mirror direction."""
-    given = {"brdf": spec, "to": "principal", "eps": 1e-3, "max_size": 150_000}
-    with pytest.warns(ShrmWarning, match="150 kB hold no map"):
-        found = [prefilter(room, center=center, **given) for center in (None, "reflection")]
-    made, other = found
-    assert (made.center, other.center) == ("normal", "reflection")
-    assert made.cube_count < other.cube_count
-    rng = np.random.default_rng(3)
-    normals, views = unit(rng, 2000), unit(rng, 2000)
-    views *= np.sign(np.sum(normals * views, axis=1))[:, None]
-    pixels = np.sum(normals * views, axis=1)[:, None]
-    truth = Reference(room, parse_spec(spec)).radiance(normals, views)
-    errors = [np.sum(pixels * (each.radiance(normals, views) - truth) ** 2) for each in found]
-    assert errors[0] < errors[1] / 4
-
-
-def test_terms_obey_the_center_that_is_asked_for(room):
-    given = {"brdf": "0.5*lambertian+0.5*charlie:roughness=0.5", "to": "principal", "eps": 0.1}
-    centers = [prefilter(room, center=c, **given).center for c in (None, "auto", "reflection")]
-    assert centers == ["normal+normal", "normal+normal", "reflection+reflection"]
-    assert prefilter(room, **given, divide=True).center == "normal+reflection"
 
 
 def test_hair_is_about_its_tangent(room):

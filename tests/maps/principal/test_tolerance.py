@@ -1,0 +1,73 @@
+"""What maps of principal functions are made by default: their bytes, functions and centers."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ShrmWarning
+from shrm_cli.maps.size import choose_size, stored_bytes
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from tests.brute_force import unit
+from tests.maps.principal.test_principal import PAIRS, SPECS, lit_room, shown_error
+
+LEAST = 2**17
+"""The bytes that a map may have whatever the tolerance is."""
+pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Probe.from_array(lit_room())
+
+
+@pytest.mark.parametrize(("name", "eps"), [("microfacet", 0.05), ("metal", 0.1)])
+def test_a_tolerance_makes_the_best_of_the_bytes_that_it_asks_for(room, name, eps):
+    """The fewest functions that keep it leave room for many more where texels are fewer."""
+    brdf = parse_spec(SPECS[name])
+    asked = {"brdf": brdf, "to": "principal", "eps": eps}
+    made = prefilter(room, **asked)
+    # A given size keeps the fewest functions, and is far larger here than their order F asks for.
+    order_f = prefilter(room, **asked, size=128).info.order_f
+    simplest = prefilter(room, **asked, size=choose_size(order_f))
+    assert made.size < simplest.size
+    assert made.cube_count > simplest.cube_count
+    sizes = [stored_bytes(each.size, each.cube_count) for each in (made, simplest)]
+    assert sizes[0] <= max(sizes[1], LEAST)
+    errors = [shown_error(each, room, brdf, PAIRS[name]) for each in (made, simplest)]
+    assert errors[0] < errors[1] / 2
+
+
+def test_broad_lobes_get_more_than_a_handful_of_functions(room):
+    """The fewest bytes that keep a tolerance would be less than a picture of the map."""
+    given = {"brdf": "blinn-phong:exponent=8", "to": "principal"}
+    made, few = prefilter(room, **given), prefilter(room, **given, max_size=30_000)
+    assert stored_bytes(few.size, few.cube_count) <= 30_000
+    assert 60_000 < stored_bytes(made.size, made.cube_count) <= LEAST
+    assert made.info.predicted_error < few.info.predicted_error / 2
+
+
+@pytest.mark.parametrize("spec", ["charlie:roughness=0.3", "ggx:roughness=1,f0=1"])
+def test_rough_surfaces_are_about_the_normal(room, spec):
+    """On spheres their maps are better there than about the mirror direction."""
+    given = {"brdf": spec, "to": "principal", "eps": 1e-3, "max_size": 150_000}
+    with pytest.warns(ShrmWarning, match="150 kB hold no map"):
+        found = [prefilter(room, center=center, **given) for center in (None, "reflection")]
+    made, other = found
+    assert (made.center, other.center) == ("normal", "reflection")
+    assert made.cube_count < other.cube_count
+    rng = np.random.default_rng(3)
+    normals, views = unit(rng, 2000), unit(rng, 2000)
+    views *= np.sign(np.sum(normals * views, axis=1))[:, None]
+    pixels = np.sum(normals * views, axis=1)[:, None]
+    truth = Reference(room, parse_spec(spec)).radiance(normals, views)
+    errors = [np.sum(pixels * (each.radiance(normals, views) - truth) ** 2) for each in found]
+    assert errors[0] < errors[1] / 4
+
+
+def test_terms_obey_the_center_that_is_asked_for(room):
+    given = {"brdf": "0.5*lambertian+0.5*charlie:roughness=0.5", "to": "principal", "eps": 0.1}
+    centers = [prefilter(room, center=c, **given).center for c in (None, "auto", "reflection")]
+    assert centers == ["normal+normal", "normal+normal", "reflection+reflection"]
+    assert prefilter(room, **given, divide=True).center == "normal+reflection"
