@@ -3,9 +3,8 @@
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.lobe_expansion import light_rule
+from shrm_cli.brdf.lobe_expansion import light_rule, squared_lobes
 from shrm_cli.brdf.polar_rule import azimuths
-from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.vocabulary import Center
 
 _VIEWS, _LIGHTS, _AZIMUTHS = 12, 48, 16
@@ -42,12 +41,8 @@ def gathering_center(brdf: Brdf) -> Center:
         return brdf.center
     theta_o = np.pi * (np.arange(_VIEWS) + 0.5) / _VIEWS
     theta, weights = rule.nodes(_LIGHTS)
-    phi = azimuths(_AZIMUTHS)
-    # The mirror direction is tilted from the normal towards -X, the view towards +X.
-    around = from_angles(theta[:, None], phi)[:, None]
-    light = tilted_frame(around, theta_o[:, None] / 2)
-    view = from_angles(theta_o / 2, 0.0)[None, :, None]
-    squares = weights[:, None, None] * np.sum(brdf.transfer(light, view) ** 2, axis=-1)
+    light, squares = squared_lobes(brdf, theta, azimuths(_AZIMUTHS), theta_o / 2)
+    squares = weights[:, None, None] * squares
     whole = np.maximum(squares.sum(axis=(0, 2)), 1e-300)
     of_mirror = np.cos(theta) @ squares.sum(axis=2)
     of_normal = np.sum(squares * light[..., 2], axis=(0, 2))

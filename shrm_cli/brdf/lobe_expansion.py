@@ -59,14 +59,35 @@ def lobe_width(brdf: Brdf) -> float:
         return 1.0
     radius = np.geomspace(*_RADII)
     views = np.pi / 2 * np.array(_SCOUTS)
-    # The mirror direction is tilted from the normal towards -X, the view towards +X.
-    light = tilted_frame(from_angles(radius[:, None], azimuths(12))[:, None], views[:, None])
-    view = from_angles(views, 0.0)[None, :, None]
-    squares = np.sum(brdf.transfer(light, view) ** 2, axis=(2, 3))
+    squares = squared_lobes(brdf, radius, azimuths(12), views)[1].sum(axis=2)
     inside = np.cumsum((squares * (np.sin(radius) * radius)[:, None]) @ np.sin(2 * views))
     if not inside[-1] > 0:
         return 1.0
     return float(radius[np.searchsorted(inside, inside[-1] / 2)])
+
+
+def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> tuple[Array, Array]:
+    """Sample the squares of lobes about the mirror direction.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    theta, phi : ndarray, shapes (i,) and (p,)
+        Angles of the light about the mirror direction, radians; azimuth 0 is towards the view.
+    from_normal : ndarray, shape (o,)
+        Angles of the views from the normal, radians.
+
+    Returns
+    -------
+    light : ndarray, shape (i, o, p, 3)
+        Its directions in the frame of the normal.
+    squares : ndarray, shape (i, o, p)
+        ``rho_hat^2``, its channels added.
+    """
+    # The mirror direction is tilted from the normal towards -X, the view towards +X.
+    light = tilted_frame(from_angles(theta[:, None], phi)[:, None], from_normal[:, None])
+    view = from_angles(from_normal, 0.0)[None, :, None]
+    return light, np.sum(brdf.transfer(light, view) ** 2, axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -379,8 +379,7 @@ def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
     if want.error is not None:
         form, is_met = _within_error(planner, want.error, want)
     elif want.maps is not None:
-        size = choose_size(order_f) if want.size is None else want.size
-        form = planner.with_maps(want.maps, size)
+        form = planner.with_maps(want.maps, _simplest(planner, want).size)
     else:
         form, is_met = _tolerated(planner, want)
     form = planner.form(form.counts, form.size, is_exact=True)

@@ -344,7 +344,7 @@ class PrincipalMap(Map):
         result = np.zeros(normals.shape)
         for lobe in self.lobes:
             centers = central_directions(lobe.center, normals, views)
-            form = lobe.cubes.shape[1], self.sampling
+            form = lobe.size, self.sampling
             centers = texel_directions(*nearest_texels(centers, *form), *form)
             result += lobe.radiance(partial(_nearest, lobe.cubes, self.sampling), centers, views)
         return result
