@@ -33,11 +33,12 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test engines fuzz bench tables survey scale probes batch clean distclean
+.PHONY: help install demo test prove engines fuzz bench tables survey scale probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
+	@echo 'make prove     the proofs that take long, which make test leaves out'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours (Chromium, npm)'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make bench     measure against other tools, as ratios'
@@ -80,11 +81,17 @@ demo: $(VENV)/.installed
 	  --exposure -4 --no-flip -o build/demo/lacquer.png $(DEMO_FLAGS)
 	@echo "The picture is $$(pwd)/build/demo/lacquer.png: truth, map, difference"
 
+# The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.
+test prove: export PYTHONDONTWRITEBYTECODE :=
+
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+	$(BIN)/python -m pytest -m 'not proof' $(PYTEST_FLAGS)
+
+prove: $(VENV)/.dev
+	$(BIN)/python -m pytest -m proof $(PYTEST_FLAGS)
 
 # Engines are loaded from SHRM_NODE_MODULES, by default tests/web/node_modules.
 engines: $(VENV)/.dev

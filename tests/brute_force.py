@@ -148,7 +148,7 @@ def bright_pairs(rng, reflection_map, count, finer=None):
     reflections, views : ndarray, shape (count, 3)
     weights : ndarray, shape (count, 1)
     """
-    drawn = qmc.Sobol(4, rng=rng).random_base2(int(np.ceil(np.log2(60 * count))))
+    drawn = qmc.Sobol(4, rng=rng).random_base2(int(np.ceil(np.log2(15 * count))))
     reflections = on_sphere(drawn[:, :2])
     cosines, density = grazing(drawn[:, 2])
     # The view is twice as far from the mirror direction as from the normal.

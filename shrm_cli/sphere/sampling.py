@@ -12,6 +12,8 @@ Array = NDArray[np.floating]
 
 _RIM = 2
 """Texels of the faces beside it that are put around each face: as far as a cubic filter reaches."""
+_VALUES_AT_ONCE = 2**17
+"""Values that are interpolated at a time, so that they stay in a processor's cache."""
 
 
 class CubeSampler:
@@ -49,9 +51,19 @@ class CubeSampler:
     def __call__(self, directions: ArrayLike) -> Array:
         """Values at directions of any length, shape (..., 3): (..., channels)."""
         face, s, t = cube_coordinates(directions)
+        channels = self._padded.shape[-1]
+        result: Array = np.empty((face.size, channels), dtype=self._padded.dtype)
+        step = max(_VALUES_AT_ONCE // channels, 1)
+        for start in range(0, face.size, step):
+            part = slice(start, start + step)
+            result[part] = self._between(*(each.reshape(-1)[part] for each in (face, s, t)))
+        return result.reshape(*face.shape, channels)
+
+    def _between(self, face: NDArray[np.intp], s: Array, t: Array) -> Array:
+        """Values at positions (s, t) on faces, each of shape (n,): (n, channels)."""
         columns, across = catmull_rom(self._index(s))
         rows, along = catmull_rom(self._index(t))
-        result: Array = np.zeros((*face.shape, self._padded.shape[-1]), dtype=self._padded.dtype)
+        result: Array = np.zeros((len(face), self._padded.shape[-1]), dtype=self._padded.dtype)
         for i in range(4):
             line = np.zeros_like(result)
             for j in range(4):

@@ -203,7 +203,7 @@ def prefilter_shrm(*_, **__):
     kept = weakref.ref(freed, lambda _: os.kill(os.getpid(), {int(number)}))
     del freed
     print("survived", flush=True)
-    time.sleep(20)
+    time.sleep(0.1)
 shrm_cli.maps.shrm.prefilter.prefilter_shrm = prefilter_shrm
 {MAIN}"""
     result = process(*WRITE, code=code)

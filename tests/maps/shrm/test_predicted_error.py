@@ -32,7 +32,7 @@ def write(path, image):
 
 @pytest.mark.parametrize("sigma", [0.2, 0.5])
 @pytest.mark.parametrize("name", ["city", "interior", "studio", "sunset"])
-@pytest.mark.parametrize("height", [64, pytest.param(HEIGHT, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("height", [64, pytest.param(HEIGHT, marks=pytest.mark.proof)])
 def test_measured_error_is_the_predicted_one(real_probes, tmp_path, height, name, sigma):
     image = reduced(real_probes / f"{name}.exr", height)
     measured, predicted, bound = errors(tmp_path, f"{name} {sigma}", image, sigma)
@@ -41,7 +41,6 @@ def test_measured_error_is_the_predicted_one(real_probes, tmp_path, height, name
 
 
 @pytest.mark.parametrize(("name", "sigma"), [("studio", 0.5), ("sky", 0.2)])
-@pytest.mark.slow
 def test_measured_error_is_the_predicted_one_on_shipped_probes(tmp_path, name, sigma):
     """On a clean clone too, at 64 x 32: soft boxes, and a bare sun."""
     image = reduced(ROOT / "probes" / f"{name}.exr", 32)
