@@ -21,7 +21,7 @@ from tests.paper.looked_up import looked_up
 
 Array = NDArray[np.floating]
 
-_CANDIDATES = 40
+_CANDIDATES = 16
 """For each pair, the number of pairs that it is drawn from."""
 _GRAZING = 0.002
 """The least N.V of the views that are drawn more often. A third of the squared error of maps of

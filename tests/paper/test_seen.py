@@ -130,7 +130,7 @@ def test_pairs_make_integrals_over_all_mirror_directions_and_views(probe):
             for to in ("shrm", "principal")
         )
     # One in twenty-five pairs is drawn evenly, and the others are where the light is.
-    pairs = bright_pairs(default, [other], 40000)
+    pairs = bright_pairs(default, [other], 20000)
     cosines = np.sum(pairs.normals * pairs.views, axis=1, keepdims=True)
     mirrored = 2 * cosines * pairs.normals - pairs.views
     weights = pairs.weights / pairs.weights.sum()
