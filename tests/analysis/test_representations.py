@@ -59,7 +59,7 @@ def told():
 @pytest.fixture(scope="module")
 def table(probe, told):
     surfaces = [ggx_surface(roughness, F0) for roughness in ROUGHNESS]
-    plan = plan_comparison(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 128)
+    plan = plan_comparison(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 96)
     return compare_representations(plan, lambda *what: told.append(what))
 
 
@@ -67,7 +67,7 @@ def table(probe, told):
 def small_table(probe):
     """The same of principal maps alone, with few bytes."""
     surfaces = [ggx_surface(roughness, F0) for roughness in ROUGHNESS]
-    plan = plan_comparison(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 128)
+    plan = plan_comparison(probe, surfaces, TOLERANCE, [Viewer(*VIEW)], 96)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(representations, "COMPARED", ("principal",))
         return compare_representations(replace(plan, memory=replace(plan.memory, max_size=SMALL)))
@@ -167,10 +167,10 @@ def test_storage_is_that_of_files(probe, table, tmp_path):
 
 
 def test_pictures_and_shapes(table):
-    assert table.truth.shape == (2, 1, 128, 128, 3)
+    assert table.truth.shape == (2, 1, 96, 96, 3)
     assert [each.representation.name for each in table.results] == list(COMPARED)
     for each in table.results:
-        assert [picture.shape for picture in each.pictures] == [(1, 128, 128, 3)] * 2
+        assert [picture.shape for picture in each.pictures] == [(1, 96, 96, 3)] * 2
         assert each.seconds > 0
 
 

@@ -35,7 +35,7 @@ def write_tiny_probes(folder):
             path.write_bytes(path.read_bytes()[: 40 + k % 90])
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
 def test_a_second_run_makes_exactly_what_is_missing(tmp_path):
     write_tiny_probes(tmp_path)

@@ -32,7 +32,7 @@ from tests.cli.helpers import (
 from tests.make_project import REAL, Project, free_environment
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.proof,
     pytest.mark.skipif(sys.platform == "win32", reason="has no such signals"),
 ]
 

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="i
 SECONDS = 12
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_short_run_finds_nothing(tmp_path):
     """The seed is fixed, so a finding can be repeated; `make fuzz` takes its time."""
     found = subprocess.run(

@@ -164,7 +164,7 @@ def test_tasks_that_do_nothing_are_as_long_as_real_ones(tmp_path):
     assert lengths[0] == pytest.approx(lengths[1], rel=0.25)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_the_scheduler_hands_out_all_tasks():
     pytest.importorskip("distributed")
     found = list(scheduler.handed(Reach(tasks=12, groups=(1, 4), workers=(2,))))
@@ -174,7 +174,7 @@ def test_the_scheduler_hands_out_all_tasks():
     assert all(size > 1 for row in found for _, size in row.grown)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_the_short_form_has_all_its_parts(tmp_path, monkeypatch):
     made = scheduler.Handed(2, 1, 10, 1.0, 0.002, 0.001, ((0, 60.0), (10, 61.0)))
     monkeypatch.setattr(write, "handed", lambda reach: [made])

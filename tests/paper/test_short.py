@@ -11,9 +11,6 @@ from tests.paper import page_survey, survey
 from tests.paper.extent import SHORT
 from tests.paper.inputs import NAMES, Page, equal_probes, probe_files
 
-pytestmark = pytest.mark.slow
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Where both programs wrote their pages, without real probes."""
@@ -26,6 +23,7 @@ def folder(tmp_path_factory):
     return folder / "pages"
 
 
+@pytest.mark.proof
 def test_the_tables_have_all_their_parts(folder):
     page = (folder / "index.md").read_text()
     titles = re.findall(r"^## ([^:,\n]*)", page, re.MULTILINE)
@@ -38,6 +36,7 @@ def test_the_tables_have_all_their_parts(folder):
     assert all((folder / picture).stat().st_size > 1000 for picture in pictures)
 
 
+@pytest.mark.proof
 def test_the_tables_say_what_was_replaced_and_by_what(folder):
     page = " ".join((folder / "index.md").read_text().split())
     assert "61 materials of the CUReT database, whose measurements are not at hand" in page
@@ -45,6 +44,7 @@ def test_the_tables_say_what_was_replaced_and_by_what(folder):
     assert "velvet is replaced by a microfacet lobe of sigma .5" in page
 
 
+@pytest.mark.proof
 def test_product_textures_have_all_figures_that_need_no_models_of_the_paper(folder):
     page = (folder / "product.md").read_text()
     titles = re.findall(r"^## ([^:\n]*)", page, re.MULTILINE)
@@ -57,6 +57,7 @@ def test_product_textures_have_all_figures_that_need_no_models_of_the_paper(fold
     assert f"knot ({10 * SHORT.product_rows**2} vertices), and a vase" in " ".join(page.split())
 
 
+@pytest.mark.proof
 def test_the_numbers_of_product_textures_are_in_range(folder):
     page = (folder / "product.md").read_text()
     bands = [share(line[2]) for line in rows_of(page, "Figure 2")]
@@ -91,6 +92,7 @@ def share(text):
     return float(text.rstrip("%")) / 100
 
 
+@pytest.mark.proof
 def test_what_is_seen_is_told_of_both_shipped_probes(folder):
     page = (folder / "seen.md").read_text()
     assert "2 probes (studio, sky), averaged down to 32 rows" in page
@@ -99,6 +101,7 @@ def test_what_is_seen_is_told_of_both_shipped_probes(folder):
         assert {line.split(" | ")[0] for line in section.splitlines()[2:]} == {"| studio", "| sky"}
 
 
+@pytest.mark.proof
 def test_the_survey_has_a_row_for_each_brdf_and_probe(folder):
     page = (folder / "brdfs.md").read_text()
     assert "- refused: 0 of 8 maps" in page

@@ -449,7 +449,13 @@ def in_a_process(program, *arguments):
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory: needs /proc")
 @pytest.mark.parametrize(
-    ("tile", "envmap"), [(0, ""), (64, ""), (0, "LatLong Environment")], ids=str
+    ("tile", "envmap"),
+    [
+        (0, ""),
+        pytest.param(64, "", marks=pytest.mark.proof),
+        pytest.param(0, "LatLong Environment", marks=pytest.mark.proof),
+    ],
+    ids=str,
 )
 def test_memory_of_a_large_probe(tmp_path, tile, envmap):
     """8192 x 4096 half: 200 MB as it is, 400 MB as float32."""

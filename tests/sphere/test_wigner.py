@@ -64,7 +64,7 @@ def test_every_degree_up_to_40():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_order_512_every_element(eigenvectors_512):
     at = 4
     np.testing.assert_allclose(
@@ -72,7 +72,7 @@ def test_order_512_every_element(eigenvectors_512):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_order_512_few_spins_at_every_angle(eigenvectors_512):
     """Angles down to the poles, where sin(theta) and all powers of it vanish."""
     np.testing.assert_allclose(

@@ -41,7 +41,7 @@ def pairs(count=1500):
 
 def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
     """Against brute force written again; predicted and measured errors agree."""
-    pixels = reduced(real_probes / "interior.exr").astype(np.float32)
+    pixels = reduced(real_probes / "interior.exr", 64).astype(np.float32)
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
     plan = plan_terms(Projection(probe), brdf(), 0.03)
     assert plan.pays
@@ -52,7 +52,7 @@ def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
     light, weights = brute_force.latlong_samples(len(pixels))
     radiance = pixels.reshape(-1, 3).astype(float)
     rng = np.random.default_rng(12)
-    reflections, views, shares = brute_force.bright_pairs(rng, split, 8000)
+    reflections, views, shares = brute_force.bright_pairs(rng, split, 8000, candidates=60)
     normals = reflections + views
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     lobe = brute_force.microfacet(0.1)
