@@ -3,6 +3,7 @@
 What cannot be told on stderr is dropped. Results that cannot be printed are an error.
 """
 
+import functools
 import os
 import shlex
 import shutil
@@ -46,6 +47,17 @@ def prepared(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def whole(prepared, tmp_path_factory):
+    """A function that tells what comes of a command whose streams are all there."""
+
+    @functools.cache
+    def told(name):
+        return redirected(prepared, tmp_path_factory.mktemp("whole") / "here", COMMANDS[name], "")
+
+    return told
+
+
 def redirected(prepared, folder, command, redirection, **options):
     """Run a command in a copy of the folder, and return what came of it and the files there."""
     shutil.copytree(prepared, folder)
@@ -59,9 +71,9 @@ def redirected(prepared, folder, command, redirection, **options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_files_are_made_whatever_becomes_of_the_streams(prepared, tmp_path, name):
+def test_files_are_made_whatever_becomes_of_the_streams(prepared, whole, tmp_path, name):
     command = COMMANDS[name]
-    expected, files = redirected(prepared, tmp_path / "whole", command, "")
+    expected, files = whole(name)
     assert ("Warning: " in expected.err) == (name == "a warning")
     for number, silent in enumerate(["2>&-", "2>/dev/full", "<&- 2>&-"]):
         found, made = redirected(prepared, tmp_path / f"err{number}", command, silent)
@@ -84,10 +96,10 @@ def test_files_are_made_whatever_becomes_of_the_streams(prepared, tmp_path, name
 @pytest.mark.parametrize("both", [False, True])
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.slow
-def test_a_pipe_that_ends_early(prepared, tmp_path, name, both):
+def test_a_pipe_that_ends_early(prepared, whole, tmp_path, name, both):
     """Its reader has gone before the first byte, as in ``shrm ... | head -c0``."""
     command = COMMANDS[name]
-    expected, files = redirected(prepared, tmp_path / "whole", command, "")
+    expected, files = whole(name)
     reader, writer = os.pipe()
     os.close(reader)
     streams = {"stdout": writer, **({"stderr": writer} if both else {})}

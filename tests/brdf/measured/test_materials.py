@@ -12,7 +12,7 @@ from tests import brute_force
 from tests.cli.helpers import write_exr
 from tests.maps.shrm.test_predicted_error import reduced
 
-COUNT = 4000
+COUNT = 2000
 GRAZING = -0.8
 """Cosine of V and R below which half of the pairs lie, and a tenth of all views."""
 

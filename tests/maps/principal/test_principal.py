@@ -32,7 +32,7 @@ from tests.paper.looked_up import looked_up
 
 HEIGHT = 64
 pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
-PAIRS = {"microfacet": 3000, "metal": 3000, "plastic": 12000}
+PAIRS = {"microfacet": 2000, "metal": 2000, "plastic": 5000}
 """Pairs at which errors are measured; that of plastic sits in few views, which graze it."""
 SPECS = {
     "microfacet": "microfacet:sigma=0.3",
