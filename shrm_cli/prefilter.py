@@ -15,11 +15,11 @@ from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.negative import examined
-from shrm_cli.maps.options import SHARED, Representation, listing, owners
+from shrm_cli.maps.options import DEFAULTS, SHARED, Representation, listing, owners
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress, Rising
-from shrm_cli.vocabulary import DEFAULT_EPS, REPRESENTATIONS, Domain, Frame, Sampling
+from shrm_cli.vocabulary import REPRESENTATIONS, Domain, Frame, Sampling
 
 
 def prefilter(
@@ -154,7 +154,7 @@ def prefilter_with_facts(
         work.end()
     # Maps of light alone have words of their own for what is negative, or cannot be.
     made = examined(made) if registry.description(to).needs_brdf else made
-    info = replace(made.map.info, options=options_of(probe, given))
+    info = replace(made.map.info, options=options_of(probe, to, given))
     return replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
 
 
@@ -185,15 +185,17 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
     return {name: options[name].checked(value) for name, value in given.items()}
 
 
-def options_of(probe: Probe, given: Mapping[str, Any]) -> dict[str, Any]:
+def options_of(probe: Probe, to: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a map records of the options that it is made with.
 
     Parameters
     ----------
     probe : Probe
+    to : str
+        The representation.
     given : mapping of str to value
-        The arguments of `prefilter` by name. One that is None counts as not given; the BRDF has a
-        record of its own, and so has the default tolerance none.
+        The arguments of `prefilter` by name. One that is None counts as not given, and has its
+        default; the BRDF has a record of its own.
 
     Returns
     -------
@@ -203,9 +205,18 @@ def options_of(probe: Probe, given: Mapping[str, Any]) -> dict[str, Any]:
     named = {
         name: list(value) if isinstance(value, tuple) else value
         for name, value in given.items()
-        if value is not None and name != "brdf" and (name, value) != ("eps", DEFAULT_EPS)
+        if value is not None and name != "brdf"
     }
-    return {**named, "reading": probe.reading()}
+    return {**_defaults(to, named), **named, "reading": probe.reading()}
+
+
+def _defaults(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the defaults of the shared arguments that a representation obeys.
+
+    An error is asked for instead of a tolerance.
+    """
+    obeyed = registry.description(to).arguments - ({"eps"} if "error" in named else set())
+    return {name: value for name, value in DEFAULTS.items() if name in obeyed}
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:

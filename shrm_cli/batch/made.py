@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+from shrm_cli.files.seal import is_intact
 from shrm_cli.maps.file import recorded
 from shrm_cli.maps.provenance import record_of, same_brdf
 from shrm_cli.prefilter import checked_arguments, options_of
@@ -18,22 +19,23 @@ def difference(
     probe: Probe,
     given: Mapping[str, Any],
     precision: Precision,
-    program: str = "",
+    sources: str = "",
 ) -> str | None:
     """Say in what a file differs from the map that a run would write.
 
     Parameters
     ----------
     path : path-like
-        A file that exists. Only its beginning is read: files appear whole or not at all.
+        A file that exists.
     to : str
         The representation.
     probe : Probe
     given : mapping of str to value
         The arguments of `shrm_cli.prefilter.prefilter` by name.
     precision : {"auto", "half", "float"}
-    program : str
-        The version of `shrm` that must have written the file; any, where it is empty.
+    sources : str
+        The fingerprint of the program that must have written the file, which then must be as it
+        was written, too; any program, and any pixels, where it is empty.
 
     Returns
     -------
@@ -53,12 +55,16 @@ def difference(
         return "another probe made it, or another version of this one"
     if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
         return "it is for another BRDF"
-    wanted = options_of(probe, given) | ({} if precision == "auto" else {"precision": precision})
+    wanted = options_of(probe, to, given) | (
+        {} if precision == "auto" else {"precision": precision}
+    )
     differing = _differing(found.info.options, wanted)
     if differing:
         return f"it was made with other options ({differing})"
-    if program and found.program != program:
-        return f"shrm {found.program or 'of another version'} made it, and this is {program}"
+    if sources and found.sources != sources:
+        return "another version or state of shrm made it"
+    if sources and not is_intact(path):
+        return "it is damaged or was changed since it was made"
     return None
 
 

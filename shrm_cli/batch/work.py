@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli import __version__, settings
+from shrm_cli import settings
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
 from shrm_cli.batch.made import difference
@@ -28,6 +28,7 @@ from shrm_cli.maps.file import store
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
+from shrm_cli.sources import fingerprint
 
 Array = NDArray[np.floating]
 
@@ -206,10 +207,15 @@ def _why(job: Job, probe: Probe, given: Mapping[str, Any]) -> str | None:
         if not remote.exists(job.output):
             return "not there"
         with local_file(job.output) as path:
-            return difference(path, job.recipe.to, probe, given, job.recipe.precision, __version__)
+            return _difference(path, job.recipe, probe, given)
     if not os.path.lexists(job.output):
         return "not there"
-    return difference(job.output, job.recipe.to, probe, given, job.recipe.precision, __version__)
+    return _difference(Path(job.output), job.recipe, probe, given)
+
+
+def _difference(path: Path, recipe: Recipe, probe: Probe, given: Mapping[str, Any]) -> str | None:
+    """Say in what a file differs from what this program would write."""
+    return difference(path, recipe.to, probe, given, recipe.precision, fingerprint())
 
 
 @contextmanager

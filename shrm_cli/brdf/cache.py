@@ -10,7 +10,6 @@ written again.
 
 import contextlib
 import dataclasses
-import functools
 import hashlib
 import json
 import math
@@ -23,7 +22,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from shrm_cli import __version__, settings
+from shrm_cli import settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
@@ -31,6 +30,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
+from shrm_cli.sources import COEFFICIENTS, fingerprint
 
 Known = TypeVar("Known")
 Content = TypeVar("Content", BrdfCoefficients, TransferFunctions)
@@ -51,9 +51,6 @@ _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, 
 _in_memory = Memo(2**25)
 """Coefficients, lobes and their widths. Coefficients to F = 128 and P = 8 take 0.25 MB, those to
 the limits of the orders 13 MB."""
-_ROOT = Path(__file__).parents[1]
-_CODE = ("brdf", "sphere")
-"""The folders of the package with the code that coefficients depend on, subfolders included."""
 
 
 def folder() -> Path:
@@ -259,7 +256,7 @@ def clear() -> tuple[int, int]:
 def _key(kind: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
     """All that an entry depends on, as JSON; None for a BRDF that this does not identify."""
     *orders, accuracy = parameters
-    program = [__version__, np.__version__, _code(_ROOT)]
+    program = [np.__version__, fingerprint(COEFFICIENTS)]
     return _record(brdf, kind=kind, orders=orders, accuracy=accuracy, program=program)
 
 
@@ -294,24 +291,6 @@ def _is_of_this_package(brdf: Brdf) -> bool:
         elif isinstance(part, Brdf) and not _is_of_this_package(part):
             return False
     return type(brdf).__module__.startswith("shrm_cli.brdf.")
-
-
-@functools.cache
-def _code(root: Path) -> list[tuple[str, int, int]]:
-    """Name, size and time of every module that coefficients depend on.
-
-    With it in the key, the coefficients of a model that was changed are computed anew. A name is
-    the path below `root`, the folder of the package, so that those of two folders do not collide.
-    """
-    found = []
-    with contextlib.suppress(OSError):  # a package in an archive
-        for name in _CODE:
-            for path in (root / name).rglob("*.py"):
-                status = path.stat()
-                found.append(
-                    (path.relative_to(root).as_posix(), status.st_size, status.st_mtime_ns)
-                )
-    return sorted(found)
 
 
 def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) -> None:

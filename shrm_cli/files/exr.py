@@ -20,6 +20,7 @@ from shrm_cli.files.exr_header import MOST_CHANNELS, ends_whole, excess
 from shrm_cli.files.noise import quiet
 from shrm_cli.files.openimageio import oiio
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
+from shrm_cli.files.seal import SEAL, UNSEALED, seal
 from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.parallel import in_order
 
@@ -34,6 +35,8 @@ _ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
 
 def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) -> None:
     """Write an OpenEXR file, whole or not at all; see `files.parts.write_parts`.
+
+    It has a digest of itself, see `files.seal`.
 
     Parameters
     ----------
@@ -52,12 +55,13 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
         # OpenEXR ignores strides.
         return np.ascontiguousarray(plane, dtype)
 
-    stored = []
+    stored: list[Any] = []
     for part in parts:
         planes = list(part.channels.values())
         is_large = sum(plane.size for plane in planes) > LARGE
         packed = in_order(contiguous, planes, is_large)
-        stored.append(OpenEXR.Part(_header(part), dict(zip(part.channels, packed, strict=True))))
+        header = _header(part) | ({} if stored else {SEAL: UNSEALED})
+        stored.append(OpenEXR.Part(header, dict(zip(part.channels, packed, strict=True))))
     with replacing(path) as temporary:
         try:
             with OpenEXR.File(stored, num_threads=settings.current().threads or -1) as file:
@@ -67,6 +71,7 @@ def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) 
         # OpenEXR tells nobody if its last write fails, which closing the file is.
         if not ends_whole(temporary):
             raise cut_off()
+        seal(temporary)
 
 
 def _header(part: Part) -> dict[str, Any]:

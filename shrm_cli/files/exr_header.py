@@ -74,6 +74,19 @@ def ends_whole(path: str | os.PathLike[str]) -> bool:
     return False
 
 
+def header_attributes(data: mmap.mmap) -> Iterator[tuple[bytes, bytes, int, int]]:
+    """Name, type, place and size of each attribute of a file's first header.
+
+    Raises
+    ------
+    IndexError, struct.error, ValueError
+        If the header is damaged, or the file of another format.
+    """
+    if data[: len(MAGIC)] != MAGIC:
+        raise ValueError("no OpenEXR file")
+    yield from _attributes(data, _BEGIN)
+
+
 def _end_of_chunks(data: mmap.mmap) -> int:
     """Return the place behind the last chunk, or 0 where the tables of chunks have holes."""
     has_parts, at = _has_parts(data), _BEGIN

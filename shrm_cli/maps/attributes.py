@@ -15,6 +15,7 @@ from shrm_cli.files.parts import StoredPart, sound_primaries
 from shrm_cli.layouts import LAYOUTS
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import (
     CENTERS,
     DOMAINS,
@@ -76,6 +77,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         "shrm:representation": reflection_map.representation,
         "shrm:version": reflection_map.format_version,
         "shrm:program": __version__,
+        "shrm:sources": fingerprint(),
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,
@@ -266,6 +268,7 @@ _ATTRIBUTES: dict[str, tuple[type, Callable[[Any], bool]]] = {
     "domain": (str, DOMAINS.__contains__),
     "options": (str, _is_json_object),
     "program": (str, lambda value: len(value) <= _MOST_TEXT),
+    "sources": (str, lambda value: len(value) <= _MOST_TEXT),
     "layout": (str, LAYOUTS.__contains__),
     "orientation": (str, ORIENTATIONS.__contains__),
     "sampling": (str, ("", *SAMPLINGS).__contains__),
@@ -281,6 +284,7 @@ _OPTIONAL: dict[str, Any] = {
     "domain": "frequency",
     "options": "{}",
     "program": "",
+    "sources": "",
     "layout": "openexr",
     "orientation": "openexr",
 }

@@ -129,13 +129,14 @@ class Recorded:
     representation : str
     info : MapInfo
         That of the first part. The probe, the BRDF and the options are those of the whole file.
-    program : str
-        The version of `shrm` that wrote the file; empty in files from before this was recorded.
+    sources : str
+        The fingerprint of the program that wrote the file, see `shrm_cli.sources`; empty in files
+        from before this was recorded.
     """
 
     representation: str
     info: MapInfo
-    program: str
+    sources: str
 
 
 def recorded(path: str | os.PathLike[str]) -> Recorded | None:
@@ -151,7 +152,7 @@ def recorded(path: str | os.PathLike[str]) -> Recorded | None:
     except MapError:
         return None
     info = map_info(attributes, file.first)
-    return Recorded(attributes["representation"], info, attributes["program"])
+    return Recorded(attributes["representation"], info, attributes["sources"])
 
 
 def is_map(path: str | os.PathLike[str]) -> bool:

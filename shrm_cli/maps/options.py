@@ -261,6 +261,14 @@ SHARED = {
 }
 """The arguments that several representations share, by name."""
 
+DEFAULTS: dict[str, Any] = {
+    "eps": DEFAULT_EPS,
+    "domain": "frequency",
+    "frame": "global",
+    "sampling": "center",
+}
+"""The values of shared arguments that are not given, where they follow from nothing else."""
+
 SHADER = Option(
     "shader",
     "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0); "

@@ -56,7 +56,9 @@ class CubeSampler:
         step = max(_VALUES_AT_ONCE // channels, 1)
         for start in range(0, face.size, step):
             part = slice(start, start + step)
-            result[part] = self._between(*(each.reshape(-1)[part] for each in (face, s, t)))
+            result[part] = self._between(
+                face.reshape(-1)[part], s.reshape(-1)[part], t.reshape(-1)[part]
+            )
         return result.reshape(*face.shape, channels)
 
     def _between(self, face: NDArray[np.intp], s: Array, t: Array) -> Array:

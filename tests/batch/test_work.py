@@ -1,11 +1,14 @@
 """What workers do: the same bytes as `prefilter` makes, and a record of each job."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from shrm_cli.batch import work
 from shrm_cli.batch.entry import Entry
 from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.options import DEFAULTS
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
@@ -132,10 +135,35 @@ def test_what_other_options_made_is_made_again(made, changes, expected):
 def test_what_another_probe_or_version_made_is_made_again(made, probe, monkeypatch):
     write_exr(probe, noise(32, 64) * 2)
     assert again(made) == {"shrm": "made", "irradiance": "made"}
-    monkeypatch.setattr(work, "__version__", "99.0")
+    monkeypatch.setattr(work, "fingerprint", lambda: "another")
     (first, *_) = records_of(made, only_looks=True)
     assert first["status"] == "waiting"
-    assert "this is 99.0" in first["why"]
+    assert first["why"] == "another version or state of shrm made it"
+
+
+def test_another_default_makes_other_maps(made, monkeypatch):
+    """The default tolerance is recorded like one that is given."""
+    assert again(made, arguments={"eps": DEFAULTS["eps"]}) == dict.fromkeys(made.to, "skipped")
+    monkeypatch.setitem(DEFAULTS, "eps", 0.07)
+    (first, second) = records_of(made, only_looks=True)
+    assert first["why"] == "it was made with other options (`eps` 0.03 there, 0.07 here)"
+    assert second["status"] == "skipped"
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:3000], lambda data: data[:-300] + bytes(300)]
+)
+def test_damaged_outputs_are_made_again(made, damage):
+    """Cut off, or with an end of zeros, as full disks and broken copies leave files."""
+    whole = {}
+    for path in Path(".").glob("p0.*.exr"):
+        whole[path] = path.read_bytes()
+        path.write_bytes(damage(whole[path]))
+    assert len(whole) == 2
+    told = {record["why"] for record in records_of(made, only_looks=True)}
+    assert told == {"it is damaged or was changed since it was made"}
+    assert again(made) == dict.fromkeys(made.to, "made")
+    assert all(path.read_bytes() == data for path, data in whole.items())
 
 
 @pytest.mark.slow

@@ -29,8 +29,8 @@ STANDARD = {
     "screenWindowCenter", "screenWindowWidth", "type",
 }  # fmt: skip
 OURS = {
-    "shrm:representation", "shrm:version", "shrm:program", "shrm:frame", "shrm:center", "shrm:F",
-    "shrm:P",
+    "shrm:representation", "shrm:version", "shrm:program", "shrm:sources", "shrm:digest",
+    "shrm:frame", "shrm:center", "shrm:F", "shrm:P",
     "shrm:epsilon", "shrm:brdf_energy_captured", "shrm:predicted_error", "shrm:brdf",
     "shrm:probe", "shrm:probe_sha256", "shrm:filter_error", "shrm:options",
 }  # fmt: skip

@@ -11,6 +11,7 @@ from tests.paper import page_survey, survey
 from tests.paper.extent import SHORT
 from tests.paper.inputs import NAMES, Page, equal_probes, probe_files
 
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Where both programs wrote their pages, without real probes."""

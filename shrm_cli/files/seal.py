@@ -1,0 +1,70 @@
+"""A digest of a file within the file, by which damage is noticed that no library looks for.
+
+An attribute of the first header holds the SHA-256 digest of all other bytes of the file. A file
+that was cut off, or overwritten in part, by a full disk or a broken copy, does not fit its digest
+any more. Whether it does is told without decoding pixels, in the time that it takes to read it.
+"""
+
+import hashlib
+import mmap
+import os
+import struct
+
+from shrm_cli.files.exr_header import MAGIC, header_attributes
+
+SEAL = "shrm:digest"
+"""The name of the attribute."""
+UNSEALED = "0" * 64
+"""What it holds until the file is written whole."""
+
+
+def seal(path: str | os.PathLike[str]) -> None:
+    """Write the digest of a file into it, if its first header has a place for it.
+
+    Parameters
+    ----------
+    path : path-like
+        An OpenEXR file that was just written.
+    """
+    with open(path, "r+b") as stream, mmap.mmap(stream.fileno(), 0) as data:
+        place = _place(data)
+        if place is not None:
+            data[place : place + len(UNSEALED)] = _digest(data, place)
+
+
+def is_intact(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file has a digest that fits its bytes; files without one are not known.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    if os.path.getsize(path) <= len(MAGIC):
+        return False
+    with (
+        open(path, "rb") as stream,
+        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+    ):
+        place = _place(data)
+        return place is not None and data[place : place + len(UNSEALED)] == _digest(data, place)
+
+
+def _place(data: mmap.mmap) -> int | None:
+    """Return where the digest lies, or None for a file without one."""
+    try:
+        for name, _, begin, size in header_attributes(data):
+            if name == SEAL.encode() and size == len(UNSEALED):
+                return begin
+    except (IndexError, struct.error, ValueError):
+        pass
+    return None
+
+
+def _digest(data: mmap.mmap, place: int) -> bytes:
+    """Return the digest of all bytes but those that hold it, in hexadecimal digits."""
+    digest = hashlib.sha256()
+    with memoryview(data) as view, view[:place] as before, view[place + len(UNSEALED) :] as behind:
+        digest.update(before)
+        digest.update(behind)
+    return digest.hexdigest().encode()

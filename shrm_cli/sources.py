@@ -1,0 +1,58 @@
+"""A fingerprint of the program's own source code, which tells one state of it from another.
+
+The version of a checkout stays the same while its code changes. Files and cache entries record
+this instead, so that what another state of the program made is noticed.
+"""
+
+import functools
+import hashlib
+import os
+
+from shrm_cli import __version__
+
+_ROOT = os.path.dirname(os.path.abspath(__file__))
+
+MAPS = ("", "brdf", "files", "maps", "probe", "sphere")
+"""The folders of the package whose code decides what maps hold. The empty name stands for the
+modules that lie in no folder; with the others go all folders below them."""
+COEFFICIENTS = ("brdf", "sphere")
+"""The folders whose code decides the coefficients of BRDFs."""
+
+
+@functools.cache
+def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
+    """Return a digest of the modules in some folders of the package: their names and contents.
+
+    Parameters
+    ----------
+    folders : tuple of str
+    root : str
+        The folder of the package.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits. It takes about 4 ms, once a process. Where there are no files, as in
+        a package that is run from an archive, it is a digest of the version.
+    """
+    digest = hashlib.sha256()
+    names = sorted(name for folder in folders for name in _modules(root, folder))
+    for name in names:
+        with open(os.path.join(root, name), "rb", buffering=0) as stream:
+            content = stream.read()
+        digest.update(f"{name.replace(os.sep, '/')}\0{len(content)}\0".encode())
+        digest.update(content)
+    if not names:
+        digest.update(__version__.encode())
+    return digest.hexdigest()[:16]
+
+
+def _modules(root: str, folder: str) -> list[str]:
+    """Return the paths of a folder's modules below the root."""
+    found = []
+    for where, folders, names in os.walk(os.path.join(root, folder)):
+        if not folder:
+            folders.clear()
+        below = os.path.relpath(where, root)
+        found += [os.path.normpath(os.path.join(below, each)) for each in names]
+    return [name for name in found if name.endswith(".py")]

@@ -1,0 +1,73 @@
+"""The fingerprint of the program: another one for every change of code that decides bytes."""
+
+from pathlib import Path
+
+import pytest
+
+import shrm_cli
+from shrm_cli import sources
+from shrm_cli.sources import COEFFICIENTS, MAPS, fingerprint
+
+PACKAGE = Path(shrm_cli.__file__).parent
+
+
+def below(folder):
+    """All modules of a folder of the package, by their names below the package."""
+    found = (PACKAGE / folder).glob("*.py" if folder == "" else "**/*.py")
+    return {path.relative_to(PACKAGE).as_posix() for path in found}
+
+
+@pytest.mark.parametrize("folders", [MAPS, COEFFICIENTS])
+def test_all_modules_of_the_folders_count(folders):
+    names = [name for folder in folders for name in sources._modules(str(PACKAGE), folder)]
+    assert set(names) == set().union(*map(below, folders))
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [
+        ("vocabulary.py", True),
+        ("maps/shrm/budget.py", True),
+        ("brdf/models/ggx.py", True),
+        ("brdf/models/new.py", True),
+        ("cli/main.py", False),
+        ("maps/notes.txt", False),
+    ],
+)
+def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
+    """Whether a module is changed or new, and not by its time or size."""
+    names = ("vocabulary.py", "maps/shrm/budget.py", "brdf/models/ggx.py", "brdf/table.py")
+    for each in names:
+        (tmp_path / each).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / each).write_text("x = 1\n")
+
+    def found():
+        fingerprint.cache_clear()  # as in a new process
+        return fingerprint(MAPS, str(tmp_path))
+
+    before = found()
+    assert found() == before
+    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / name).write_text("x = 2\n")
+    assert (found() != before) == counts
+    fingerprint.cache_clear()
+
+
+def test_what_moves_from_one_module_to_another_is_noticed(tmp_path):
+    found = []
+    for first, second in (("ab", "c"), ("a", "bc")):
+        (tmp_path / "a.py").write_text(first)
+        (tmp_path / "b.py").write_text(second)
+        fingerprint.cache_clear()
+        found.append(fingerprint(MAPS, str(tmp_path)))
+    assert found[0] != found[1]
+    fingerprint.cache_clear()
+
+
+def test_a_package_without_files_is_known_by_its_version(tmp_path, monkeypatch):
+    before = fingerprint(MAPS, str(tmp_path / "none"))
+    monkeypatch.setattr(sources, "__version__", "999")
+    fingerprint.cache_clear()
+    assert fingerprint(MAPS, str(tmp_path / "none")) != before
+    fingerprint.cache_clear()
