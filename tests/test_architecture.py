@@ -23,7 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"errors", "messages", "settings", "sources", "vocabulary", "progress", "memo"},
+    {"addresses", "errors", "messages", "settings", "sources", "vocabulary", "progress", "memo"},
     {"layouts", "parallel", "color"},
     {"sphere"},
     {"files"},
@@ -66,7 +66,7 @@ LIGHT = {
     "__init__.py", "errors.py", "files/inputs.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
-    "messages.py",
+    "addresses.py", "messages.py",
     *(f"maps/{folder}/options.py" for folder in FOLDERS),
 }  # fmt: skip
 """Modules that `shrm --help` may load, besides those of cli/."""

@@ -16,7 +16,7 @@ from typing import Any, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli import __version__
+from shrm_cli import __version__, addresses
 from shrm_cli.errors import MapError, OrderError, OutputError
 from shrm_cli.files import npz, remote
 from shrm_cli.files.inputs import note
@@ -169,7 +169,7 @@ def check_collection(path: str | os.PathLike[str]) -> None:
     shown = _printable(path)
     if Path(path).suffix.lower() not in SUFFIXES:
         raise OutputError(f"{shown}: collections are .npz or .parquet; name it so")
-    if remote.is_remote(path):
+    if addresses.is_remote(path):
         remote.exists(os.fspath(path))
     else:
         check_target(path)
@@ -258,7 +258,7 @@ def _shape(order: int) -> tuple[int, int]:
 def _printable(name: str | os.PathLike[str]) -> str:
     """Return a name that every reader takes: bytes that are no text as escapes, no passwords."""
     text = os.fspath(name).encode("utf-8", "backslashreplace").decode()
-    return remote.shown(text) if remote.is_remote(text) else text
+    return addresses.shown(text) if addresses.is_remote(text) else text
 
 
 def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:

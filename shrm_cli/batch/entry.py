@@ -7,11 +7,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
+from urllib.parse import unquote
 
+from shrm_cli.addresses import is_remote, shown
 from shrm_cli.batch.job import Job, Recipe
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
-from shrm_cli.files.remote import is_remote, matching
+from shrm_cli.files.origin import is_output
+from shrm_cli.files.remote import matching
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem
@@ -23,6 +26,8 @@ FIELDS = ("probe", "folder", "brdf", "to")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
+_ASTRAY = re.compile(r"^[A-Za-z]:|\\|[\x00-\x1f\x7f]")
+"""What leads elsewhere on some system: drives and backslashes on Windows, control characters."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,13 @@ class Entry:
             ]
         return found
 
-    def jobs(self) -> list[Job]:
+    def jobs(self, left_out: list[str] | None = None) -> list[Job]:
         """Return all jobs, those of one probe after the other.
+
+        Parameters
+        ----------
+        left_out : list of str, optional
+            Gets the names of files that patterns match, and that are no probes; see `found_probes`.
 
         Raises
         ------
@@ -101,7 +111,7 @@ class Entry:
             raise ProbeError("no probes; name some, such as 'probes/*.exr'")
         return [
             Job(probe, self.reading, recipe, self._output(probe, folder, recipe))
-            for probe, folder in found_probes(self.probes)
+            for probe, folder in found_probes(self.probes, left_out)
             for recipe in recipes
         ]
 
@@ -142,6 +152,7 @@ class Entry:
             if name not in values:
                 known = ", ".join(f"{{{each}}}" for each in FIELDS)
                 raise OutputError(f"{self.output}: {{{name}}} stands for nothing; give {known}")
+            _check_field(values[name], name, probe)
             return separator + values[name] if values[name] else ""
 
         made = _FIELD.sub(put, self.output)
@@ -149,7 +160,32 @@ class Entry:
         return made[1:] if is_cut else made
 
 
-def found_probes(patterns: Iterable[str]) -> list[tuple[str, str]]:
+def _check_field(value: str, name: str, probe: str) -> None:
+    """Refuse what would lead an output out of its folder, as names in a server's listing may.
+
+    Raises
+    ------
+    ProbeError
+        If a part of the value is ``..``, names a drive or a root, or holds a backslash or a
+        control character, also where it is percent-encoded.
+    """
+    for text in (value, unquote(value)):
+        parts = text.split("/")
+        if name != "folder" and len(parts) > 1:
+            break
+        if ".." in parts or text.startswith("/") or _ASTRAY.search(text):
+            break
+    else:
+        return
+    raise ProbeError(
+        f"{shown(probe)}: {{{name}}} would be {value!r}, which may lead out of the folder of the "
+        "outputs; leave that probe out, or name it another way"
+    )
+
+
+def found_probes(
+    patterns: Iterable[str], left_out: list[str] | None = None
+) -> list[tuple[str, str]]:
     """Return the probes that patterns match, and their folders below those that patterns name.
 
     Parameters
@@ -157,6 +193,9 @@ def found_probes(patterns: Iterable[str]) -> list[tuple[str, str]]:
     patterns : iterable of str
         A name that exists is no pattern, whatever it holds. One with no ``*``, ``?`` or ``[`` is
         taken as it is, with ``%`` for six faces too.
+    left_out : list of str, optional
+        Gets the names of files that patterns match, and that `shrm` made of probes: maps, tables
+        and pictures. Elsewhere than on disk they are known by their names alone.
 
     Returns
     -------
@@ -175,14 +214,29 @@ def found_probes(patterns: Iterable[str]) -> list[tuple[str, str]]:
             continue
         names = matching(pattern) if is_remote(pattern) else _files(pattern)
         if not names:
-            raise ProbeError(f"{pattern}: matches no file; quote and correct the pattern")
-        for name in names:
+            raise ProbeError(f"{shown(pattern)}: matches no file; quote and correct the pattern")
+        probes = [name for name in names if not _is_made(name)]
+        if not probes:
+            raise ProbeError(
+                f"{shown(pattern)}: matches no probe, only {len(names):,} files that shrm made of "
+                "probes; correct the pattern, or name one of them whole"
+            )
+        if left_out is not None:
+            left_out += [name for name in names if _is_made(name)]
+        for name in probes:
             found.setdefault(name, _below(name, pattern))
     return list(found.items())
 
 
 def _files(pattern: str) -> list[str]:
     return sorted(name for name in glob.glob(pattern, recursive=True) if os.path.isfile(name))
+
+
+def _is_made(name: str) -> bool:
+    """Whether a file that a pattern matches is an output of `shrm`."""
+    if is_remote(name):
+        return name.endswith(tuple(f".{to}.exr" for to in REPRESENTATIONS))
+    return is_output(name)
 
 
 def _below(name: str, pattern: str) -> str:
@@ -212,9 +266,11 @@ def checked(jobs: list[Job]) -> list[Job]:
     for job in jobs:
         place = _identity(job.output)
         if not job.output.lower().endswith(tuple(CONTAINERS)):
-            raise OutputError(f"{job.output}: what is written is .exr; name it so")
+            raise OutputError(f"{shown(job.output)}: what is written is .exr; name it so")
         if place in inputs:
-            raise OutputError(f"{job.output}: would overwrite the input; name another output")
+            raise OutputError(
+                f"{shown(job.output)}: would overwrite the input; name another output"
+            )
         if place in made:
             raise OutputError(_twice(job, made[place]))
         made[place] = job

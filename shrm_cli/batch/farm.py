@@ -66,8 +66,8 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
         If an argument holds a line break or another control character.
     """
     _check(arguments, "commands")
-    start = shlex.join(["shrm", "batch", *arguments])
-    return [f"{start} --share {part}/{parts}" for part in range(1, parts + 1)]
+    words = shlex.join(arguments)
+    return [f"shrm batch --share {part}/{parts} {words}" for part in range(1, parts + 1)]
 
 
 def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batch") -> str:
@@ -100,7 +100,8 @@ def openjd_template(arguments: Sequence[str], parts: int, name: str = "shrm batc
     Open Job Description, Template Schemas 2023-09, and RFC 0001, Task Chunking.
     """
     _check([*arguments, name], "openjd")
-    words = ["batch", *map(_literal, arguments), "--share", f"{{{{Task.Param.Part}}}}/{parts}"]
+    # Behind the arguments it would be one of the probes if these hold "--".
+    words = ["batch", "--share", f"{{{{Task.Param.Part}}}}/{parts}", *map(_literal, arguments)]
     part = {
         "name": "Part",
         "type": "CHUNK[INT]",

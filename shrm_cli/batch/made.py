@@ -12,6 +12,9 @@ from shrm_cli.prefilter import checked_arguments, options_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import Precision
 
+NO_MAP = "it is no map that can be read"
+"""What is said of a file that this program has not made, or that is damaged in its header."""
+
 
 def difference(
     path: str | os.PathLike[str],
@@ -49,8 +52,10 @@ def difference(
     """
     given = checked_arguments(to, given, probe)
     found = recorded(path)
-    if found is None or found.representation != to:
-        return f"it is no map of representation {to} that can be read"
+    if found is None:
+        return NO_MAP
+    if found.representation != to:
+        return f"it is no map of representation {to}"
     if found.info.probe_sha256 != probe.digest():
         return "another probe made it, or another version of this one"
     if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):

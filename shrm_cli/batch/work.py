@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli import settings
+from shrm_cli import addresses, settings
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
-from shrm_cli.batch.made import difference
+from shrm_cli.batch.made import NO_MAP, difference
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.inputs import protecting
+from shrm_cli.files.whole import kept
 from shrm_cli.maps.file import store
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe, open_probe
@@ -180,12 +181,14 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     """Make a map, unless it is there already."""
     given = arguments_of(job.recipe, probe)
     why = "asked for by `force`" if terms.force else _why(job, probe, given)
+    if why == NO_MAP:
+        raise kept(addresses.shown(job.output), "it is no map that shrm made")
     if why is None:
         return {"status": "skipped"}
     if terms.only_looks:
         return {"status": "waiting", "why": why}
     made = prefilter_with_facts(probe, job.recipe.to, given)
-    if not remote.is_remote(job.output):
+    if not addresses.is_remote(job.output):
         Path(job.output).parent.mkdir(parents=True, exist_ok=True)
     with remote.written(job.output) as target:
         stored = store(target, made.map, job.recipe.precision)
@@ -203,7 +206,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
 
 def _why(job: Job, probe: Probe, given: Mapping[str, Any]) -> str | None:
     """Say why a job is to be done; None where its output is there, and the same inputs made it."""
-    if remote.is_remote(job.output):
+    if addresses.is_remote(job.output):
         if not remote.exists(job.output):
             return "not there"
         with local_file(job.output) as path:
@@ -222,7 +225,7 @@ def _difference(path: Path, recipe: Recipe, probe: Probe, given: Mapping[str, An
 def local_file(name: str) -> Iterator[Path]:
     """Context manager that yields the path of a file: that of a copy, where it lies elsewhere."""
     here = nullcontext(Path(name))
-    with remote.fetched(name) if remote.is_remote(name) else here as path:
+    with remote.fetched(name) if addresses.is_remote(name) else here as path:
         yield path
 
 
@@ -254,8 +257,8 @@ def failure(job: Job, line: str, seconds: float = 0.0) -> Record:
 def _named(job: Job, seconds: float) -> Record:
     """Return what every record begins with."""
     return {
-        "output": remote.shown(job.output),
-        "probe": remote.shown(job.probe),
+        "output": addresses.shown(job.output),
+        "probe": addresses.shown(job.probe),
         "brdf": job.recipe.brdf,
         "to": job.recipe.to,
         "seconds": round(seconds, 4),
@@ -277,7 +280,7 @@ def _told_of(name: str, path: str, result: Result) -> Result:
     """Return a result in which the path of a copy is the name of what was copied."""
     if path == name:
         return result
-    shown = remote.shown(name)
+    shown = addresses.shown(name)
     records = [
         {
             key: value.replace(path, shown) if key in ("error", "why") else value

@@ -31,6 +31,7 @@ from shrm_cli.cli.terminal import echo, echo_json, echo_message
 from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.ticker import ticking
 from shrm_cli.cli.usage import flags, given_options
+from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import REPRESENTATIONS
 
 if TYPE_CHECKING:
@@ -151,8 +152,11 @@ def batch(
 
     gathering = gathering_of(collect, collect_order, collect_what, collect_window)
     entries = _entries(probes, values, makes_none=collect is not None)
-    found = checked([job for entry in entries for job in entry.jobs()])
-    chunks = by_probe(found) if found else _without_jobs(entries)
+    left_out: list[str] = []
+    found = checked([job for entry in entries for job in entry.jobs(left_out)])
+    chunks = by_probe(found) if found else _without_jobs(entries, left_out)
+    if left_out and not quiet:
+        echo(_not_probes(left_out), err=True)
     if commands or openjd:
         words = click.get_current_context().meta["shrm.words"]
         write_farm_files(words, commands, openjd, len(chunks), chunk)
@@ -197,7 +201,13 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     return [Entry(probes, brdfs, to, output, arguments, {}, reading, precision, runs_code=True)]
 
 
-def _without_jobs(entries: list[Entry]) -> list[Chunk]:
+def _not_probes(names: list[str]) -> str:
+    """Return a line about files that patterns match, and that are no probes."""
+    files = counted(len(set(names)), "file")
+    return f"{files} that shrm made of probes, such as {names[0]}: left out of the patterns"
+
+
+def _without_jobs(entries: list[Entry], left_out: list[str]) -> list[Chunk]:
     """Return chunks of probes of which only coefficients are gathered."""
     from shrm_cli.batch.entry import found_probes
     from shrm_cli.batch.job import Chunk
@@ -205,7 +215,7 @@ def _without_jobs(entries: list[Entry]) -> list[Chunk]:
     return [
         Chunk(name, entry.reading, ())
         for entry in entries
-        for name, _ in found_probes(entry.probes)
+        for name, _ in found_probes(entry.probes, left_out)
     ]
 
 
@@ -261,9 +271,9 @@ def _run(
     quiet: bool,
 ) -> None:
     """Do all jobs, and tell what became of them; exit with 1 if one failed."""
+    from shrm_cli import addresses
     from shrm_cli.batch.log import Totals, opened_log
     from shrm_cli.batch.run import run
-    from shrm_cli.files import remote
 
     count = sum(len(chunk.jobs) for chunk in chunks)
     totals = Totals(count)
@@ -291,7 +301,7 @@ def _run(
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         write_gathered(collect, terms.gathering, chunks, results)
         if not (quiet or as_json):
-            echo(f"{remote.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
+            echo(f"{addresses.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
     predictions = _predictions(chunks, quiet) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page, quiet)
@@ -332,7 +342,8 @@ def _note(result: Result, log: Log | None, quiet: bool, only_looks: bool) -> Non
         if log is not None:
             log.write(record)
         if record["status"] == "failed":
-            echo_message(f"Failed: {record['output']}: {flags(record['error'])}")
+            error = record["error"].removeprefix(f"{record['output']}: ")
+            echo_message(f"Failed: {record['output']}: {flags(error)}")
         elif only_looks and not quiet:
             why = record.get("why", "there already")
             echo(f"{record['status']:<8} {record['output']}  ({flags(why)})", err=True)

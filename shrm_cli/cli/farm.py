@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from shrm_cli.addresses import has_secret
 from shrm_cli.cli.options import with_options
-from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.terminal import echo, echo_message
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
@@ -73,6 +74,11 @@ def write_farm_files(
 
     parts = -(-probes // chunk)
     rest = _without_own(words)
+    if any(has_secret(word) for word in rest):
+        echo_message(
+            "Warning: a URL holds a password or a signature, which whoever can read the file of "
+            "the farm will have; put credentials into the environment (docs/batch.md)"
+        )
     texts = {}
     if commands is not None:
         texts[commands] = "\n".join(command_lines(rest, parts)) + "\n"
@@ -98,10 +104,11 @@ def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list
 
 def _without_own(words: Sequence[str]) -> list[str]:
     """Return the words of a command line without the options that ask for files of a farm."""
+    end = list(words).index("--") if "--" in words else len(words)
     found, skips = [], False
-    for word in words:
+    for word in words[:end]:
         if skips or word.split("=")[0] in _TAKES_VALUE:
             skips = not skips and "=" not in word
             continue
         found.append(word)
-    return found
+    return [*found, *words[end:]]

@@ -2,6 +2,7 @@
 
 Names of channels, attributes, messages of libraries and arguments may hold any characters. Those
 that a terminal obeys or hides are printed as escapes such as ``\\x1b``, and endless words are cut.
+URLs lose their passwords and signatures.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import unicodedata
 from typing import Any
 
 import click
+
+from shrm_cli.addresses import without_secrets
 
 _MOST_WORD = 400
 """The most characters of a word in an error or a warning; paths and arguments are such words."""
@@ -53,12 +56,12 @@ def echo(text: str, err: bool = False) -> None:
     OSError
         If there is no stdout.
     """
-    _write(_shortened(escaped(text), _MOST_RESULT), err)
+    _write(_shortened(escaped(without_secrets(text)), _MOST_RESULT), err)
 
 
 def echo_message(text: str) -> None:
     """Print an error or a warning to stderr, as one line of limited length."""
-    line = _shortened(escaped(" ".join(text.split())), _MOST_WORD)
+    line = _shortened(escaped(without_secrets(" ".join(text.split()))), _MOST_WORD)
     _write(_cut(line, _MOST_MESSAGE), err=True)
 
 
@@ -68,6 +71,7 @@ def echo_json(value: Any) -> None:
     JSON has no infinity and no NaN, which become null.
     """
     text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
+    text = without_secrets(text)
     _write(_SUSPECT.sub(lambda found: _json_escape(found[0]), text), err=False)
 
 

@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
+from shrm_cli.addresses import SCHEME, is_remote, shown
 from shrm_cli.errors import RemoteError
 from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.files.whole import check_target
@@ -27,22 +28,6 @@ _BLOCK = 2**22
 """Bytes that are fetched at a time."""
 _MOST_NAME = 100
 """The most characters of a temporary copy's name; file systems take 255 bytes."""
-_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://")
-"""The start of a URL. A single letter before the colon is a drive of Windows."""
-_LOGIN = re.compile(r"(?:(?<=://)[^/\s]*|[^/\s:]+:[^/\s]*)@")
-"""The user and the password of a URL, also where a message leaves its scheme out."""
-_SIGNATURE = re.compile(r"\?[^\s?=]*=[^\s'\",)]*")
-"""The query of a URL, which signs addresses that may be opened without a password."""
-
-
-def is_remote(name: str | os.PathLike[str]) -> bool:
-    """Whether a name is a URL, such as ``s3://bucket/a.exr``, and not a path."""
-    return _SCHEME.match(os.fspath(name)) is not None
-
-
-def shown(url: str) -> str:
-    """Return a URL as it may be printed: without password, and without the query that signs it."""
-    return _SIGNATURE.sub("?...", _LOGIN.sub("***@", url))
 
 
 def matching(pattern: str) -> list[str]:
@@ -179,7 +164,7 @@ def _opened(url: str) -> tuple[Any, str]:
     RemoteError
         If a package is missing, or the URL is one within another.
     """
-    match = _SCHEME.match(url)
+    match = SCHEME.match(url)
     if match is None or "::" in url:
         raise RemoteError(f"{shown(url)}: not a single URL; name one such as s3://bucket/file")
     try:

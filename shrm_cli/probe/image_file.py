@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.addresses import is_url
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.inputs import note
@@ -327,7 +328,8 @@ def check_file(name: str | os.PathLike[str]) -> Path:
     except UnicodeEncodeError:
         raise ProbeError(f"{path}: {fault_of_name(path)}, or rename it") from None
     except FileNotFoundError:
-        raise ProbeError(f"{path}: no such file; check its name") from None
+        advice = "shrm batch reads URLs; else fetch it" if is_url(path) else "check its name"
+        raise ProbeError(f"{path}: no such file; {advice}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "a name that no file can have"
         raise ProbeError(f"{path}: cannot be opened ({reason}); check its name") from None

@@ -81,7 +81,7 @@ def test_what_names_no_part_is_refused(text):
 
 def test_a_shell_hands_over_the_arguments_as_they_are(called):
     lines = command_lines(HARD, 3)
-    expected = [["batch", *HARD, "--share", f"{part}/3"] for part in (1, 2, 3)]
+    expected = [["batch", "--share", f"{part}/3", *HARD] for part in (1, 2, 3)]
     assert [shlex.split(line)[1:] for line in lines] == expected
     assert called("sh", "-c", "\n".join(lines)) == expected
 
@@ -113,8 +113,8 @@ def test_open_job_description_runs_every_part_with_the_arguments(tmp_path, calle
     template = tmp_path / "batch.template.json"
     template.write_text(openjd_template(HARD, 5), encoding="utf-8")
     ran = called(*openjd(), "run", str(template), "-p", "PartsPerCommand=2")
-    parts = [call.pop() for call in ran]
-    assert ran == 3 * [["batch", *HARD, "--share"]]
+    parts = [call.pop(2) for call in ran]
+    assert ran == 3 * [["batch", "--share", *HARD]]
     chunks = [parse_part(part) for part in parts]
     made = [part for first, last, _ in chunks for part in range(first, last + 1)]
     assert sorted(made) == [1, 2, 3, 4, 5]
@@ -125,5 +125,5 @@ def test_the_template_is_plain_json():
     template = json.loads(openjd_template(["é"], 7))
     (step,) = template["steps"]
     assert step["script"]["actions"]["onRun"]["args"] == [
-        "batch", "é", "--share", "{{Task.Param.Part}}/7",
+        "batch", "--share", "{{Task.Param.Part}}/7", "é",
     ]  # fmt: skip

@@ -168,7 +168,7 @@ def test_command_lines_for_farms(folder):
     assert (result.code, result.err) == (0, "")
     lines = (folder / "lines.txt").read_text().splitlines()
     assert lines == [
-        f"shrm batch 'probes/*.exr' --to irradiance -o 'out/{{probe}}.exr' --share {k}/3"
+        f"shrm batch --share {k}/3 'probes/*.exr' --to irradiance -o 'out/{{probe}}.exr'"
         for k in (1, 2, 3)
     ]
     job = json.loads((folder / "job.json").read_text())

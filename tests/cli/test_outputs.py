@@ -59,7 +59,7 @@ def test_long_names_that_begin_alike_are_told_apart():
 PREFILTER = ["prefilter", "probe.exr", "--brdf", "phong"]
 REFERENCE = ["reference", "probe.exr", "--brdf", "phong", "--size", "16", "--source-height", "4"]
 CASES = {
-    "tolerance": (PREFILTER, ["--eps", "0.1"], "--eps by default there, 0.1 here"),
+    "tolerance": (PREFILTER, ["--eps", "0.1"], "--eps 0.03 there, 0.1 here"),
     "order": (PREFILTER, ["--order-f", "3"], "--order-f by default there, 3 here"),
     "precision": (PREFILTER, ["--precision", "float"], "--precision by default there"),
     "reading": (PREFILTER, ["--yaw", "20"], "how the probe is read"),
@@ -124,7 +124,7 @@ def test_another_probe_and_another_file_of_that_name_are_kept_apart(folder):
     assert_refused(refused, 1, "it is for another BRDF")
     (folder / "probe.ggx.shrm.exr").write_text("my notes")
     refused = run("prefilter", "probe.exr", "--brdf", "ggx")
-    assert_refused(refused, 1, "it is no map of representation shrm that can be read")
+    assert_refused(refused, 1, "it is no map that can be read")
     assert (folder / "probe.ggx.shrm.exr").read_text() == "my notes"
 
 
