@@ -91,6 +91,11 @@ def is_possible(primaries: Primaries) -> bool:
     return fault_of(primaries) is None
 
 
+def are_unset(primaries: tuple[float, ...] | None) -> bool:
+    """Whether all of a file's primaries are zero, a field that its writer has not filled in."""
+    return primaries is not None and not any(primaries)
+
+
 def fault_of(primaries: Primaries) -> str | None:
     """Why numbers are no primaries and white of light, in a few words; None if they are.
 

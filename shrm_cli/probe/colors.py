@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.color import conversion, fault_of, same_primaries, title_of
+from shrm_cli.color import are_unset, conversion, fault_of, same_primaries, title_of
 from shrm_cli.probe.image import ConvertedImage, ProbeImage
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
+from shrm_cli.vocabulary import PRIMARIES
 
 Array = NDArray[np.floating]
 
@@ -44,12 +45,15 @@ class ColorReading:
         Parameters
         ----------
         stated : tuple of 8 float, optional
-            What the images say.
+            What the images say. Zeros are a field that nobody has filled in, as of many Radiance
+            files, and mean Rec. 709.
         options : ReadOptions
             Its `primaries` overrule them, and its `working` is what the light is converted to.
         """
         given = chromaticities_of("primaries", options.primaries)
         working = chromaticities_of("working", options.working)
+        if are_unset(stated):
+            stated = PRIMARIES["rec709"] if given is None else None
         own = stated if given is None else given
         asked = {"primaries": given, "working": working}
         record = {name: list(each) for name, each in asked.items() if each is not None}

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.addresses import is_url
+from shrm_cli.color import are_unset
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import excess
 from shrm_cli.files.inputs import note
@@ -36,6 +37,8 @@ _BAND_PIXELS, _BAND_ROWS = 2**22, 128
 """Rows of tiles with more pixels than this are not handed out at once, but by so many rows."""
 _UPRIGHT = (0, 1)
 """Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
+_UNSET = "zeros, which are no colors: taken for Rec.709"
+"""What `shrm info` says of primaries that nobody has filled in."""
 
 
 @dataclass
@@ -231,6 +234,7 @@ class ImageFile:
             **{key: name for key, name in named.items() if name},
             "channels": list(self.layer.names),
             "encoding": self.encoding.name,
+            **({"primaries_in_file": _UNSET} if are_unset(self.chromaticities) else {}),
         }
 
     def contents(self) -> Iterator[bytes]:

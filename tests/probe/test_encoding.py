@@ -10,6 +10,8 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.probe.icc import linear_curve
 from shrm_cli.probe.image_file import ImageFile
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.vocabulary import PRIMARIES
+from tests.cli.helpers import noise, run, write_exr
 from tests.probe import scenes
 
 HEIGHT, WIDTH = 8, 16
@@ -60,6 +62,20 @@ def test_primaries_of_a_radiance_file(tmp_path):
     rec2020 = (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329)
     assert open_probe(path).chromaticities == rec2020
     assert open_probe(hdr(tmp_path)).chromaticities is None
+
+
+def test_primaries_of_zeros_are_a_field_that_nobody_has_filled_in(tmp_path):
+    """Rec. 709 is taken without a word, and `shrm info` says so."""
+    path = hdr(tmp_path, "PRIMARIES= 0 0 0 0 0 0 0 0\n")
+    for options in ({}, {"working": "acescg"}, {"primaries": "p3"}):
+        assert open_probe(path, **options).report.notes == ()
+    assert open_probe(path).chromaticities == PRIMARIES["rec709"]
+    found = run("info", path)
+    assert (found.code, found.err) == (0, "")
+    assert "zeros, which are no colors" in found.out
+    exr = write_exr(tmp_path / "b.exr", noise(), chromaticities=(0.0,) * 8)
+    assert open_probe(exr).report.notes == ()
+    assert open_probe(exr).chromaticities == PRIMARIES["rec709"]
 
 
 @pytest.mark.parametrize(
