@@ -33,13 +33,14 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove engines fuzz bench tables survey scale probes batch clean distclean
+.PHONY: help install demo test prove web .web-setup engines fuzz bench tables survey scale probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
 	@echo 'make prove     the proofs that take long, which make test leaves out'
-	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours (Chromium, npm)'
+	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
+	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make bench     measure against other tools, as ratios'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
@@ -82,7 +83,7 @@ demo: $(VENV)/.installed
 	@echo "The picture is $$(pwd)/build/demo/lacquer.png: truth, map, difference"
 
 # The tests start hundreds of processes. Each would compile all of shrm again if no bytecode were kept.
-test prove: export PYTHONDONTWRITEBYTECODE :=
+test prove web: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -93,9 +94,19 @@ test: $(VENV)/.dev
 prove: $(VENV)/.dev
 	$(BIN)/python -m pytest -m proof $(PYTEST_FLAGS)
 
-# Engines are loaded from SHRM_NODE_MODULES, by default tests/web/node_modules.
-engines: $(VENV)/.dev
+# Chromium, and the engines at the versions of tests/web/package-lock.json. What cannot be had is said
+# before .venv is filled, which takes long.
+.web-setup: $(VENV)/.made
+	@$(BIN)/python -B -m tests.web.install
+
+$(VENV)/.web: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[web-test]'
+	@touch $@
+
+web: .web-setup $(VENV)/.web
+	SHRM_WEB=1 $(BIN)/python -m pytest tests/web $(PYTEST_FLAGS)
+
+engines: .web-setup $(VENV)/.web
 	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines
 
 fuzz: $(VENV)/.dev
@@ -134,7 +145,7 @@ batch: $(VENV)/.installed
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find shrm_cli tests -name __pycache__ -type d -exec rm -rf {} +
+	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV) shrm.egg-info
+	rm -rf $(VENV) shrm.egg-info tests/web/node_modules

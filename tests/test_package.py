@@ -72,7 +72,8 @@ def distributions(tmp_path_factory):
         (source / name).write_bytes((ROOT / name).read_bytes())
     for folder in ("shrm_cli", "docs", "examples", "tests", "probes"):
         for path in ROOT.glob(f"{folder}/**/*"):
-            if path.is_file() and path.suffix != ".pyc":
+            kept = path.suffix != ".pyc" and "node_modules" not in path.parts
+            if kept and path.is_file():
                 target = source / path.relative_to(ROOT)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(path.read_bytes())

@@ -1,9 +1,8 @@
 """A headless Chromium, npm packages bundled for it, and a loopback server of their pages.
 
-None of these is needed by `shrm` or by its other tests. `absent` says what is missing.
+Nothing of this is needed by `shrm` or by its other tests. `tests.web.install` brings it here.
 
-SHRM_CHROMIUM names the browser where it is not on the path, SHRM_NODE_MODULES the folder with the
-npm packages, by default ``tests/web/node_modules``.
+SHRM_CHROMIUM names the browser where it is not on the path.
 """
 
 import contextlib
@@ -16,13 +15,15 @@ import threading
 from pathlib import Path
 
 HERE = Path(__file__).parent
+MODULES = HERE / "node_modules"
+"""The folder with the npm packages of package-lock.json."""
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-ARGUMENTS = ("--enable-unsafe-swiftshader", "--no-sandbox", "--ignore-gpu-blocklist")
-
-
-def node_modules():
-    """The folder with the npm packages."""
-    return Path(os.environ.get("SHRM_NODE_MODULES", HERE / "node_modules"))
+ARGUMENTS = (
+    "--enable-unsafe-swiftshader", "--no-sandbox", "--ignore-gpu-blocklist",
+    # Nothing is asked of a network.
+    "--no-first-run", "--disable-background-networking", "--disable-component-update",
+    "--disable-quic", "--disable-sync",
+)  # fmt: skip
 
 
 def chromium():
@@ -31,17 +32,22 @@ def chromium():
     return named or next(filter(None, map(shutil.which, NAMES)), None)
 
 
-def absent(*packages):
-    """What is missing for pages that need some npm packages; None where nothing is."""
+def complete():
+    """Whether the npm packages are those of package-lock.json, all of them."""
+    stamp, lock = MODULES / ".complete.json", HERE / "package-lock.json"
+    return stamp.is_file() and stamp.read_bytes() == lock.read_bytes()
+
+
+def absent():
+    """What is missing for pages with engines; None where nothing is."""
     try:
         import playwright.sync_api  # noqa: F401
     except ImportError:
-        return "playwright is not installed (pip install 'shrm[web-test]')"
+        return "playwright is not installed; `make web` or `make engines` installs it"
     if chromium() is None:
-        return "no Chromium on the path; SHRM_CHROMIUM may name one"
-    missing = [name for name in packages if not (node_modules() / name).is_dir()]
-    if missing:
-        return f"npm packages {', '.join(missing)} are not in {node_modules()} (SHRM_NODE_MODULES)"
+        return "there is no Chromium on the path; `make web` or `make engines` installs it"
+    if not complete():
+        return f"{MODULES} is not that of package-lock.json; `make web` or `make engines` makes it"
     return None
 
 
@@ -79,11 +85,10 @@ def served(folder):
 
 def bundle(script, target, *flags):
     """Write a module with all that it imports as one classic script; flags are esbuild's."""
-    modules = node_modules()
-    esbuild = modules / "esbuild" / "bin" / "esbuild"
+    esbuild = MODULES / "esbuild" / "bin" / "esbuild"
     command = [os.fspath(esbuild), os.fspath(script), "--bundle", "--format=iife",
                "--log-level=error", f"--outfile={target}", *flags]  # fmt: skip
-    subprocess.run(command, check=True, env={**os.environ, "NODE_PATH": os.fspath(modules)})
+    subprocess.run(command, check=True, env={**os.environ, "NODE_PATH": os.fspath(MODULES)})
 
 
 class Page:

@@ -1,17 +1,28 @@
-"""A page in a real browser: headless Chromium, whose software renderer draws floats exactly."""
+"""A page in a real browser: headless Chromium, whose software renderer draws floats exactly.
+
+`make web` sets SHRM_WEB and runs these tests; without it they are skipped, whatever is installed.
+With it none may be: what is missing makes them fail.
+"""
 
 import os
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.web.browser import absent, served
+from tests.web.browser import absent, launched, served
 
-ARGUMENTS = ["--enable-unsafe-swiftshader", "--no-sandbox", "--ignore-gpu-blocklist"]
-NAMES = ("chromium", "chromium-browser", "google-chrome")
+HERE = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave all tests of this folder to `make web`."""
+    if not os.environ.get("SHRM_WEB"):
+        for item in items:
+            if HERE in item.path.parents:
+                item.add_marker(pytest.mark.skip(reason="make web"))
 
 
 @dataclass
@@ -25,15 +36,12 @@ class Watched:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """Start Chromium once for each process of the tests; skip where there is none."""
-    api = pytest.importorskip("playwright.sync_api", reason="pip install 'shrm[web-test]'")
-    path = os.environ.get("SHRM_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
-    if path is None:
-        pytest.skip("no Chromium; install one, or name it in SHRM_CHROMIUM")
-    with api.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+    """Start Chromium once for each process of the tests."""
+    why = absent()
+    if why is not None:
+        pytest.fail(why)
+    with launched() as started:
         yield started
-        started.close()
 
 
 @pytest.fixture
@@ -60,15 +68,3 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     folder = tmp_path_factory.mktemp("site")
     with served(folder) as address:
         yield folder, address
-
-
-@pytest.fixture
-def needs(browser: Any) -> Any:
-    """Return what skips where npm packages are missing: ``needs("three", "esbuild")``."""
-
-    def check(*packages: str) -> None:
-        why = absent(*packages)
-        if why is not None:
-            pytest.skip(why)
-
-    return check

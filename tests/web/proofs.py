@@ -18,7 +18,7 @@ from shrm_cli.export.make import Asked, Source, gather
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
 from tests.web import ball
-from tests.web.browser import HERE, Page, bundle, node_modules
+from tests.web.browser import HERE, MODULES, Page, bundle
 from tests.web.glb import ball_file
 
 VIEW = (0.3, 0.2, 1.0)
@@ -220,7 +220,7 @@ _EXPOSURES = 1 / 16, 1 / 4, 1.0
 
 
 def _prepare_filament(folder, roughnesses):
-    package = node_modules() / "filament"
+    package = MODULES / "filament"
     shutil.copy(package / "filament.wasm", folder)
     prepare(folder, "filament")
     script = folder / "filament.bundle.js"

@@ -9,7 +9,6 @@ import pytest
 
 from tests.web import proofs, viewer
 
-pytestmark = pytest.mark.slow
 ROUGHNESSES = (0.0, 0.2, 0.5, 1.0)
 
 
@@ -31,8 +30,7 @@ def assert_shaded(proof, address):
     assert next(row for row in proof.rows if row.what == "0.2").to_shrm < 0.04
 
 
-def test_three(browser, needs, site, probe):
-    needs("three", "esbuild")
+def test_three(browser, site, probe):
     folder, address = site
     proofs.prepare(folder, "three")
     proof = proofs.three(browser, folder, address, probe, 64, ROUGHNESSES, pixels=192)
@@ -41,8 +39,7 @@ def test_three(browser, needs, site, probe):
 
 
 @pytest.mark.parametrize("form", ["babylon", "gltf"])
-def test_babylon(browser, needs, site, probe, form):
-    needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
+def test_babylon(browser, site, probe, form):
     folder, address = site
     proofs.prepare(folder, "babylon")
     proof = proofs.babylon(browser, folder, address, probe, 64, ROUGHNESSES, 192, form)
@@ -50,9 +47,8 @@ def test_babylon(browser, needs, site, probe, form):
     assert next(row for row in proof.rows if row.what == "0").to_shrm < 0.02
 
 
-def test_a_left_handed_scene_shows_the_same_picture(browser, needs, site, probe):
+def test_a_left_handed_scene_shows_the_same_picture(browser, site, probe):
     """What is seen from (x, y, -z) of a left-handed world is what is seen from our (x, y, z)."""
-    needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
     folder, address = site
     proofs.prepare(folder, "babylon")
     proofs.exported(folder / "babylon", "babylon", probe, 64)
@@ -68,8 +64,7 @@ def test_a_left_handed_scene_shows_the_same_picture(browser, needs, site, probe)
     assert np.abs(pictures[0] - pictures[1][:, ::-1])[inner].max() > 0.5
 
 
-def test_babylon_reads_dds_files(browser, needs, site, probe):
-    needs("@babylonjs/core", "@babylonjs/loaders", "esbuild")
+def test_babylon_reads_dds_files(browser, site, probe):
     folder, address = site
     proofs.prepare(folder, "babylon")
     worst, errors, _ = proofs.directx(browser, folder, address, probe, 64)
@@ -77,17 +72,15 @@ def test_babylon_reads_dds_files(browser, needs, site, probe):
     assert worst < 2**-11, "more than the rounding of half floats"
 
 
-def test_filament(browser, needs, site, probe):
-    needs("filament", "esbuild")
+def test_filament(browser, site, probe):
     folder, address = site
     proof = proofs.filament(browser, folder, address, probe, 64, ROUGHNESSES)
     assert_shaded(proof, address)
     assert proof.facts["sh"] < 1e-5
 
 
-def test_gltf_sample_viewer(browser, needs, site, probe):
+def test_gltf_sample_viewer(browser, site, probe):
     """It filters the panorama itself, so that its levels are near ours, and not the same."""
-    needs("@khronosgroup/gltf-viewer", "esbuild")
     folder, address = site
     proof = viewer.gltf_viewer(browser, folder, address, probe, 64, ROUGHNESSES, 192)
     assert not proof.errors

@@ -6,10 +6,8 @@ albedo that it multiplies with. So pixels are compared with sums of the light by
 """
 
 import json
-import os
 import struct
 from base64 import b64encode
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +17,8 @@ from shrm_cli.export.make import Asked, Source, export, write
 from shrm_cli.probe.probe import Probe
 from tests.brute_force import latlong_samples
 from tests.export.test_engines import HEIGHT, filtered, irradiance, light
+from tests.web.browser import MODULES
 
-HERE = Path(__file__).parent
 SIZE = 128
 SCALE = 0.4
 """What the light is dimmed by, so that pixels of eight bits are not clipped."""
@@ -132,10 +130,6 @@ def files(tmp_path_factory):
 @pytest.fixture
 def drawn(browser, files):
     """Return a function that draws in Filament: pixels (128, 128, 3) of light, and the numbers."""
-    modules = Path(os.environ.get("SHRM_NODE_MODULES", HERE / "node_modules"))
-    for name in ("filament", "gl-matrix"):
-        if not (modules / name).is_dir():
-            pytest.skip(f"npm package {name} is not in {modules} (SHRM_NODE_MODULES)")
     page = browser.new_page()
 
     def serve(route):
@@ -143,7 +137,7 @@ def drawn(browser, files):
         if name == "":
             return route.fulfill(body=PAGE, content_type="text/html")
         found = [
-            p for p in (modules / "filament" / name, modules / "gl-matrix" / name) if p.exists()
+            p for p in (MODULES / "filament" / name, MODULES / "gl-matrix" / name) if p.exists()
         ]
         kind = "application/wasm" if name.endswith(".wasm") else "text/javascript"
         return route.fulfill(path=found[0], content_type=kind) if found else route.abort()
@@ -181,7 +175,6 @@ PLACES = np.array(
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("level", [2, 3, 4])
 def test_a_white_metal_shows_the_level_of_its_roughness(drawn, samples, level):
     roughness = 1 - np.sqrt(1 - level / 4)
@@ -195,7 +188,6 @@ def test_a_white_metal_shows_the_level_of_its_roughness(drawn, samples, level):
         assert pixels[tuple(place)] == pytest.approx(wanted, rel=0.02, abs=0.7 / 255 / SCALE)
 
 
-@pytest.mark.slow
 def test_the_background_is_the_light(drawn):
     """Seen along +Z with +Y up, +X is to the left."""
     pixels, _ = drawn(sky=True)
@@ -207,7 +199,6 @@ def test_the_background_is_the_light(drawn):
         assert pixels[row, column] == pytest.approx(wanted, rel=0.05)
 
 
-@pytest.mark.slow
 def test_a_rough_dielectric_shows_the_coefficients(drawn, samples):
     """Most of what white plastic of roughness 1 reflects is diffuse: E / pi."""
     pixels, sh = drawn(ball(0.0, 1.0))

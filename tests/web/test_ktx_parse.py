@@ -1,18 +1,15 @@
 """KTX 2 files of `shrm export`, read by the npm package ktx-parse; node runs it."""
 
 import json
-import os
-import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shrm_cli.export.ktx2 import can_compress, ktx2_cube
+from shrm_cli.export.ktx2 import ktx2_cube
 from shrm_cli.export.pixels import FORMATS, encoded
+from tests.web.browser import MODULES
 
-HERE = Path(__file__).parent
 READ = """
 const fs = require('fs');
 import(process.argv[1]).then(({ read }) => {
@@ -31,19 +28,14 @@ import(process.argv[1]).then(({ read }) => {
 
 @pytest.fixture(scope="module")
 def parse():
-    """Return a function that reads a file by ktx-parse; skip where it or node is absent."""
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("no node on the path")
-    modules = Path(os.environ.get("SHRM_NODE_MODULES", HERE / "node_modules"))
-    found = sorted((modules / "ktx-parse" / "dist").glob("*.mjs"))
-    if not found:
-        pytest.skip(f"npm package ktx-parse is not in {modules} (SHRM_NODE_MODULES)")
+    """Return a function that reads a file by ktx-parse."""
+    (script,) = (MODULES / "ktx-parse" / "dist").glob("*.mjs")
 
     def read(path):
         done = subprocess.run(
-            [node, "-e", READ, str(found[0]), str(path)], capture_output=True, text=True, timeout=60
-        )
+            ["node", "-e", READ, str(script), str(path)],
+            capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
@@ -53,8 +45,6 @@ def parse():
 @pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize(("name", "number"), [("rgba16f", 97), ("r11g11b10", 122), ("rgb9e5", 123)])
 def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, compress):
-    if compress and not can_compress():
-        pytest.skip("the extra export is not installed")
     texels = FORMATS[name]
     mips = [
         encoded(rng.uniform(size=(6, size, size, 3)), texels, "")[0] for size in (8, 4, 2, 1)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import OpenImageIO as oiio
-import pytest
 
 from shrm_cli.lookdev.sheet import Grid
 from tests import oracles
@@ -19,7 +18,6 @@ def shown(page, index):
     return np.array(page.evaluate(READ, index)).reshape(SIZE, SIZE, 4)[..., :3]
 
 
-@pytest.mark.slow
 def test_the_page_shows_the_sheet_and_exposes_it_anew(watched, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     light = polynomial_light(oracles.latlong_pixels(32, 16)).astype(np.float32)

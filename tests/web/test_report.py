@@ -10,7 +10,6 @@ from shrm_cli.report.contact import contact_page, draw_contacts
 from shrm_cli.report.measure import Plan, measure_maps
 from shrm_cli.report.page import report_page
 
-pytestmark = pytest.mark.slow
 SPEC = "ggx:roughness=0.6"
 
 

@@ -36,7 +36,6 @@ def drawn(page, made, normals, views, call):
     return np.reshape(found["pixels"], (-1, 4))[:, :3], found["milliseconds"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", cases.FORMS)
 def test_the_browser_draws_what_the_map_says(watched, monkeypatch, name):
     cases.filter_bilinearly(monkeypatch)

@@ -23,8 +23,6 @@ from shrm_cli.vocabulary import PRIMARIES
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
 
-colour = pytest.importorskip("colour", reason="no colour-science")
-
 HALF = 2.0**-11
 """Half a unit in the last place of 16-bit floats, relative."""
 SIZE = 24
@@ -97,7 +95,6 @@ def state(page, name):
 # ---- pictures ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
     """They are those of `shrm render` of the same texels, filtered bilinearly."""
     forms = {name: make() for name, make in cases.FORMS.items()}
@@ -120,7 +117,6 @@ def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
     assert [url[:8] for url in watched.requests] == ["file:///"]
 
 
-@pytest.mark.slow
 def test_pictures_are_those_of_render(watched, tmp_path, probe):
     """With its cubic filter, apart from the error that maps state of the bilinear look-up."""
     glossy = parse_spec("microfacet:sigma=0.3")
@@ -148,9 +144,10 @@ def test_pictures_are_those_of_render(watched, tmp_path, probe):
         assert error < 2 * stated, name
 
 
-@pytest.mark.slow
 def test_other_primaries_are_shown_as_those_of_screens(watched, tmp_path, probe):
     """The same numbers once in ACEScg and once in Rec.709, beside their probe and their truth."""
+    import colour
+
     wide = Probe.from_array(probe.image(), name="wide.exr", chromaticities=PRIMARIES["acescg"])
     made = prefilter(wide, "microfacet:sigma=0.4", size=16)
     html = make_page(make_scene([made], ["wide.exr"], wide, truth=Truth(size=24)))
@@ -173,7 +170,6 @@ def test_other_primaries_are_shown_as_those_of_screens(watched, tmp_path, probe)
     np.testing.assert_allclose(whole[off, :3], behind, rtol=0, atol=0.005 * behind.max())
 
 
-@pytest.mark.slow
 def test_the_probe_is_behind_the_sphere(watched, tmp_path, probe):
     html = make_page(make_scene([cases.irradiance(2)], ["a.exr"], probe, truth=Truth(size=0)))
     page = opened(watched, html, tmp_path)
@@ -185,11 +181,8 @@ def test_the_probe_is_behind_the_sphere(watched, tmp_path, probe):
     np.testing.assert_allclose(found[off, :3], expected[off], rtol=4 * HALF)
 
 
-@pytest.mark.slow
 def test_pictures_of_a_mesh(watched, tmp_path):
     """The inner pixels are those of `shrm render --mesh`; the page smooths edges otherwise."""
-    pytest.importorskip("embreex")
-    pytest.importorskip("trimesh")
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.perspective import Aim, Lens
     from shrm_cli.render.stage import Actor, Look, Stage
@@ -223,7 +216,6 @@ def test_pictures_of_a_mesh(watched, tmp_path):
     assert np.mean(share > 0.25) < 0.1
 
 
-@pytest.mark.slow
 def test_the_truth_beside_a_map(watched, tmp_path, probe):
     """It is the brute-force picture of its own view, and of no other."""
     brdf = parse_spec("microfacet:sigma=0.3")
@@ -246,7 +238,6 @@ def test_the_truth_beside_a_map(watched, tmp_path, probe):
     assert state(page, "view.azimuth") == 100
 
 
-@pytest.mark.slow
 def test_the_error_is_that_of_compare(watched, tmp_path):
     from shrm_cli.render.comparison import measure
 
@@ -270,7 +261,6 @@ def two(watched, tmp_path):
     return opened(watched, make_page(make_scene(maps, ["one.exr", "two.exr"])), tmp_path)
 
 
-@pytest.mark.slow
 def test_keys(two, watched):
     two.locator("canvas").first.focus()
     before = state(two, "view")
@@ -301,7 +291,6 @@ def test_keys(two, watched):
     assert watched.errors == []
 
 
-@pytest.mark.slow
 def test_fields_and_the_mouse(two):
     two.locator('[name="exposure"]').fill("2")
     assert state(two, "exposure") == 2
@@ -329,7 +318,6 @@ def test_fields_and_the_mouse(two):
     assert state(two, "view.zoom") > 1.2
 
 
-@pytest.mark.slow
 def test_values_under_the_mouse_are_radiance(two):
     view(two, "view.set({b: null, exposure: 3});")
     two.wait_for_timeout(300)
@@ -348,7 +336,6 @@ def test_values_under_the_mouse_are_radiance(two):
     np.testing.assert_allclose(shown, expected, rtol=0, atol=0.02 * scale)  # a pixel is 1/180
 
 
-@pytest.mark.slow
 def test_the_picture_button_saves_a_png(two):
     with two.expect_download() as started:
         two.locator('[data-do="picture"]').click()
@@ -357,7 +344,6 @@ def test_the_picture_button_saves_a_png(two):
         assert file.read(8) == b"\x89PNG\r\n\x1a\n"
 
 
-@pytest.mark.slow
 def test_every_control_has_a_name_and_a_phone_shows_all(two):
     two.set_viewport_size({"width": 400, "height": 800})
     assert two.evaluate("document.documentElement.scrollWidth") <= 400
@@ -374,7 +360,6 @@ def test_every_control_has_a_name_and_a_phone_shows_all(two):
 # ---- what must not happen ------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_names_of_files_are_text(watched, tmp_path):
     attack = "</script><img src=x onerror=window.hacked=1><!--"
     made = replace(cases.irradiance(2), info=replace(make_info(2, 0), probe=attack))
@@ -387,7 +372,6 @@ def test_names_of_files_are_text(watched, tmp_path):
     assert watched.errors == []
 
 
-@pytest.mark.slow
 def test_a_served_page_asks_its_own_server_alone(watched):
     scene = make_scene([cases.FORMS["shrm"]()], ["a.exr"])
     with PageServer(scene) as server:
@@ -407,7 +391,6 @@ def test_a_served_page_asks_its_own_server_alone(watched):
     assert watched.errors == []
 
 
-@pytest.mark.slow
 def test_frames_a_second(watched, tmp_path, probe):
     """Printed for whoever wonders; processors draw in tests, so nothing is asked of it."""
     made = prefilter(probe, to="shrm", brdf=parse_spec("microfacet:sigma=0.3"))

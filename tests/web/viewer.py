@@ -14,7 +14,7 @@ import numpy as np
 from shrm_cli.export.cubes import diffuse_cube
 from tests.bilinear import centers
 from tests.web import ball, proofs
-from tests.web.browser import HERE, Page, bundle, node_modules
+from tests.web.browser import HERE, MODULES, Page, bundle
 from tests.web.glb import ball_file
 
 _DISTANCE = 1000
@@ -79,7 +79,7 @@ def prepare(folder, size, samples=None):
     changed = {"textureSize": size, "lutResolution": _TABLE}
     if samples is not None:
         changed |= dict.fromkeys(("ggxSampleCount", "lambertianSampleCount"), samples)
-    package = node_modules() / "@khronosgroup" / "gltf-viewer" / "dist"
+    package = MODULES / "@khronosgroup" / "gltf-viewer" / "dist"
     shutil.copytree(package / "libs", folder / "libs", dirs_exist_ok=True)
     shutil.copy(HERE / "pages" / "blank.html", folder)
     script = (package / "gltf-viewer.module.js").read_text()
