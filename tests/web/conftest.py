@@ -15,6 +15,8 @@ import pytest
 from tests.web.browser import absent, launched, served
 
 HERE = Path(__file__).parent
+PATIENCE = 120_000
+"""Milliseconds that a page may take on a busy machine without a graphics device."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -48,6 +50,7 @@ def browser() -> Iterator[Any]:
 def watched(browser: Any) -> Iterator[Watched]:
     """Open a page, and record errors and requests."""
     page = browser.new_page()
+    page.set_default_timeout(PATIENCE)
     found = Watched(page)
     page.on("console", lambda m: found.errors.append(m.text) if m.type == "error" else None)
     page.on("pageerror", lambda error: found.errors.append(str(error)))

@@ -26,8 +26,6 @@ from tests.maps.shader import cases
 HALF = 2.0**-11
 """Half a unit in the last place of 16-bit floats, relative."""
 SIZE = 24
-PATIENCE = 120_000
-"""Milliseconds that a page may take on a busy machine without a graphics device."""
 VIEW = {"azimuth": 33, "elevation": -21, "zoom": 1}
 SIDE = {"kind": "map", "number": 0}
 
@@ -61,7 +59,6 @@ def opened(watched, html, tmp_path, size=(700, 500), **options):
     path = tmp_path / "page.html"
     path.write_text(html, encoding="utf-8")
     page = watched.page
-    page.set_default_timeout(PATIENCE)
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.goto(path.as_uri())
     return ready(watched)
@@ -378,7 +375,6 @@ def test_a_served_page_asks_its_own_server_alone(watched):
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
-            watched.page.set_default_timeout(PATIENCE)
             watched.page.goto(server.url)
             page = ready(watched)
             found = read(page, 16)
