@@ -27,9 +27,6 @@ from shrm_cli.vocabulary import (
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
 
-_STEPS = 8
-"""Values of a parameter that varies, by default."""
-
 
 @click.command()
 @click.argument("spec", metavar="BRDF", type=Spec())
@@ -42,13 +39,14 @@ _STEPS = 8
     show_default=True, help="Texels along the edge of the parabolic map of views.",
 )  # fmt: skip
 @click.option(
-    "--vary", metavar="NAME=LOW..HIGH",
+    "--vary", metavar="NAME=LOW..HIGH", multiple=True,
     help="A parameter of the BRDF that varies over the surface: a texture for each of --steps "
-    "values.",
+    "values. One parameter may vary.",
 )  # fmt: skip
 @click.option(
     "--steps", type=click.IntRange(2, 64), metavar="N",
-    help=f"Values of --vary, evenly spaced.  [default: {_STEPS}]",
+    help="Values of --vary, closest where the BRDF changes most.  [default: as many as miss 1% "
+    "between them]",
 )  # fmt: skip
 @click.option(
     "-o", "--output", type=click.Path(),
@@ -61,7 +59,7 @@ def product(
     spec: str,
     order: int,
     size: int,
-    vary: str | None,
+    vary: tuple[str, ...],
     steps: int | None,
     output: str | None,
     force: bool,
@@ -83,22 +81,31 @@ def product(
     """
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.maps.file import store
-    from shrm_cli.maps.product.prefilter import product_texture, varying_texture
+    from shrm_cli.maps.product.prefilter import (
+        product_texture,
+        varying_texture,
+        varying_values,
+    )
     from shrm_cli.maps.product.report import report
+    from shrm_cli.maps.product.steps import ENOUGH
 
     brdf = parse_spec(spec)
-    refuse_inapplicable({"steps": Applies(vary is not None, "with --vary")})
-    varying = None if vary is None else _range(vary, steps or _STEPS)
-    label = brdf_label(spec if vary is None else f"{spec},{vary}")
+    refuse_inapplicable({"steps": Applies(bool(vary), "with --vary")})
+    interval = _range(vary) if vary else None
+    label = brdf_label(",".join([spec, *vary]))
     target = output or f"{label}.product.exr"
     check_outputs([target], specs=[spec], suffixes=CONTAINERS)
+    varying, step_error = None, 0.0
+    if interval is not None:
+        values, step_error = varying_values(brdf, *interval, order, steps)
+        varying = interval[0], values
     if not (output or force):
         _keep_other_texture(target, brdf, order, size, varying)
     with progress_bar("integrating", quiet) as progress:
         if varying is None:
             made = product_texture(brdf, order, size, progress)
         else:
-            made = varying_texture(brdf, *varying, order, size, progress)
+            made = varying_texture(brdf, *varying, order, size, progress, step_error)
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),
@@ -109,17 +116,29 @@ def product(
     }
     what, *lines = report(result)
     title = f"{target}: {what}, {stored.pixel_type}, {result['bytes']:,} bytes"
-    conclude(result, [title, *(f"  {line}" for line in lines)], [], as_json, quiet)
+    warnings = []
+    if step_error > ENOUGH:
+        warnings.append(
+            f"{target}: between two of {steps} values {step_error:.1%} is missed; leave `steps` "
+            "out, or give more"
+        )
+    conclude(result, [title, *(f"  {line}" for line in lines)], warnings, as_json, quiet)
 
 
-def _range(text: str, steps: int) -> tuple[str, list[float]]:
-    """Return the name and the values that an argument of --vary means.
+def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
+    """Return the name and the ends of the range that --vary means.
 
     Raises
     ------
     click.UsageError
-        If it is not NAME=LOW..HIGH with LOW below HIGH.
+        If it is not NAME=LOW..HIGH with LOW below HIGH, or given for several parameters.
     """
+    text, *others = texts
+    if others:
+        raise click.UsageError(
+            "--vary is given more than once, and one parameter can vary; give one of them",
+            click.get_current_context(),
+        )
     name, equals, interval = text.partition("=")
     low, dots, high = interval.partition("..")
     try:
@@ -131,8 +150,7 @@ def _range(text: str, steps: int) -> tuple[str, list[float]]:
             f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5",
             click.get_current_context(),
         )
-    span = ends[1] - ends[0]
-    return name.strip(), [ends[0] + span * k / (steps - 1) for k in range(steps)]
+    return name.strip(), *ends
 
 
 def _keep_other_texture(

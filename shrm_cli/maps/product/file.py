@@ -40,7 +40,7 @@ def encode(made: ProductTexture | VaryingProduct) -> list[Part]:
     """
     if isinstance(made, ProductTexture):
         return [_part(made)]
-    varying = json.dumps({"parameter": made.parameter, "values": list(made.values)})
+    varying = json.dumps(made.variation())
     parts = [_part(each) for each in made.textures]
     for name, part in zip(_names(len(parts)), parts, strict=True):
         part.header.update({"name": name, f"shrm:{_VARYING}": varying})
@@ -74,21 +74,25 @@ def decode(file: StoredFile) -> ProductTexture | VaryingProduct:
     names = _names(len(file.parts))
     if sorted(parts) != names:
         raise MapError(f"{file.path}: its parts are not the values of a parameter; make it again")
-    parameter, values = _varying(parts[names[0]], len(names))
+    variation = _varying(parts[names[0]], len(names))
     textures = [_texture(parts[name]) for name in names]
     shapes = {(each.table.shape, each.lighting is None) for each in textures}
     if len(shapes) > 1:
         raise MapError(f"{file.path}: its parts are of several shapes; make it again")
-    return VaryingProduct.of(textures, parameter, values)
+    return VaryingProduct.of(textures, *variation)
 
 
-def _varying(part: StoredPart, count: int) -> tuple[str, list[float]]:
-    """Read which parameter varies, and its value in each part."""
+def _varying(part: StoredPart, count: int) -> tuple[str, list[float], float]:
+    """Read which parameter varies, its value in each part, and the error between them.
+
+    Files from before that error was measured do not tell it.
+    """
     wrong = MapError(f"{part.path}: its attribute shrm:{_VARYING} is missing or wrong")
     try:
         found = parse_json(part.text(f"shrm:{_VARYING}"))
         parameter, values = found["parameter"], found["values"]
-    except (ValueError, TypeError, KeyError):
+        error = found.get("step_error", 0.0)
+    except (ValueError, TypeError, KeyError, AttributeError):
         raise wrong from None
     if not (isinstance(parameter, str) and 0 < len(parameter) <= _MOST_NAME):
         raise wrong
@@ -97,7 +101,9 @@ def _varying(part: StoredPart, count: int) -> tuple[str, list[float]]:
         raise wrong
     if any(b <= a for a, b in pairwise(values)):
         raise wrong
-    return parameter, [float(value) for value in values]
+    if type(error) not in (int, float) or not 0 <= error < math.inf:
+        raise wrong
+    return parameter, [float(value) for value in values], float(error)
 
 
 def _texture(part: StoredPart) -> ProductTexture:

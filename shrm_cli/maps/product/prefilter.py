@@ -13,6 +13,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.provenance import provenance, record_of
@@ -32,6 +33,8 @@ _LAST = 8
 """Degrees of the light, the last ones, that tell how dense it is beyond them."""
 _VIEWS = 128
 """Views that errors are estimated from, spread evenly over the hemisphere."""
+_VIEWS_OF_STEPS = 32
+"""Some of them, which the values of a parameter that varies are chosen by."""
 _LEAST_COSINE = 0.02
 """The least N.V of these views. Textures are not filtered well within a degree of the horizon, of
 which nobody sees much."""
@@ -73,6 +76,51 @@ def product_texture(
     return _texture(brdf, order, texels, order, progress)[0]
 
 
+def varying_values(
+    brdf: Brdf,
+    parameter: str,
+    low: float,
+    high: float,
+    order: int = DEFAULT_PRODUCT_ORDER,
+    steps: int | None = None,
+) -> tuple[list[float], float]:
+    """Choose the values of a parameter for which there are textures; see `steps.chosen_values`.
+
+    Parameters
+    ----------
+    brdf, parameter, order
+        As `varying_texture` takes them.
+    low, high : float
+        The range of the parameter.
+    steps : int, optional
+        How many values; by default as many as it takes.
+
+    Returns
+    -------
+    values : list of float
+    error : float
+        The largest relative RMS error in the middle between two textures, under white noise.
+
+    Raises
+    ------
+    BrdfError
+        As of `varying_texture`, or if no number of textures that is allowed is enough.
+    """
+    views = _views()[:: _VIEWS // _VIEWS_OF_STEPS]
+
+    def coefficients(value: float) -> Array:
+        functions = ProductFunctions.of(_with_value(brdf, parameter, value), order)
+        return functions.expanded(views, order)[0]
+
+    values, error = chosen_values(coefficients, low, high, steps)
+    if steps is None and error > ENOUGH:
+        raise BrdfError(
+            f"{brdf!r}: {MOST_STEPS} textures of `{parameter}` from {low:g} to {high:g} miss "
+            f"{error:.1%} between them; narrow the range, or give `steps` to have it so"
+        )
+    return values, error
+
+
 def varying_texture(
     brdf: Brdf,
     parameter: str,
@@ -80,6 +128,7 @@ def varying_texture(
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
     progress: Progress | None = None,
+    step_error: float = 0.0,
 ) -> Prefiltered:
     """Make product textures of a BRDF for several values of one of its parameters, without light.
 
@@ -91,6 +140,8 @@ def varying_texture(
         The name of a parameter that is a number or a colour.
     values : sequence of float
         Two or more values, rising.
+    step_error : float
+        What interpolation between them misses, as `varying_values` tells it.
 
     Raises
     ------
@@ -108,9 +159,9 @@ def varying_texture(
         made.append(product_texture(one, order, texels, stages.within))
         stages.done(index + 1, len(each))
     textures = [one.map for one in made if isinstance(one.map, ProductTexture)]
-    varying = VaryingProduct.of(textures, parameter, values)
+    varying = VaryingProduct.of(textures, parameter, values, step_error)
     facts = {name: max(one.facts[name] for one in made) for name in ("residual", "nodes")}
-    return Prefiltered(varying, {"parameter": parameter, "values": list(varying.values), **facts})
+    return Prefiltered(varying, {**varying.variation(), **facts})
 
 
 def _with_value(brdf: Brdf, parameter: str, value: float) -> Brdf:

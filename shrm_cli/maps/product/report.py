@@ -27,6 +27,10 @@ def report(result: dict[str, Any]) -> list[str]:
         f"{result['nodes']:,} directions at most",
         f"look-ups       {result['filter_error']:.2%} RMS error by bilinear filtering",
     ]
+    if "parameter" in result:
+        lines.append(
+            f"between        {result['step_error']:.2%} RMS error between two values at most"
+        )
     of = "of this light reflected" if result["lit"] else "of white noise reflected"
     lines.append(f"RMS error      {result['predicted_error']:.2%} {of}, beyond the order")
     window = result.get("window")

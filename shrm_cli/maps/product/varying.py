@@ -39,12 +39,16 @@ class VaryingProduct(ProductMap):
         Its value of each texture, rising.
     info : MapInfo
         How the map was made, with the largest errors of any texture.
+    step_error : float
+        The largest relative RMS error in the middle between two textures, under white noise; 0
+        where nobody has measured it.
     """
 
     textures: tuple[ProductTexture, ...]
     parameter: str
     values: tuple[float, ...]
     info: MapInfo
+    step_error: float = 0.0
 
     varies: ClassVar[bool] = True
 
@@ -59,7 +63,11 @@ class VaryingProduct(ProductMap):
 
     @classmethod
     def of(
-        cls, textures: Sequence[ProductTexture], parameter: str, values: Sequence[float]
+        cls,
+        textures: Sequence[ProductTexture],
+        parameter: str,
+        values: Sequence[float],
+        step_error: float = 0.0,
     ) -> "VaryingProduct":
         """Join textures; those of grey BRDFs among coloured ones become coloured."""
         channels = max(each.table.shape[3] for each in textures)
@@ -76,7 +84,7 @@ class VaryingProduct(ProductMap):
                 for name in ("tolerance", "predicted_error", "added_error", "filter_error")
             },
         )
-        return cls(tuple(same), parameter, tuple(map(float, values)), info)
+        return cls(tuple(same), parameter, tuple(map(float, values)), info, step_error)
 
     @property
     def order(self) -> int:
@@ -98,9 +106,17 @@ class VaryingProduct(ProductMap):
         """The number of color channels of the BRDF, 1 or 3."""
         return self.textures[0].channels
 
+    def variation(self) -> dict[str, Any]:
+        """Return the parameter, its values, and what lies between them, as files record them."""
+        return {
+            "parameter": self.parameter,
+            "values": list(self.values),
+            "step_error": self.step_error,
+        }
+
     def details(self) -> dict[str, Any]:
         """Return the parameter, its values, and the light where the map holds it."""
-        return {"parameter": self.parameter, "values": list(self.values), **super().details()}
+        return {**self.variation(), **super().details()}
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
         """Return the map with other channels; see `maps.primaries`."""

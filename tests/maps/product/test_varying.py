@@ -85,7 +85,9 @@ def test_what_is_written_comes_back(tmp_path, made, lit):
     "varying",
     ["", "{}", '{"parameter": "", "values": [0, 1]}', '{"parameter": "a", "values": [1, 0]}',
      '{"parameter": "a", "values": [0, 1e999]}', '{"parameter": "a", "values": [0, 1, 2]}',
-     '{"parameter": "a", "values": [0, "1"]}', "[" * 10_000],
+     '{"parameter": "a", "values": [0, "1"]}', "[" * 10_000, "[]",
+     '{"parameter": "a", "values": [0, 1], "step_error": -1}',
+     '{"parameter": "a", "values": [0, 1], "step_error": "x"}'],
 )  # fmt: skip
 def test_lying_attributes_are_refused(tmp_path, varying):
     two = VaryingProduct.of([texture(), texture()], "a", [0, 1])
