@@ -8,12 +8,16 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.transfer.bake import mesh_digest
 from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
 from shrm_cli.transfer.transfer import Transfer
 
 Array = NDArray[np.floating]
+
+_MIDDLE = 0.5
+"""Where in its range a parameter is that nothing tells."""
 
 
 class VertexColors:
@@ -71,7 +75,8 @@ def vertex_colors(mesh: Mesh, transfer: Transfer, light: Map) -> VertexColors:
     mesh : Mesh
     transfer : Transfer
     light : Map
-        An irradiance map, or a product texture with light.
+        An irradiance map, or a product texture with light. Of one whose parameter varies the
+        middle of the range is shown, as without a transfer.
 
     Raises
     ------
@@ -80,6 +85,8 @@ def vertex_colors(mesh: Mesh, transfer: Transfer, light: Map) -> VertexColors:
     """
     if isinstance(light, Irradiance):
         return VertexColors(mesh, transfer, light.coefficients)
+    if isinstance(light, VaryingProduct):
+        light = light.at(_MIDDLE)
     if isinstance(light, ProductTexture) and light.lighting is not None:
         return VertexColors(mesh, transfer, light.lighting, light)
     raise TransferError(

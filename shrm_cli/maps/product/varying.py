@@ -135,6 +135,21 @@ class VaryingProduct(ProductMap):
         """Return the same textures under light of some coefficients; see `ProductTexture.lit`."""
         return replace(self, textures=tuple(each.lit(lighting) for each in self.textures))
 
+    def at(self, share: float) -> ProductTexture:
+        """Return the texture for one value of the parameter, interpolated between two.
+
+        Parameters
+        ----------
+        share : float
+            The value as a share of the way from its least to its largest one, 0 .. 1.
+        """
+        wanted = self.values[0] + share * (self.values[-1] - self.values[0])
+        above = int(np.clip(np.searchsorted(self.values, wanted), 1, len(self.values) - 1))
+        low, high = self.values[above - 1], self.values[above]
+        weight = (wanted - low) / (high - low)
+        first, second = self.textures[above - 1], self.textures[above]
+        return replace(first, table=(1 - weight) * first.table + weight * second.table)
+
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate what is reflected where the parameter is in the middle of its range."""
         return self.varied_radiance(normals, tangents, views, 0.5)

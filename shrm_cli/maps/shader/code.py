@@ -123,7 +123,18 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
 
 
 def source_of(made: "Map", textures: str) -> Source:
-    """Return what the shader of a map consists of; the cubes may depend on where they are read."""
+    """Return what the shader of a map consists of; the cubes may depend on where they are read.
+
+    Raises
+    ------
+    MapError
+        If the map's form has no such code.
+    """
+    if made.representation == "product":
+        raise MapError(
+            "a product texture has no such code or layers: its file is the texture that shaders "
+            "read; its page, docs/conventions.md, has their lines"
+        )
     found: Source = registry.module(made.representation, "shader").source(made, textures)
     return found
 

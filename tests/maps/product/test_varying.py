@@ -121,3 +121,10 @@ def test_what_cannot_vary_is_refused():
     with pytest.raises(ValueError, match="shapes"):
         VaryingProduct.of([texture(), texture(size=9)], "a", [0, 1])
     assert replace(texture()).order == 2
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 1 / 3, 0.5, 0.9, 1.0])
+def test_the_texture_of_one_value_is_that_of_the_whole(made, points, share):
+    lit = made.lit(light())
+    found = lit.at(share).brushed_radiance(*points)
+    np.testing.assert_allclose(found, lit.varied_radiance(*points, share), atol=1e-6)

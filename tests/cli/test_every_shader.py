@@ -1,0 +1,63 @@
+"""Every form with every kind of code: it is made, or refused in one line."""
+
+import pytest
+
+from shrm_cli.vocabulary import REPRESENTATIONS
+from tests.cli.helpers import noise, run, write_exr
+
+REFUSED = {"product": "no such code or layers", "irradiance": "has no textures"}
+"""Forms without layers, and what is said of them."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a map of each form."""
+    folder = tmp_path_factory.mktemp("forms")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        write_exr(folder / "probe.exr", noise(8, 16))
+        for to in REPRESENTATIONS:
+            own = {"shrm": ("--size", "8"), "product": ("--texels", "8", "--order", "1"),
+                   "lightfield": ("--views", "4"), "kautz-mccool": ("--slices", "3")}  # fmt: skip
+            light = ("irradiance", "splitsum", "she")
+            brdf = () if to in light else ("--brdf", "phong:exponent=4")
+            made = run(
+                "prefilter", "probe.exr", *brdf, "--to", to, *own.get(to, ()), "-o", f"{to}.exr"
+            )
+            assert made.code == 0, made.err
+        made = run("product", "ward", "--vary", "ay=0.3..0.4", "--size", "8", "-o", "varying.exr")
+        assert made.code == 0, made.err
+    return folder
+
+
+@pytest.mark.parametrize(
+    "code", [(), ("--shader", "glsl"), ("--shader", "hlsl"), ("--shader", "c")]
+)
+@pytest.mark.parametrize("form", [*REPRESENTATIONS, "varying"])
+def test_layers(folder, monkeypatch, form, code):
+    monkeypatch.chdir(folder)
+    found = run("convert", f"{form}.exr", "--to", "layers", *code, "-o", "layers.exr")
+    said = REFUSED.get("product" if form == "varying" else form)
+    if said is None:
+        assert found.code == 0, found.err
+        return
+    assert found.code == 1
+    assert said in found.err
+    assert found.err.count("\n") == 1
+    assert "internal error" not in found.err
+
+
+@pytest.mark.parametrize("code", ["glsl", "hlsl", "c"])
+@pytest.mark.parametrize("form", REPRESENTATIONS)
+@pytest.mark.parametrize("textures", [None, "cube-array", "layers"])
+def test_code(folder, monkeypatch, form, code, textures):
+    monkeypatch.chdir(folder)
+    brdf = () if form in ("irradiance", "splitsum", "she") else ("--brdf", "phong:exponent=4")
+    given = () if textures is None else ("--textures", textures)
+    command = ("prefilter", "probe.exr", *brdf, "--to", form, "--shader", code, *given)
+    found = run(*command, "-o", "made.exr")
+    assert "internal error" not in found.err
+    if found.code:
+        assert found.err.count("\n") == 1
+    else:
+        assert "shrm_" in found.out
