@@ -5,11 +5,18 @@ nested too deeply with a `RecursionError`. Here all of that becomes an error of 
 """
 
 import os
+import re
 import tomllib
 from typing import Any
 
 from shrm_cli.errors import ShrmError
 
+_KEY = rb"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
+_MOST_PARTS = 32
+"""The most parts of a dotted key. Python's reader takes time and memory as the square of them."""
+_LONG_KEY = re.compile(
+    rb"(?<![A-Za-z0-9_-])" + _KEY + rb"(?:[ \t]*+\.[ \t]*+" + _KEY + rb"){%d}" % _MOST_PARTS
+)
 _MOST_OF_A_REASON = 100
 """The most characters that are told of what Python's reader says."""
 
@@ -55,6 +62,8 @@ def read_toml(
         raise error(f"{name}: cannot be opened ({problem.strerror}); check its name") from None
     if len(text) > most_bytes:
         raise error(f"{name}: {too_large}")
+    if _LONG_KEY.search(text):
+        raise error(f"{name}: a key of more than {_MOST_PARTS} parts; write {what} anew")
     try:
         return tomllib.loads(text.decode()), text
     except RecursionError:

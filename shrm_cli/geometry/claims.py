@@ -1,5 +1,6 @@
 """What PLY and STL files claim to hold, counted before any memory is taken for it."""
 
+import io
 import re
 
 from shrm_cli.errors import MeshError
@@ -11,6 +12,8 @@ MOST_BYTES = 2**28
 _MOST_TEXT = 2**27
 _MOST_ROWS = 2**22
 """The most bytes of text, and rows of PLY as text, which take 250 bytes each to be read."""
+_MOST_LINE = 2**20
+"""The most bytes of a line of text, whose words take a hundred times as much."""
 _MOST_SOLIDS = 2**10
 _MOST_HEADER = 2**16
 _MOST_PROPERTIES = 256
@@ -100,3 +103,5 @@ def check_stl(name: str, data: bytes) -> None:
 def _check_text(name: str, data: bytes) -> None:
     if len(data) > _MOST_TEXT:
         raise MeshError(f"{name}: {len(data):,} bytes of text; export it as binary")
+    if max(map(len, io.BytesIO(data)), default=0) > _MOST_LINE:
+        raise MeshError(f"{name}: a line of more than {_MOST_LINE:,} bytes; export it as binary")

@@ -212,10 +212,11 @@ def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
     """
     if len(meshes) == 1:
         return replace(meshes[0], name=name)
-    materials = list(dict.fromkeys(each for mesh in meshes for each in mesh.materials))
+    materials = dict.fromkeys(each for mesh in meshes for each in mesh.materials)
+    places = {material: place for place, material in enumerate(materials)}
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     owners = [
-        np.array([*(materials.index(each) for each in mesh.materials), -1])[mesh.face_materials]
+        np.array([*(places[each] for each in mesh.materials), -1])[mesh.face_materials]
         for mesh in meshes
     ]
     return Mesh(

@@ -47,6 +47,10 @@ class _Reader:
         before = b""
         for line in io.BytesIO(data):
             self.line += 1
+            if len(line) > _MOST_LINE:  # its words would take a hundred times as much
+                if line.lstrip().startswith(b"#"):
+                    continue
+                raise self.wrong("line", "is too long")
             line = before + line
             if line.rstrip(b"\r\n").endswith(b"\\"):  # it goes on in the next line
                 before = line.rstrip(b"\r\n")[:-1] + b" "

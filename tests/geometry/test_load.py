@@ -348,3 +348,41 @@ def test_the_shapes_are_what_they_should_be():
     assert vertices.shape == (42, 3)
     assert faces.shape == (80, 3)
     assert struct.calcsize("<12f2x") == 50
+
+
+def test_lines_of_megabytes_are_skipped_or_refused(tmp_path):
+    """Their words would take a hundred times as much memory."""
+    vertices, faces = TETRAHEDRON
+    text, long = obj(vertices, faces), "1 " * 2**20
+    text = text if isinstance(text, str) else text.decode()
+    assert len(load(tmp_path, "a.obj", f"# {long}\n{text}").faces) == len(faces)
+    for data in (f"v {long}\n{text}", f"{text}\nf {long}", f"{text}\nvn {long}"):
+        with pytest.raises(MeshError, match="is too long"):
+            load(tmp_path, "a.obj", data)
+    plain = ply(vertices, faces, binary=False)
+    plain = plain if isinstance(plain, bytes) else plain.encode()
+    with pytest.raises(MeshError, match="a line of more than"):
+        load(tmp_path, "a.ply", plain + long.encode())
+    solid = stl(vertices, faces, binary=False)
+    solid = solid if isinstance(solid, bytes) else solid.encode()
+    with pytest.raises(MeshError, match="a line of more than"):
+        load(tmp_path, "a.stl", solid + long.encode())
+
+
+def test_materials_of_many_meshes_are_found_without_comparing_all(tmp_path, monkeypatch):
+    """4096 materials and 65,536 nodes took 54 s, most of it to compare materials."""
+    from shrm_cli.geometry.mesh import SurfaceMaterial
+
+    tree, data = copy.deepcopy(TREE[0]), TREE[1]
+    count = 200
+    primitive = tree["meshes"][0]["primitives"][0]
+    tree["materials"] = [{"name": f"m{k}"} for k in range(count)]
+    tree["meshes"] = [{"primitives": [{**primitive, "material": k}]} for k in range(count)]
+    tree["nodes"] = [{"mesh": k % count} for k in range(2 * count)]
+    tree["scenes"], tree["scene"] = [{"nodes": list(range(2 * count))}], 0
+    compared, equal = [], SurfaceMaterial.__eq__
+    monkeypatch.setattr(SurfaceMaterial, "__eq__", lambda a, b: compared.append(1) or equal(a, b))
+    mesh = load(tmp_path, "a.glb", glb(tree, data))
+    assert len(mesh.materials) == count
+    assert (np.bincount(mesh.face_materials) == 2 * len(TETRAHEDRON[1])).all()
+    assert len(compared) < 10 * count

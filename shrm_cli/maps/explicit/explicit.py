@@ -21,7 +21,6 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
-from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.sphere.cube import cube_solid_angles
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
@@ -30,6 +29,9 @@ from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 Array = NDArray[np.floating]
+
+_MOST_VALUES = 2**28
+"""The most values of all images: 1 GiB, of which some copies are made on the way to a file."""
 Indices = NDArray[np.intp]
 
 _RANK_TOLERANCE = 1e-6
@@ -253,10 +255,10 @@ class ExplicitMap(Map):
             If the map would be too large.
         """
         values = 18 * size**2 * count
-        if values > MAX_VALUES:
+        if values > _MOST_VALUES:
             raise MapError(
                 f"a {cls.representation} map of {count} images of size {size} holds {values:,} "
-                f"values, more than {MAX_VALUES:,}; lower `size` or the number of views"
+                f"values, more than {_MOST_VALUES:,}; lower `size` or the number of views"
             )
 
     @classmethod
