@@ -148,7 +148,9 @@ def _lit_share(known: Array, above: Array, density: Array, light_left: Array) ->
         The energy of the light at unknown degrees.
     """
     first = len(known)
-    squares = 4 * np.pi * light_left / np.maximum(density, 1e-300) / first**2
+    # The least density is relative to the light, which may be of any brightness.
+    least = np.maximum(1e-200 * light_left, 1e-300)
+    squares = 4 * np.pi * light_left / np.maximum(density, least) / first**2
     octaves = np.log2(1 + squares) / 2
     last = known[first // 2 :].sum(axis=0)
     ratio = above / np.maximum(above + last, 1e-300)

@@ -10,6 +10,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from multiprocessing import active_children, connection, get_context, parent_process
@@ -79,6 +80,7 @@ class ProcessWorkers:
 
 def _begin() -> None:
     """Prepare a worker: the terminal's Ctrl-C is for its parent, and it ends with its parent."""
+    warnings.simplefilter("ignore")  # as in the process that began it: nobody knows its lines
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _unwind)
     threading.Thread(target=_follow_parent, daemon=True).start()

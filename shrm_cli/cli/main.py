@@ -124,7 +124,7 @@ def main(arguments: list[str] | None = None) -> None:
     except click.ClickException as error:
         _fail(error.format_message(), error.exit_code)
     except ArgumentError as error:
-        _fail(f"{flags(str(error))}; see {_command(arguments)} --help", 2)
+        _fail(f"{flags(str(error), arguments)}; see {_command(arguments)} --help", 2)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130)
     except _Stopped as stop:
@@ -139,12 +139,12 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if "--debug" in arguments:
             raise
-        _fail(_one_line(error), 1)
+        _fail(_one_line(error, arguments), 1)
 
 
-def _one_line(error: BaseException) -> str:
+def _one_line(error: BaseException, arguments: list[str]) -> str:
     if isinstance(error, ShrmError):
-        return flags(str(error))
+        return flags(str(error), arguments)
     if isinstance(error, MemoryError):
         return "out of memory; lower --size or the orders"
     if isinstance(error, OSError) and error.strerror:

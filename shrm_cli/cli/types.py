@@ -146,6 +146,12 @@ class Brush(Vector):
         return direction
 
 
+def _whole(digits: str) -> int | None:
+    """Return the number that digits are, or None for one beyond a billion, of any length."""
+    shortest = digits.lstrip("0") or "0"
+    return int(shortest) if len(shortest) < 10 else None
+
+
 class PictureSize(_Parsed):
     """The size of a picture in pixels: its width and height, ``N`` or ``WxH``."""
 
@@ -159,11 +165,11 @@ class PictureSize(_Parsed):
         parts = text.split("x")
         if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
             raise ValueError(f"{text!r} is not a size in pixels such as 512 or 800x600")
-        sizes = [int(part[:9]) for part in parts]
-        for size in sizes:
-            if not self.low <= size <= self.high:
-                raise ValueError(f"{size} is not in the range {self.low}<=x<={self.high}.")
-        return sizes[0], sizes[-1]
+        sizes = [_whole(part) for part in parts]
+        for part, size in zip(parts, sizes, strict=True):
+            if size is None or not self.low <= size <= self.high:
+                raise ValueError(f"{part} is not in the range {self.low}<=x<={self.high}.")
+        return sizes[0], sizes[-1]  # type: ignore[return-value]
 
 
 class Radiance(_Parsed):
@@ -204,8 +210,11 @@ class Components(_Parsed):
     def parse(self, text: str) -> int | float:
         """Return a number of components as int, or an error as float."""
         method, _, amount = text.partition(":")
-        if method == "pca" and amount.isascii() and amount.isdigit() and int(amount[:9]) > 0:
-            return int(amount[:9])
+        if method == "pca" and amount.isascii() and amount.isdigit() and amount.strip("0"):
+            count = _whole(amount)
+            if count is None:
+                raise ValueError(f"{amount} components are more than any map has")
+            return count
         numbers = _numbers(amount)
         if method != "pca" or len(numbers) != 1 or not 0 < numbers[0] < 1:
             raise ValueError(
@@ -243,9 +252,9 @@ class Levels(_Parsed):
     def parse(self, text: str) -> int | tuple[float, ...]:
         """Return the number of levels, or roughnesses that rise within 0 .. 1."""
         if text.isascii() and text.isdigit():
-            count = int(text[:9])
-            if not 1 <= count <= MAX_LEVELS:
-                raise ValueError(f"{text[:9]} levels are not 1 .. {MAX_LEVELS}")
+            count = _whole(text)
+            if count is None or not 1 <= count <= MAX_LEVELS:
+                raise ValueError(f"{text} levels are not 1 .. {MAX_LEVELS}")
             return count
         numbers = _numbers(text)
         if not numbers or len(numbers) > MAX_LEVELS:

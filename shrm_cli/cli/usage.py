@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -29,15 +29,39 @@ class Applies:
     words: str
 
 
-def flags(message: str) -> str:
+def flags(message: str, typed: Iterable[str] | None = None) -> str:
     """Replace the arguments in a message of the library by flags of the command line.
 
     The library writes arguments in backticks: `size` becomes --size, and `split=False` becomes
-    --no-split.
+    --no-split. What the user has typed, such as names of files, keeps its backticks.
+
+    Parameters
+    ----------
+    message : str
+    typed : iterable of str, optional
+        The words of the command line; by default the values of the running command's parameters.
     """
+    typed = list(_typed() if typed is None else typed)
+    names = [name for name in typed if "`" in name and name in message]
+    if names:
+        name = max(names, key=len)
+        before, _, behind = message.partition(name)
+        return flags(before, typed) + name + flags(behind, typed)
     return ARGUMENT.sub(
         lambda found: ("--no-" if found[2] else "--") + found[1].replace("_", "-"), message
     )
+
+
+def _typed() -> Iterator[str]:
+    """Yield the texts among the values of the running command's parameters."""
+    context = click.get_current_context(silent=True)
+    pending = [] if context is None else list(context.params.values())
+    while pending:
+        value = pending.pop()
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, tuple | list):
+            pending += value
 
 
 def given_options() -> dict[str, str]:

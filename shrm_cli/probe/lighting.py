@@ -120,7 +120,8 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     ----------
     Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
-    found = _project(probe, order, progress)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+        found = _project(probe, order, progress)
     refuse_overflow(probe.name, found.coefficients)
     return found
 

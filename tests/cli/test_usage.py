@@ -5,6 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 from shrm_cli.cli.usage import Applies, exclude, flags, given_options, refuse_inapplicable
+from tests.cli.helpers import run
 
 
 @pytest.mark.parametrize(
@@ -20,6 +21,31 @@ from shrm_cli.cli.usage import Applies, exclude, flags, given_options, refuse_in
 )
 def test_arguments_are_flags_on_the_command_line(message, expected):
     assert flags(message) == expected
+
+
+def test_names_of_files_keep_their_backticks():
+    typed = ["a`size`.exr", "`to`", "b"]
+    assert (
+        flags("a`size`.exr: lower `size`, or `to` b", typed)
+        == "a`size`.exr: lower --size, or `to` b"
+    )
+    for name in ("a`size`.exr", "p`to`/x.exr"):
+        for arguments in (("info", name), ("prefilter", name, "--to", "irradiance")):
+            assert run(*arguments).err.startswith(f"Error: {name}: no such file")
+
+
+@pytest.mark.parametrize("size", ["1000000000", "1234567890123", "9" * 30, "0000000000"])
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (("render", "m.exr", "--size"), "{} is not in the range"),
+        (("prefilter", "p.exr", "--to", "splitsum", "--levels"), "{} levels are not 1 .. 64"),
+    ],
+)
+def test_numbers_are_told_as_they_were_given(command, words, size):
+    found = run(*command, size)
+    assert found.code == 2
+    assert words.format(size) in found.err
 
 
 def command(body):
