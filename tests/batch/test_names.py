@@ -75,7 +75,7 @@ def test_a_file_of_the_users_own_is_kept(folder):
     refused = run("batch", "p0.exr", *IRRADIANCE, "--log", "log")
     assert refused.code == 1
     assert (
-        "Failed: p0.irradiance.exr: exists, and it is no map that shrm made; give --force to "
+        "Failed: p0.irradiance.exr: exists, and it is no map that can be read; give --force to "
         "replace it, or name another --output\n" in refused.err
     )
     assert snapshot(folder).items() >= before.items()
