@@ -17,6 +17,8 @@ MAPS = ("", "brdf", "files", "maps", "probe", "sphere")
 modules that lie in no folder; with the others go all folders below them."""
 COEFFICIENTS = ("brdf", "sphere")
 """The folders whose code decides the coefficients of BRDFs."""
+TRANSFER = ("", "files", "geometry", "sphere", "transfer")
+"""The folders whose code decides the transfer of meshes."""
 _SUFFIXES = (".py", ".csv")
 """The suffixes of modules, and of tables that they read."""
 _BUILT = ("_version.py",)

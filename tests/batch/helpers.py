@@ -45,6 +45,20 @@ class Here:
         self.renewed += 1
 
 
+def work_here(monkeypatch):
+    """Have `shrm batch` work in this process, which takes no time to start."""
+
+    class Pool(Here):
+        def __init__(self, count):
+            super().__init__()
+
+        def stop(self, at_once=False):
+            pass
+
+    monkeypatch.setattr("shrm_cli.batch.pool.ProcessWorkers", Pool)
+    monkeypatch.setattr("shrm_cli.cli.batch.limit_libraries", lambda count: None)
+
+
 def edit(path):
     """Change a map as an image editor does, which keeps the attributes that it does not know."""
     with OpenEXR.File(str(path), separate_channels=True) as file:

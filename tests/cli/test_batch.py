@@ -12,7 +12,7 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
-from tests.batch.helpers import Here, edit, log_lines, statuses, write_probes
+from tests.batch.helpers import edit, log_lines, statuses, work_here, write_probes
 from tests.cli.helpers import assert_refused, noise, run, write_exr
 
 
@@ -26,17 +26,8 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def here(monkeypatch):
-    """Batches work in this process, which takes no time to start."""
-
-    class Pool(Here):
-        def __init__(self, count):
-            super().__init__()
-
-        def stop(self, at_once=False):
-            pass
-
-    monkeypatch.setattr("shrm_cli.batch.pool.ProcessWorkers", Pool)
-    monkeypatch.setattr("shrm_cli.cli.batch.limit_libraries", lambda count: None)
+    """Batches work in this process."""
+    work_here(monkeypatch)
 
 
 IRRADIANCE = ("batch", "probes/*.exr", "--to", "irradiance", "-o", "out/{probe}.exr")
