@@ -110,9 +110,10 @@ def difference(
 
 def _unreadable(path: str | os.PathLike[str]) -> Difference:
     """Say what a file is that cannot be read as a map: damaged, or something else."""
-    is_empty = os.path.isfile(path) and os.path.getsize(path) == 0
-    if is_empty or (says_map(path) and condition(path) != "intact"):
-        return Difference(_DAMAGED)
+    if os.path.isfile(path):  # opening a pipe would wait for its writer
+        is_empty = os.path.getsize(path) == 0
+        if is_empty or (says_map(path) and condition(path) != "intact"):
+            return Difference(_DAMAGED)
     return Difference("it is no map that can be read", is_ours=False)
 
 

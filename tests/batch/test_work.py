@@ -1,5 +1,6 @@
 """What workers do: the same bytes as `prefilter` makes, and a record of each job."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -260,6 +261,13 @@ def test_one_form_that_fails_does_not_stop_the_others_of_its_probe(probe):
     assert failed["status"] == "failed"
     assert "anisotropic" in failed["error"]
     assert [record["status"] for record in others] == ["made", "made"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="has no named pipes")
+def test_a_pipe_in_an_output_s_place_is_kept(probe):
+    os.mkfifo("p0.irradiance.exr")
+    found = statuses(records_of(entry_of(probe, output="{probe}.{to}.exr")))
+    assert found == {"p0.shrm.exr": "made", "p0.irradiance.exr": "failed"}
 
 
 def test_an_output_that_cannot_be_written_fails_alone(probe, tmp_path):
