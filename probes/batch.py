@@ -2,7 +2,8 @@
 
 Make cannot handle spaces, quotes, ``$`` and ``%`` in the names of its targets. So the jobs have
 digests for names, and stamps in ``build/.batch`` for targets; the names of probes, BRDFs and maps
-stand in the commands alone, quoted for the shell. A stamp tells what its output was made of.
+stand in the commands alone, quoted for the shell. A stamp tells what its output was made of, the
+program included, and the sum by which damage of the output is noticed.
 
 The lists PROBES, BRDFS and FORMS are words as in a shell, so that quotes keep a name with spaces
 together. Make hands them over in the environment, as it does its own options: with ``-n`` the
@@ -11,10 +12,12 @@ commands are printed, and nothing is done. It runs with any Python, and needs no
 
 from __future__ import annotations
 
+import functools
 import glob
 import hashlib
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -27,6 +30,10 @@ BUILD = Path("build")
 STAMPS = BUILD / ".batch"
 PAGE = BUILD / "index.html"
 FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+ROOT = Path(__file__).resolve().parents[1]
+MARK = re.compile(rb"shrm:representation\0|shrm:recipe\0string\0.{4}(?!\{\"probe\":)", re.DOTALL)
+"""What stands in the headers of OpenEXR files that are maps or pictures, and no probes."""
+MOST_HEADER = 2**18
 LONGEST = 80
 """The most bytes of a probe's or a BRDF's part of a file's name."""
 ENDING = [
@@ -60,13 +67,53 @@ def has_controls(name: str) -> bool:
 def probes() -> list[str]:
     """Return the probes: files, patterns such as ``hdr/*.exr``, and ``%`` for six faces.
 
-    What matches no file keeps its name, and fails by it.
+    What matches no file keeps its name, and fails by it. Maps and pictures that a pattern matches
+    are left out.
     """
     found: dict[str, None] = {}
     for word in words("PROBES"):
         matching = [word] if os.path.exists(word) else sorted(glob.glob(word))
+        made = {name for name in matching if name != word and is_output(name)}
+        if made and made == set(matching):
+            sys.exit(f"Error: PROBES: {word!a} matches maps and pictures alone; correct it")
+        matching = [name for name in matching if name not in made]
         found.update(dict.fromkeys(matching or [word]))
     return [f"./{name}" if name.startswith("-") else name for name in found]
+
+
+def is_output(name: str) -> bool:
+    """Whether a file is a map or a picture that shrm wrote, by its header."""
+    try:
+        with open(name, "rb") as stream:
+            header = stream.read(MOST_HEADER)
+    except OSError:
+        return False
+    return header.startswith(b"\x76\x2f\x31\x01") and MARK.search(header) is not None
+
+
+def program(*more: str) -> str:
+    """Return the fingerprint of the program that makes maps, and of more folders of it.
+
+    It is empty where the package cannot be imported by this Python, or is not there.
+    """
+    sys.path.insert(0, str(ROOT))
+    try:
+        from shrm_cli.sources import MAPS, fingerprint
+
+        return fingerprint((*MAPS, *more), str(ROOT / "shrm_cli"))
+    except (ImportError, SyntaxError, OSError):
+        return ""
+    finally:
+        sys.path.remove(str(ROOT))
+
+
+def checksums(files: list[str]) -> dict[str, list[str]]:
+    """Return the sum and the size of each file, as the command `cksum` of POSIX tells them."""
+    if not files:
+        return {}
+    found = subprocess.run(["cksum", *files], stdout=subprocess.PIPE, check=False).stdout
+    lines = [line.split()[:2] for line in os.fsdecode(found).splitlines()]
+    return dict(zip(files, lines, strict=True)) if len(lines) == len(files) else {}
 
 
 def label(text: str) -> str:
@@ -115,8 +162,9 @@ class Job(NamedTuple):
     Attributes
     ----------
     command : list of str
+    output : pathlib.Path
     stamp : pathlib.Path
-        The file that tells what the output was made of.
+        The file that tells what the output was made of, and its sum.
     made_of : str
         What this stamp says where the output is there and up to date.
     is_due : bool
@@ -124,6 +172,7 @@ class Job(NamedTuple):
     """
 
     command: list[str]
+    output: Path
     stamp: Path
     made_of: str
     is_due: bool
@@ -135,7 +184,9 @@ class Job(NamedTuple):
         """
         before = after.stamp if after and after.is_due else ""
         line = shlex.join(self.command).replace("$", "$$")
-        return f"{self.stamp}: {before}\n\t@rm -f $@\n\t{line}\n\t@echo {self.made_of} >$@"
+        output = shlex.quote(str(self.output)).replace("$", "$$")
+        said = f"echo {self.made_of} `cksum <{output}` >$@"
+        return f"{self.stamp}: {before}\n\t@rm -f $@\n\t{line}\n\t@{said}"
 
 
 def job(output: Path, command: list[str], inputs: object, after: Job | None = None) -> Job:
@@ -146,15 +197,23 @@ def job(output: Path, command: list[str], inputs: object, after: Job | None = No
     output : pathlib.Path
     command : list of str
     inputs : JSON value
-        What else the output depends on; the job is due again when it changes.
+        What else the output depends on; the job is due again when it changes, and when the output
+        is not as it was made.
     after : Job, optional
         A job whose output this one reads.
     """
     stamp = STAMPS / f"{digest(str(output))[:16]}.done"
     made_of = digest(json.dumps([command, inputs, after and after.made_of]))
-    says = stamp.read_bytes().split() if stamp.exists() else None
-    is_made = output.exists() and says == [made_of.encode()] and "B" not in options_of_make()
-    return Job(command, stamp, made_of, not is_made or bool(after and after.is_due))
+    says = stamp.read_text().split() if stamp.exists() else None
+    is_made = says == [made_of, *sums().get(str(output), ["gone"])]
+    is_due = not is_made or "B" in options_of_make() or bool(after and after.is_due)
+    return Job(command, output, stamp, made_of, is_due)
+
+
+@functools.cache
+def sums() -> dict[str, list[str]]:
+    """Return the checksums of all outputs that were there when this process began."""
+    return checksums(sorted(name for name in glob.glob(f"{BUILD}/*") if os.path.isfile(name)))
 
 
 class Jobs:
@@ -194,7 +253,8 @@ def maps() -> list[str]:
 def page_of(shrm: str, shown: list[str]) -> Job:
     """Return the job that puts maps onto one page; it is due again when one has changed."""
     command = [shrm, "contact", *shown, "--quiet", "--title", "make batch", "-o", str(PAGE)]
-    return job(PAGE, command, state([name for name in shown if os.path.exists(name)]))
+    there = state([name for name in shown if os.path.exists(name)])
+    return job(PAGE, command, [there, program("render", "report")])
 
 
 def bake(shrm: str, probe: str, jobs: Jobs) -> None:
@@ -212,14 +272,14 @@ def bake(shrm: str, probe: str, jobs: Jobs) -> None:
         baked = BUILD / f"{stem}.{brdf_label(spec)}.shrm.exr"
         options = ["--brdf", spec, "--eps", *words("EPS"), *words("PREFILTER_FLAGS")]
         command = [shrm, "prefilter", probe, *options, "-o", str(baked)]
-        done = jobs.add(baked, command, [light, state(brdf_files(spec))])
+        done = jobs.add(baked, command, [light, state(brdf_files(spec)), program()])
         picture = baked.with_suffix(".png")
         options = [*words("RENDER_FLAGS"), "-o", str(picture)]
-        jobs.add(picture, [shrm, "render", str(baked), *options], [], done)
+        jobs.add(picture, [shrm, "render", str(baked), *options], [program("render")], done)
     for form in dict.fromkeys(words("FORMS")):
         formed = BUILD / f"{stem}.{label(form)}.exr"
         options = ["--to", form, *words(f"FLAGS_{form}"), "-o", str(formed)]
-        jobs.add(formed, [shrm, "prefilter", probe, *options], light)
+        jobs.add(formed, [shrm, "prefilter", probe, *options], [light, program()])
 
 
 def carry_out(command: list[str], **options: Any) -> bool:
@@ -297,7 +357,7 @@ def make_all(shrm: str, jobs: Jobs) -> bool:
     if maps() and page.is_due:
         if not carry_out(page.command):
             return False
-        page.stamp.write_text(page.made_of)
+        page.stamp.write_text(" ".join([page.made_of, *checksums([str(PAGE)]).get(str(PAGE), [])]))
     return succeeded
 
 

@@ -4,6 +4,7 @@ The meaning and the default of every option, and the representations that it app
 decided here and in the folders of the representations, and nowhere else.
 """
 
+import inspect
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -207,16 +208,29 @@ def options_of(probe: Probe, to: str, given: Mapping[str, Any]) -> dict[str, Any
         for name, value in given.items()
         if value is not None and name != "brdf"
     }
-    return {**_defaults(to, named), **named, "reading": probe.reading()}
+    return {**default_options(to, named), **named, "reading": probe.reading()}
 
 
-def _defaults(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the defaults of the shared arguments that a representation obeys.
+def default_options(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the defaults of the arguments that a representation obeys, as a map records them.
 
-    An error is asked for instead of a tolerance.
+    Those that follow from the light and the BRDF are no values yet, and are left out.
+
+    Parameters
+    ----------
+    to : str
+        The representation.
+    named : mapping of str to value
+        The arguments that are given. An error is asked for instead of a tolerance.
     """
     obeyed = registry.description(to).arguments - ({"eps"} if "error" in named else set())
-    return {name: value for name, value in DEFAULTS.items() if name in obeyed}
+    own = inspect.signature(registry.module(to, "prefilter").prefilter).parameters
+    found = {name: each.default for name, each in own.items()} | DEFAULTS
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in found.items()
+        if name in obeyed and value is not None and value is not inspect.Parameter.empty
+    }
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:

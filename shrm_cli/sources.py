@@ -17,11 +17,19 @@ MAPS = ("", "brdf", "files", "maps", "probe", "sphere")
 modules that lie in no folder; with the others go all folders below them."""
 COEFFICIENTS = ("brdf", "sphere")
 """The folders whose code decides the coefficients of BRDFs."""
+TRANSFER = ("", "files", "geometry", "sphere", "transfer")
+"""The folders whose code decides the transfer of meshes."""
+_SUFFIXES = (".py", ".csv")
+"""The suffixes of modules, and of tables that they read."""
+_BUILT = ("_version.py",)
+"""What is written when the package is built: two builds of the same code are the same program."""
 
 
 @functools.cache
 def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
     """Return a digest of the modules in some folders of the package: their names and contents.
+
+    Tables beside the modules, which they read, count as well.
 
     Parameters
     ----------
@@ -55,4 +63,4 @@ def _modules(root: str, folder: str) -> list[str]:
             folders.clear()
         below = os.path.relpath(where, root)
         found += [os.path.normpath(os.path.join(below, each)) for each in names]
-    return [name for name in found if name.endswith(".py")]
+    return [name for name in found if name.endswith(_SUFFIXES) and name not in _BUILT]

@@ -141,6 +141,46 @@ def test_a_changed_probe_is_baked_again_alone(baked):
     assert baked.calls() == both("a")
 
 
+def test_another_state_of_the_program_bakes_everything_again(project):
+    """A default that is changed, for example, is no change of any command."""
+    package = project.folder / "shrm_cli"
+    (package / "__init__.py").write_text('__version__ = "1"\n')
+    shutil.copy(ROOT / "shrm_cli" / "sources.py", package)
+    project.write("shrm_cli/vocabulary.py", "DEFAULT_EPS = 0.03\n")
+    assert project.batch().returncode == 0
+    assert project.calls() == both("ab")
+    assert project.batch().returncode == 0
+    assert project.calls() == []
+    project.write("shrm_cli/vocabulary.py", "DEFAULT_EPS = 0.05\n")
+    assert project.batch().returncode == 0
+    assert project.calls() == both("ab")
+
+
+def test_a_damaged_output_is_made_again(baked):
+    path = baked.folder / "build" / f"b.{LABELS[0]}.shrm.exr"
+    path.write_bytes(path.read_bytes()[:-5])
+    assert baked.batch().returncode == 0
+    label, brdf = LABELS[0], BRDFS.split()[0]
+    assert baked.calls() == [prefilter("b", brdf, label), render("b", label)]
+    picture = path.with_suffix(".png")
+    picture.write_bytes(bytes(picture.stat().st_size))
+    assert baked.batch().returncode == 0
+    assert baked.calls() == [render("b", label)]
+
+
+def test_maps_that_a_pattern_matches_are_no_probes(project):
+    header = b"\x76\x2f\x31\x01\x02\0\0\0shrm:representation\0string\0"
+    (project.folder / "probes" / "a.irradiance.exr").write_bytes(header)
+    recipe = b"\x76\x2f\x31\x01\x02\0\0\0shrm:recipe\0string\0\x20\0\0\0"
+    (project.folder / "probes" / "a.picture.exr").write_bytes(recipe + b'{"render": ["a.exr"]}')
+    (project.folder / "probes" / "b.exr").write_bytes(recipe + b'{"probe": "sky"}')
+    assert project.batch(probes="probes/*.exr").returncode == 0
+    assert project.built() == outputs("a", "b")
+    refused = project.batch(probes="probes/*.irr*.exr")
+    assert refused.returncode != 0
+    assert "matches maps and pictures alone" in refused.stderr
+
+
 def test_a_missing_picture_is_rendered_again_alone(baked):
     (baked.folder / "build" / f"b.{LABELS[0]}.shrm.png").unlink()
     assert baked.batch().returncode == 0

@@ -1,5 +1,7 @@
 """The fingerprint of the program: another one for every change of code that decides bytes."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,10 @@ PACKAGE = Path(shrm_cli.__file__).parent
 
 
 def below(folder):
-    """All modules of a folder of the package, by their names below the package."""
-    found = (PACKAGE / folder).glob("*.py" if folder == "" else "**/*.py")
-    return {path.relative_to(PACKAGE).as_posix() for path in found}
+    """All modules of a folder of the package, and the tables that they read, by their names."""
+    found = (PACKAGE / folder).glob("*" if folder == "" else "**/*")
+    names = {path.relative_to(PACKAGE).as_posix() for path in found if path.is_file()}
+    return {name for name in names if not name.endswith((".pyc", "py.typed"))} - {"_version.py"}
 
 
 @pytest.mark.parametrize("folders", [MAPS, COEFFICIENTS])
@@ -33,6 +36,8 @@ def test_all_modules_of_the_folders_count(folders):
         ("brdf/models/new.py", True),
         ("cli/main.py", False),
         ("maps/notes.txt", False),
+        ("brdf/measured/reading/table.csv", True),
+        ("_version.py", False),
     ],
 )
 def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
@@ -52,6 +57,23 @@ def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
     (tmp_path / name).write_text("x = 2\n")
     assert (found() != before) == counts
     fingerprint.cache_clear()
+
+
+def test_all_that_makes_maps_counts():
+    """Every module that the making of any map loads is in one of the folders."""
+    code = (
+        "import sys, shrm_cli.prefilter, shrm_cli.maps.file\n"
+        "from shrm_cli.maps import registry\n"
+        "for name in registry.descriptions():\n"
+        "    registry.module(name, 'prefilter'), registry.module(name, 'file')\n"
+        "print(*(name for name in sys.modules if name.startswith('shrm_cli.')))\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True
+    )
+    loaded = {name.split(".")[1] for name in told.stdout.split()}
+    assert {"maps", "brdf", "orders"} <= loaded
+    assert {name for name in loaded if (PACKAGE / name).is_dir()} <= set(MAPS)
 
 
 def test_what_moves_from_one_module_to_another_is_noticed(tmp_path):

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 
 from shrm_cli.addresses import is_remote, shown
 from shrm_cli.batch.job import Job, Recipe
+from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from shrm_cli.files.origin import is_output
@@ -109,11 +110,29 @@ class Entry:
         recipes = self.recipes()
         if not self.probes:
             raise ProbeError("no probes; name some, such as 'probes/*.exr'")
-        return [
+        found = [
             Job(probe, self.reading, recipe, self._output(probe, folder, recipe))
             for probe, folder in found_probes(self.probes, left_out)
             for recipe in recipes
         ]
+        made = self._matched_outputs(found)
+        if left_out is not None:
+            left_out += made
+        return [job for job in found if job.probe not in made]
+
+    def _matched_outputs(self, jobs: list[Job]) -> set[str]:
+        """Return the URLs that patterns match and that are outputs of other probes among them.
+
+        Of a listing from elsewhere nothing is known but names.
+        """
+        of = {job.output: job.probe for job in jobs}
+        return {
+            job.probe
+            for job in jobs
+            if is_remote(job.probe)
+            and job.probe not in self.probes
+            and of.get(job.probe, job.probe) != job.probe
+        }
 
     def _arguments(self, to: str) -> dict[str, Any]:
         """Return the arguments that a form is made with, checked."""
@@ -188,6 +207,8 @@ def found_probes(
 ) -> list[tuple[str, str]]:
     """Return the probes that patterns match, and their folders below those that patterns name.
 
+    What `shrm` wrote is left out, but where its name is given and no pattern.
+
     Parameters
     ----------
     patterns : iterable of str
@@ -205,9 +226,10 @@ def found_probes(
     Raises
     ------
     ProbeError
-        If a pattern matches nothing.
+        If a pattern matches no probe.
     """
     found: dict[str, str] = {}
+    outputs: dict[str, None] = {}
     for pattern in patterns:
         if not glob.has_magic(pattern) or os.path.exists(pattern):
             found.setdefault(pattern, "")
@@ -215,28 +237,22 @@ def found_probes(
         names = matching(pattern) if is_remote(pattern) else _files(pattern)
         if not names:
             raise ProbeError(f"{shown(pattern)}: matches no file; quote and correct the pattern")
-        probes = [name for name in names if not _is_made(name)]
+        probes, made = without_outputs(names)
         if not probes:
             raise ProbeError(
                 f"{shown(pattern)}: matches no probe, only {len(names):,} files that shrm made of "
                 "probes; correct the pattern, or name one of them whole"
             )
-        if left_out is not None:
-            left_out += [name for name in names if _is_made(name)]
         for name in probes:
             found.setdefault(name, _below(name, pattern))
+        outputs.update(dict.fromkeys(made))
+    if left_out is not None:
+        left_out += [name for name in outputs if name not in found]
     return list(found.items())
 
 
 def _files(pattern: str) -> list[str]:
     return sorted(name for name in glob.glob(pattern, recursive=True) if os.path.isfile(name))
-
-
-def _is_made(name: str) -> bool:
-    """Whether a file that a pattern matches is an output of `shrm`."""
-    if is_remote(name):
-        return name.endswith(tuple(f".{to}.exr" for to in REPRESENTATIONS))
-    return is_output(name)
 
 
 def _below(name: str, pattern: str) -> str:
@@ -267,6 +283,11 @@ def checked(jobs: list[Job]) -> list[Job]:
         place = _identity(job.output)
         if not job.output.lower().endswith(tuple(CONTAINERS)):
             raise OutputError(f"{shown(job.output)}: what is written is .exr; name it so")
+        if place in inputs and not is_remote(job.output) and is_output(job.output):
+            raise OutputError(
+                f"{job.output}: shrm made it, so that it is no probe; leave it out, or quote the "
+                "pattern, which then passes over it"
+            )
         if place in inputs:
             raise OutputError(
                 f"{shown(job.output)}: would overwrite the input; name another output"

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,9 +11,11 @@ from typing import IO, Any
 
 from shrm_cli import __version__
 from shrm_cli.addresses import without_secrets
-from shrm_cli.batch.work import Record, Result
+from shrm_cli.batch.work import NOT_THERE, Record, Result
 from shrm_cli.errors import OutputError
 
+_MOST_REASONS = 100
+"""The most reasons that are counted; they name options, which could all differ."""
 _MOST_FAILURES = 1000
 """The most failures that the totals name; the log has all of them."""
 
@@ -33,6 +36,8 @@ class Totals:
         Of the outputs that were made.
     failures : list of dict
         The first records of what failed.
+    anew : Counter of str
+        How many outputs that were there are made anew, or would be, for each reason.
     """
 
     jobs: int
@@ -43,6 +48,7 @@ class Totals:
     warned: int = 0
     bytes: int = 0
     failures: list[Record] = field(default_factory=list)
+    anew: Counter[str] = field(default_factory=Counter)
 
     @property
     def done(self) -> int:
@@ -55,6 +61,9 @@ class Totals:
         setattr(self, status, getattr(self, status) + 1)
         self.bytes += record.get("bytes", 0)
         self.warned += bool(record.get("warnings"))
+        why = record.get("why", NOT_THERE)
+        if why != NOT_THERE and (why in self.anew or len(self.anew) < _MOST_REASONS):
+            self.anew[why] += 1
         if status == "failed" and len(self.failures) < _MOST_FAILURES:
             self.failures.append(record)
 
@@ -70,7 +79,7 @@ class Totals:
         """Return the totals by the names used in JSON."""
         names = ("jobs", "made", "skipped", "failed", "waiting", "warned", "bytes")
         numbers = {name: getattr(self, name) for name in names}
-        return {**numbers, "not_done": self.jobs - self.done}
+        return {**numbers, "not_done": self.jobs - self.done, "anew": dict(self.anew)}
 
 
 class Log:

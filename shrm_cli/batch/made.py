@@ -1,19 +1,49 @@
-"""Whether a file is what a run would make: the same probe, BRDF and options made it."""
+"""Whether a file is what a run would make, and whether a run may replace it if it is not.
+
+This is the one place that decides it. What other inputs, other options or another state of the
+program made is made anew by batches, and so is what is damaged. What `shrm` did not make of this
+probe, or somebody has edited since, is nobody's to replace without being told so: `force` does it.
+"""
 
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
-from shrm_cli.files.seal import is_intact
-from shrm_cli.maps.file import recorded
-from shrm_cli.maps.provenance import record_of, same_brdf
-from shrm_cli.prefilter import checked_arguments, options_of
+from shrm_cli.errors import MapError
+from shrm_cli.files.origin import says_map
+from shrm_cli.files.parts import peek
+from shrm_cli.files.seal import condition
+from shrm_cli.maps.file import Recorded, check_amount, recorded
+from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
+from shrm_cli.prefilter import checked_arguments, default_options, options_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import Precision
 
-NO_MAP = "it is no map that can be read"
-"""What is said of a file that this program has not made, or that is damaged in its header."""
+_DAMAGED = "it is damaged"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """In what a file differs from the map that a run would write.
+
+    Attributes
+    ----------
+    why : str
+        A part of a sentence such as ``it is for another BRDF``.
+    is_ours : bool
+        Whether it is an earlier state of the same output, which a batch makes anew.
+    """
+
+    why: str
+    is_ours: bool = True
+
+    @property
+    def is_damage(self) -> bool:
+        """Whether nothing of it is worth keeping."""
+        return self.why == _DAMAGED
 
 
 def difference(
@@ -23,7 +53,7 @@ def difference(
     given: Mapping[str, Any],
     precision: Precision,
     sources: str = "",
-) -> str | None:
+) -> Difference | None:
     """Say in what a file differs from the map that a run would write.
 
     Parameters
@@ -37,13 +67,12 @@ def difference(
         The arguments of `shrm_cli.prefilter.prefilter` by name.
     precision : {"auto", "half", "float"}
     sources : str
-        The fingerprint of the program that must have written the file, which then must be as it
-        was written, too; any program, and any pixels, where it is empty.
+        The fingerprint of the program that must have written the file; any, where it is empty.
 
     Returns
     -------
-    str or None
-        A part of a sentence such as ``it is for another BRDF``, or None where nothing differs.
+    Difference or None
+        None where nothing differs.
 
     Raises
     ------
@@ -53,24 +82,71 @@ def difference(
     given = checked_arguments(to, given, probe)
     found = recorded(path)
     if found is None:
-        return NO_MAP
+        return _unreadable(path)
     if found.representation != to:
-        return f"it is no map of representation {to}"
+        return Difference(f"it is a map of representation {found.representation}", is_ours=False)
+    changed = change_of(path)
+    if changed is not None:
+        return changed
     if found.info.probe_sha256 != probe.digest():
-        return "another probe made it, or another version of this one"
+        return Difference(
+            "another probe made it, or another version of this one",
+            is_ours=found.info.probe == probe_name(probe),
+        )
     if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
-        return "it is for another BRDF"
+        return Difference("it is for another BRDF")
     wanted = options_of(probe, to, given) | (
         {} if precision == "auto" else {"precision": precision}
     )
-    differing = _differing(found.info.options, wanted)
+    differing = _differing(_options(found), wanted)
     if differing:
-        return f"it was made with other options ({differing})"
+        return Difference(f"it was made with other options ({differing})")
+    if sources and not found.sources:
+        return Difference("an earlier version of shrm made it, which recorded no digest")
     if sources and found.sources != sources:
-        return "another version or state of shrm made it"
-    if sources and not is_intact(path):
-        return "it is damaged or was changed since it was made"
+        return Difference("another version or state of shrm made it")
     return None
+
+
+def _unreadable(path: str | os.PathLike[str]) -> Difference:
+    """Say what a file is that cannot be read as a map: damaged, or something else."""
+    if os.path.isfile(path):  # opening a pipe would wait for its writer
+        is_empty = os.path.getsize(path) == 0
+        if is_empty or (says_map(path) and condition(path) != "intact"):
+            return Difference(_DAMAGED)
+    return Difference("it is no map that can be read", is_ours=False)
+
+
+def change_of(path: str | os.PathLike[str]) -> Difference | None:
+    """Say how a map's file was changed since it was written; None if it was not."""
+    found = condition(path)
+    if found in ("intact", "unknown"):
+        return None
+    # What an editor has written can be read; of what is damaged within, some chunk cannot.
+    if found == "other" and _can_be_read(path):
+        return Difference("it was changed since shrm made it", is_ours=False)
+    return Difference(_DAMAGED)
+
+
+def _can_be_read(path: str | os.PathLike[str]) -> bool:
+    """Whether all pixels of a file can be decoded, be they those of a map or not."""
+    with suppress(MapError):
+        file = peek(path)
+        if file is None:
+            return False
+        check_amount(file)
+        for part in file.parts:
+            part.read(part.channel_names)
+        return True
+    return False
+
+
+def _options(found: Recorded) -> Mapping[str, Any]:
+    """Return the options of a file, with the defaults that earlier versions left out."""
+    options = found.info.options
+    if found.sources:
+        return options
+    return {**default_options(found.representation, options), **options}
 
 
 def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from shrm_cli import addresses, settings
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
-from shrm_cli.batch.made import NO_MAP, difference
+from shrm_cli.batch.made import Difference, difference
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
@@ -40,6 +40,10 @@ _SAID = (
     "size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error",
 )  # fmt: skip
 """What a record takes over from the summary of a map."""
+NOT_THERE = "not there"
+"""Why most outputs are made."""
+_MISSING = Difference(NOT_THERE)
+_FORCED = Difference("asked for by `force`")
 _MOST_MATERIALS = 64
 _materials: dict[tuple[Any, ...], Brdf] = {}
 """The BRDFs that this process has parsed, so that measured files are read once."""
@@ -178,15 +182,21 @@ def _record(job: Job, probe: Probe, terms: Terms, start: float) -> Record:
 
 
 def _do(job: Job, probe: Probe, terms: Terms) -> Record:
-    """Make a map, unless it is there already."""
+    """Make a map, unless it is there already.
+
+    Raises
+    ------
+    OutputError
+        If a file is there that is none of this output's earlier states.
+    """
     given = arguments_of(job.recipe, probe)
-    why = "asked for by `force`" if terms.force else _why(job, probe, given)
-    if why == NO_MAP:
-        raise kept(addresses.shown(job.output), "it is no map that shrm made")
-    if why is None:
+    found = _FORCED if terms.force else _difference(job, probe, given)
+    if found is None:
         return {"status": "skipped"}
+    if not found.is_ours:
+        raise kept(addresses.shown(job.output), found.why)
     if terms.only_looks:
-        return {"status": "waiting", "why": why}
+        return {"status": "waiting", "why": found.why}
     made = prefilter_with_facts(probe, job.recipe.to, given)
     if not addresses.is_remote(job.output):
         Path(job.output).parent.mkdir(parents=True, exist_ok=True)
@@ -196,6 +206,7 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     summary = made.quick_summary()
     return {
         "status": "made",
+        "why": found.why,
         "bytes": size,
         **{name: summary[name] for name in _SAID if name in summary},
         "storage_error": stored.error,
@@ -204,21 +215,14 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     }
 
 
-def _why(job: Job, probe: Probe, given: Mapping[str, Any]) -> str | None:
-    """Say why a job is to be done; None where its output is there, and the same inputs made it."""
-    if addresses.is_remote(job.output):
-        if not remote.exists(job.output):
-            return "not there"
-        with local_file(job.output) as path:
-            return _difference(path, job.recipe, probe, given)
-    if not os.path.lexists(job.output):
-        return "not there"
-    return _difference(Path(job.output), job.recipe, probe, given)
-
-
-def _difference(path: Path, recipe: Recipe, probe: Probe, given: Mapping[str, Any]) -> str | None:
-    """Say in what a file differs from what this program would write."""
-    return difference(path, recipe.to, probe, given, recipe.precision, fingerprint())
+def _difference(job: Job, probe: Probe, given: Mapping[str, Any]) -> Difference | None:
+    """Say in what a job's output differs from what this program would write; None in nothing."""
+    output, recipe = job.output, job.recipe
+    is_there = remote.exists(output) if addresses.is_remote(output) else os.path.lexists(output)
+    if not is_there:
+        return _MISSING
+    with local_file(output) as path:
+        return difference(path, recipe.to, probe, given, recipe.precision, fingerprint())
 
 
 @contextmanager

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from shrm_cli.batch.work import Result, Terms
 
 _DEFAULT_LOG = "batch.jsonl"
+_MOST_REASONS = 5
+"""The most reasons why outputs are made anew that are printed; the log has all of them."""
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to", "output"],
@@ -102,7 +104,7 @@ class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
     "--contact", "contact_page", type=click.Path(), metavar="PAGE.html",
     help="Put all outputs onto one page, drawn small, with sizes and errors.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Make outputs again that are there already.")
+@click.option("--force", is_flag=True, help="Make all outputs again, and replace others' files.")
 @click.option(
     "--dry-run", is_flag=True, help="List what would be made, with sizes and orders; make nothing."
 )
@@ -135,9 +137,9 @@ def batch(
     """Make maps of many probes: the product of PROBES, BRDFs and forms.
 
     Quote patterns such as 'probes/**/*.exr'; probes may be URLs, too. Each probe is read once for
-    all its outputs. What is there already, of the same probe, BRDF, options and version, is
-    skipped, so that a run that was stopped goes on. A probe that cannot be used does not stop the
-    others.
+    all its outputs. What is there already and whole, of the same probe, BRDF, options and
+    program, is skipped, so that a run that was stopped goes on. Files that shrm wrote are never
+    matched by patterns. A probe that cannot be used does not stop the others.
 
     \b
       shrm batch 'probes/*.exr' --brdf ggx:roughness=0.4 --brdf paint.bsdf --to principal
@@ -388,6 +390,8 @@ def _conclude(
     warned = f"; {totals.warned:,} with warnings" if totals.warned else ""
     size = f", {totals.bytes:,} bytes" if totals.bytes else ""
     echo(f"{totals.jobs:,} outputs: {', '.join(words) or 'none'}{size}{warned}{told}")
+    for why, count in totals.anew.most_common(_MOST_REASONS):
+        echo(f"  {count:,} anew: {flags(why)}")
 
 
 def _prediction_line(facts: dict[str, Any]) -> str:

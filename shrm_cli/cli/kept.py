@@ -55,9 +55,24 @@ def keep_other_map(
     from shrm_cli.batch.made import difference
 
     if os.path.lexists(target):
-        why = difference(target, to, probe, given, precision)
-        if why is not None:
-            raise kept(target, why)
+        found = difference(target, to, probe, given, precision)
+        if found is not None and not found.is_damage:
+            raise kept(target, found.why)
+
+
+def keep_edited(target: str) -> None:
+    """Refuse to replace what `shrm` wrote and somebody has edited since.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and its digest tells so.
+    """
+    from shrm_cli.batch.made import change_of
+
+    found = change_of(target) if os.path.isfile(target) else None
+    if found is not None and not found.is_damage:
+        raise kept(target, found.why)
 
 
 def readable_map(path: str) -> Map | None:
@@ -89,6 +104,7 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
 
     if not os.path.lexists(target):
         return
+    keep_edited(target)
     stored = peek(target)
     text = "" if stored is None else stored.first.text("shrm:recipe")
     if text != json.dumps(recipe):

@@ -10,7 +10,7 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.kept import force_option, readable_map
+from shrm_cli.cli.kept import force_option, keep_edited, readable_map
 from shrm_cli.cli.options import conclude, precision_option, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
@@ -168,6 +168,7 @@ def _keep_other_texture(
 
     if not os.path.lexists(target):
         return
+    keep_edited(target)
     found = readable_map(target)
     if not isinstance(found, ProductMap) or found.lighting is not None:
         raise kept(target, "it is no product texture without light that can be read")

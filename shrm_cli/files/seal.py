@@ -9,13 +9,19 @@ import hashlib
 import mmap
 import os
 import struct
+from typing import Literal
 
-from shrm_cli.files.exr_header import MAGIC, header_attributes
+from shrm_cli.files.exr_header import MAGIC, ends_whole, header_attributes
 
 SEAL = "shrm:digest"
 """The name of the attribute."""
 UNSEALED = "0" * 64
 """What it holds until the file is written whole."""
+
+Condition = Literal["intact", "other", "damaged", "unknown"]
+"""What `condition` finds of a file."""
+_NO_END = bytes(64)
+"""No file of compressed scan lines ends in so many zeros, which would have been compressed."""
 
 
 def seal(path: str | os.PathLike[str]) -> None:
@@ -40,14 +46,37 @@ def is_intact(path: str | os.PathLike[str]) -> bool:
     OSError
         If the file cannot be read.
     """
+    return condition(path) == "intact"
+
+
+def condition(path: str | os.PathLike[str]) -> Condition:
+    """Return in what condition a file is, by its digest.
+
+    Returns
+    -------
+    {"intact", "other", "damaged", "unknown"}
+        ``intact`` is a file as it was written. ``damaged`` is one whose end is missing or
+        overwritten. ``other`` is one whose bytes differ otherwise: somebody has edited it, or it
+        is damaged within. ``unknown`` is a file without a digest.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
     if os.path.getsize(path) <= len(MAGIC):
-        return False
+        return "unknown"
     with (
         open(path, "rb") as stream,
         mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
     ):
         place = _place(data)
-        return place is not None and data[place : place + len(UNSEALED)] == _digest(data, place)
+        if place is None:
+            return "unknown"
+        if data[place : place + len(UNSEALED)] == _digest(data, place):
+            return "intact"
+        has_no_end = data[-len(_NO_END) :] == _NO_END
+    return "damaged" if has_no_end or not ends_whole(path) else "other"
 
 
 def _place(data: mmap.mmap) -> int | None:

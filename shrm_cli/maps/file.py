@@ -109,7 +109,7 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     """
     file = open_file(path)
     attributes = read_attributes(file.first)
-    _check_amount(file)
+    check_amount(file)
     name = attributes["representation"]
     is_plain = (attributes["layout"], attributes["orientation"]) == ("openexr", "openexr")
     if not (is_plain or registry.map_class(name).is_rearrangeable):
@@ -161,7 +161,7 @@ def is_map(path: str | os.PathLike[str]) -> bool:
     return file is not None and has_map_attributes(file.first)
 
 
-def _check_amount(file: StoredFile) -> None:
+def check_amount(file: StoredFile) -> None:
     """Refuse a file of too many values to load.
 
     The number is estimated from the first part, so that a huge file is refused before its other

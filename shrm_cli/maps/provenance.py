@@ -17,6 +17,11 @@ def record_of(brdf: Brdf) -> dict[str, Any]:
     return {"name": brdf.name, "parameters": dict(brdf.values)}
 
 
+def probe_name(probe: Probe) -> str:
+    """Return the name of a probe's file as maps record it, without folders."""
+    return probe.name.replace("\\", "/").rsplit("/", 1)[-1]
+
+
 def provenance(probe: Probe, brdf: Brdf, orders: Orders) -> MapInfo:
     """Return the record of how a map is made, with a predicted error of 0 to be replaced."""
     return MapInfo(
@@ -26,7 +31,7 @@ def provenance(probe: Probe, brdf: Brdf, orders: Orders) -> MapInfo:
         orders.captured,
         0.0,
         record_of(brdf),
-        probe.name.replace("\\", "/").rsplit("/", 1)[-1],
+        probe_name(probe),
         probe.digest(),
         probe.chromaticities,
     )

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli import settings
 from shrm_cli.errors import ArgumentError
 from shrm_cli.progress import Progress
+from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.transfer.gather import Gathering, Rays
 from shrm_cli.transfer.transfer import Facts, Transfer
@@ -138,8 +139,9 @@ class Plan:
         )
 
     def key(self) -> str:
-        """A digest of everything that the arrays depend on."""
-        options = json.dumps([self.order, self.bounces, self.samples, self.glossy])
+        """A digest of everything that the arrays depend on, the program included."""
+        program = fingerprint(TRANSFER)
+        options = json.dumps([self.order, self.bounces, self.samples, self.glossy, program])
         digest = hashlib.sha256(options.encode())
         mesh = self.mesh
         for array in (mesh.vertices, mesh.faces, mesh.normals, self.frames(), self.reflected()):

@@ -3,6 +3,8 @@
 import json
 from concurrent.futures import BrokenExecutor, Future
 
+import OpenEXR
+
 from shrm_cli.batch.entry import Entry, checked
 from shrm_cli.batch.job import by_probe
 from shrm_cli.batch.run import run as run_chunks
@@ -41,6 +43,43 @@ class Here:
 
     def renew(self):
         self.renewed += 1
+
+
+def work_here(monkeypatch):
+    """Have `shrm batch` work in this process, which takes no time to start."""
+
+    class Pool(Here):
+        def __init__(self, count):
+            super().__init__()
+
+        def stop(self, at_once=False):
+            pass
+
+    monkeypatch.setattr("shrm_cli.batch.pool.ProcessWorkers", Pool)
+    monkeypatch.setattr("shrm_cli.cli.batch.limit_libraries", lambda count: None)
+
+
+def edit(path):
+    """Change a map as an image editor does, which keeps the attributes that it does not know."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        parts = file.parts
+        for plane in parts[0].channels.values():
+            plane.pixels *= 0.5
+        with OpenEXR.File(parts) as edited:
+            edited.write(str(path))
+
+
+def forget(path):
+    """Make a map one of an earlier version, which recorded less."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        parts = file.parts
+        for part in parts:
+            for name in ("shrm:digest", "shrm:sources"):
+                part.header.pop(name, None)
+            options = json.loads(part.header["shrm:options"])
+            part.header["shrm:options"] = json.dumps({"reading": options["reading"]})
+        with OpenEXR.File(parts) as old:
+            old.write(str(path))
 
 
 def results_of(entry, workers=None, **terms):

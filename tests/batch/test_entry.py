@@ -1,11 +1,14 @@
 """What batches make: products of probes, BRDFs and forms, and the names of their outputs."""
 
+import shutil
+
 import pytest
 
 from shrm_cli.batch.entry import Entry, checked, found_probes
 from shrm_cli.batch.job import by_probe, cut
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from tests.batch.helpers import write_probes
+from tests.cli.helpers import ROOT, done, run
 
 
 @pytest.fixture
@@ -46,6 +49,36 @@ def test_a_name_that_exists_is_no_pattern(folder):
     (folder / "odd/p0.exr").rename(folder / "odd/a[1].exr")
     assert found_probes(["odd/a[1].exr"]) == [("odd/a[1].exr", "")]
     assert found_probes(["nothing.exr"]) == [("nothing.exr", "")]  # its job will fail by its name
+
+
+def test_patterns_pass_over_what_shrm_wrote(tmp_path, monkeypatch):
+    """Maps, tables, pictures, pages and exports; probes that it wrote are probes."""
+    monkeypatch.chdir(tmp_path)
+    for path in (ROOT / "probes").glob("*.exr"):
+        shutil.copy(path, tmp_path)
+    done("probe", "sky", "--size", "8", "-o", "sky.exr")
+    done("convert", "sky.exr", "--to", "strip", "--size", "4")
+    probes = {path.name for path in tmp_path.iterdir()}
+    (tmp_path / "damaged.exr").write_bytes((tmp_path / "sky.exr").read_bytes()[:30])
+    (tmp_path / "empty.exr").write_bytes(b"")
+    probes |= {"damaged.exr", "empty.exr"}
+    done("prefilter", "sky.exr", "--to", "irradiance")
+    done("render", "sky.irradiance.exr", "--size", "16", "-o", "picture.exr")
+    done("dfg", "--size", "4")
+    done("prefilter", "sky.exr", "--brdf", "lambertian", "-o", "matte.exr")
+    done("convert", "matte.exr", "--to", "layers")
+    for engine in ("unity", "unreal"):  # an .exr and a .hdr of which nothing tells whose they are
+        run("export", "sky.exr", "--for", engine, "--size", "8")
+    (tmp_path / "batch.jsonl").write_text("{}")
+    left_out = []
+    found = {name for name, _ in found_probes(["**/*"], left_out)}
+    everything = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")
+                  if path.is_file()}  # fmt: skip
+    assert found == probes
+    assert set(left_out) == everything - probes
+    assert len(left_out) > 8
+    (named, *_) = found_probes(["sky.irradiance.exr", "*.exr"])
+    assert named == ("sky.irradiance.exr", "")
 
 
 def test_a_pattern_that_matches_nothing_is_refused(folder):

@@ -10,7 +10,7 @@ import pytest
 from shrm_cli.batch.entry import Entry, found_probes
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.origin import is_output
-from tests.batch.helpers import write_probes
+from tests.batch.helpers import work_here, write_probes
 from tests.cli.helpers import MESH, noise, run, snapshot, write_exr
 
 IRRADIANCE = ("--to", "irradiance", "--jobs", "1")
@@ -20,6 +20,7 @@ IRRADIANCE = ("--to", "irradiance", "--jobs", "1")
 def folder(tmp_path, monkeypatch):
     """The current folder, with two probes."""
     monkeypatch.chdir(tmp_path)
+    work_here(monkeypatch)
     write_probes(tmp_path, 2)
     return tmp_path
 
@@ -75,7 +76,7 @@ def test_a_file_of_the_users_own_is_kept(folder):
     refused = run("batch", "p0.exr", *IRRADIANCE, "--log", "log")
     assert refused.code == 1
     assert (
-        "Failed: p0.irradiance.exr: exists, and it is no map that shrm made; give --force to "
+        "Failed: p0.irradiance.exr: exists, and it is no map that can be read; give --force to "
         "replace it, or name another --output\n" in refused.err
     )
     assert snapshot(folder).items() >= before.items()

@@ -43,6 +43,9 @@ def test_maps_are_made_and_skipped_where_they_belong(store, tmp_path):
     assert made.info.probe_sha256 == alone.info.probe_sha256
     again = Entry((f"{url}/day/p[02].exr",), (), ("irradiance",), f"{url}/bake/day/{{probe}}.exr")
     assert set(statuses(records_of(again)).values()) == {"skipped"}
+    left_out = []
+    assert [job.probe for job in entry.jobs(left_out)] == [f"{url}/day/p{k}.exr" for k in range(3)]
+    assert sorted(left_out) == [f"{url}/bake/day/p{k}.exr" for k in (0, 2)]
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".parquet"])

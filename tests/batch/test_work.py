@@ -1,5 +1,6 @@
 """What workers do: the same bytes as `prefilter` makes, and a record of each job."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.shared import HeldImage, shared
-from tests.batch.helpers import Here, records_of, statuses, write_probes
+from tests.batch.helpers import Here, edit, forget, records_of, statuses, write_probes
 from tests.cli.helpers import noise, write_exr
 
 FORMS = {
@@ -145,9 +146,10 @@ def test_another_default_makes_other_maps(made, monkeypatch):
     """The default tolerance is recorded like one that is given."""
     assert again(made, arguments={"eps": DEFAULTS["eps"]}) == dict.fromkeys(made.to, "skipped")
     monkeypatch.setitem(DEFAULTS, "eps", 0.07)
-    (first, second) = records_of(made, only_looks=True)
-    assert first["why"] == "it was made with other options (`eps` 0.03 there, 0.07 here)"
-    assert second["status"] == "skipped"
+    found = {record["to"]: record for record in records_of(made, only_looks=True)}
+    why = "it was made with other options (`eps` 0.03 there, 0.07 here)"
+    assert found["shrm"]["why"] == why
+    assert found["irradiance"]["status"] == "skipped"
 
 
 @pytest.mark.parametrize(
@@ -161,9 +163,64 @@ def test_damaged_outputs_are_made_again(made, damage):
         path.write_bytes(damage(whole[path]))
     assert len(whole) == 2
     told = {record["why"] for record in records_of(made, only_looks=True)}
-    assert told == {"it is damaged or was changed since it was made"}
+    assert told == {"it is damaged"}
     assert again(made) == dict.fromkeys(made.to, "made")
     assert all(path.read_bytes() == data for path, data in whole.items())
+
+
+def other_form(path):
+    save(path, prefilter("p0.exr", to="irradiance"))
+
+
+def other_probe(path):
+    write_exr("other.exr", noise(32, 64) * 3)
+    save(path, prefilter("other.exr", "phong:exponent=16"))
+
+
+@pytest.mark.parametrize(
+    ("put", "why"),
+    [
+        (lambda path: path.write_text("my notes"), "it is no map that can be read"),
+        (lambda path: write_exr(path, noise(8, 16)), "it is no map that can be read"),
+        (other_form, "it is a map of representation irradiance"),
+        (other_probe, "another probe made it"),
+        (edit, "it was changed since shrm made it"),
+    ],
+)
+def test_what_is_no_earlier_output_is_kept(made, put, why):
+    """A user's own file of that name is refused alone, and `force` replaces it."""
+    path = Path("p0.shrm.exr")
+    whole = path.read_bytes()
+    put(path)
+    there = path.read_bytes()
+    for terms in ({}, {"only_looks": True}):
+        found = {record["to"]: record for record in records_of(made, **terms)}
+        assert found["shrm"]["status"] == "failed"
+        assert f"p0.shrm.exr: exists, and {why}" in found["shrm"]["error"]
+        assert "`force`" in found["shrm"]["error"]
+        assert found["irradiance"]["status"] == "skipped"
+    assert path.read_bytes() == there
+    assert again(made, force=True)["shrm"] == "made"
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("left", [0, 1200, 2600, -1])
+def test_what_was_cut_off_anywhere_behind_its_name_is_made_again(made, left):
+    """Even where the header cannot be read to its end, as long as it says what it is."""
+    path = Path("p0.irradiance.exr")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:left])
+    (record,) = (each for each in records_of(made) if each["to"] == "irradiance")
+    assert (record["status"], record.get("why")) == ("made", "it is damaged")
+    assert path.read_bytes() == whole
+
+
+def test_files_of_earlier_versions_are_made_again(made):
+    forget("p0.irradiance.exr")
+    (record,) = (each for each in records_of(made) if each["to"] == "irradiance")
+    assert record["status"] == "made"
+    assert record["why"] == "an earlier version of shrm made it, which recorded no digest"
+    assert set(again(made).values()) == {"skipped"}
 
 
 @pytest.mark.slow
@@ -204,6 +261,13 @@ def test_one_form_that_fails_does_not_stop_the_others_of_its_probe(probe):
     assert failed["status"] == "failed"
     assert "anisotropic" in failed["error"]
     assert [record["status"] for record in others] == ["made", "made"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="has no named pipes")
+def test_a_pipe_in_an_output_s_place_is_kept(probe):
+    os.mkfifo("p0.irradiance.exr")
+    found = statuses(records_of(entry_of(probe, output="{probe}.{to}.exr")))
+    assert found == {"p0.shrm.exr": "made", "p0.irradiance.exr": "failed"}
 
 
 def test_an_output_that_cannot_be_written_fails_alone(probe, tmp_path):

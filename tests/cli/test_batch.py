@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
-from tests.batch.helpers import log_lines, statuses, write_probes
+from tests.batch.helpers import edit, log_lines, statuses, work_here, write_probes
 from tests.cli.helpers import assert_refused, noise, run, write_exr
 
 
@@ -21,6 +22,12 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_probes(tmp_path / "probes", 5)
     return tmp_path
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Batches work in this process."""
+    work_here(monkeypatch)
 
 
 IRRADIANCE = ("batch", "probes/*.exr", "--to", "irradiance", "-o", "out/{probe}.exr")
@@ -174,6 +181,79 @@ def test_command_lines_for_farms(folder):
     job = json.loads((folder / "job.json").read_text())
     assert job["specificationVersion"] == "jobtemplate-2023-09"
     assert not (folder / "out").exists()
+
+
+def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
+    """Patterns pass over what the first run wrote, and a line says how much that is."""
+    monkeypatch.chdir(folder / "probes")
+    command = ("batch", "*.exr", "--to", "irradiance")
+    assert run(*command).out.startswith("5 outputs: 5 made")
+    result = run(*command)
+    assert (result.code, result.out.split(";")[0]) == (0, "5 outputs: 5 there already")
+    assert result.err == (
+        "5 files that shrm made of probes, such as p0.irradiance.exr: left out of the patterns\n"
+    )
+    assert run(*command, "--quiet").err == ""
+    assert run("batch", "*", "--to", "she").out.startswith("5 outputs: 5 made")
+    assert run("batch", "p0*", "--collect", "l.npz").out.startswith("l.npz: radiance of 1 probes")
+    both = run("batch", "p0.exr", "p0.irradiance.exr", "--to", "irradiance")
+    assert_refused(both, 1, "p0.irradiance.exr: shrm made it", "leave it out")
+    named = run("batch", "p0.irradiance.exr", "--to", "irradiance", "-o", "x.exr")
+    assert named.code == 1
+    assert "a map that shrm made, not a light probe" in named.err
+    assert_refused(run("batch", "*.irradiance.exr", "--to", "she"), 1, "no probe, only 5 files")
+
+
+def test_farms_take_probes_beside_their_outputs(folder, here, monkeypatch):
+    """Each task matches the pattern anew, among the outputs of those before it."""
+    monkeypatch.chdir(folder / "probes")
+    assert run("batch", "*.exr", "--to", "irradiance", "--chunk", "1", "--commands", "c").code == 0
+    tasks = [shlex.split(line)[1:] for line in (folder / "probes/c").read_text().splitlines()]
+    assert len(tasks) == 5
+    for _ in range(2):
+        assert {run(*task).code for task in tasks} == {0}
+    found = [line["status"] for line in log_lines(folder / "probes/batch.jsonl")]
+    assert found == ["made"] * 5 + ["skipped"] * 5
+
+
+def test_why_outputs_are_made_anew_is_told(folder, here):
+    assert run(*IRRADIANCE).code == 0
+    for k in (0, 1):
+        path = folder / f"out/p{k}.exr"
+        path.write_bytes(path.read_bytes()[:-300] + bytes(300))
+    edit(folder / "out/p2.exr")
+    looked = run(*IRRADIANCE, "--dry-run")
+    assert looked.err.count("(it is damaged)\n") == 2
+    result = run(*IRRADIANCE)
+    assert result.code == 1
+    assert result.out.splitlines()[0].startswith("5 outputs: 2 made, 2 there already, 1 failed")
+    assert result.out.splitlines()[1:] == ["  2 anew: it is damaged"]
+    assert "out/p2.exr: exists, and it was changed since shrm made it; give --force" in result.err
+    told = json.loads(run(*IRRADIANCE, "--window", "hann", "--json").out)
+    assert list(told["anew"].values()) == [4]
+    assert run(*IRRADIANCE, "--force").out.splitlines()[1:] == ["  5 anew: asked for by --force"]
+
+
+@pytest.mark.parametrize("form", ["--commands", "--openjd"])
+def test_a_farm_takes_command_lines_that_end_their_options(folder, here, form):
+    """Behind ``--`` every word is a name, so that the part must stand before it."""
+    (folder / "probes/p0.exr").rename(folder / "--commands.exr")
+    words = ["--to", "irradiance", "-o", "out/{probe}.exr", "--jobs", "1", "--chunk", "2"]
+    assert run("batch", *words, form, "farm", "--", "--commands.exr", "probes/p*.exr").code == 0
+    text = (folder / "farm").read_text()
+    if form == "--commands":
+        tasks = [shlex.split(line)[1:] for line in text.splitlines()]
+    else:
+        action = json.loads(text)["steps"][0]["script"]["actions"]["onRun"]
+        tasks = [
+            [word.replace("{{Task.Param.Part}}", str(k)) for word in action["args"]]
+            for k in (1, 2, 3)
+        ]
+    assert len(tasks) == 3
+    for task in tasks:
+        assert run(*task).code == 0
+    found = [line["probe"] for line in log_lines(folder / "batch.jsonl")]
+    assert sorted(found) == ["--commands.exr", *(f"probes/p{k}.exr" for k in range(1, 5))]
 
 
 @pytest.mark.parametrize(

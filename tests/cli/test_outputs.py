@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter
+from tests.batch.helpers import edit, forget
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
 LONG = "+".join(["lambertian", *(f"0.1*phong:exponent={n}" for n in range(1, 21))])
@@ -66,7 +67,7 @@ CASES = {
     "clamp": (PREFILTER, ["--clamp", "2"], "how the probe is read"),
     "window": (
         ["prefilter", "probe.exr", "--to", "irradiance"], ["--window", "hann"],
-        '--window by default there, "hann" here',
+        '--window "none" there, "hann" here',
     ),
     "split sum": (
         ["prefilter", "probe.exr", "--to", "splitsum"], ["--levels", "3"],
@@ -74,7 +75,7 @@ CASES = {
     ),
     "exponential": (
         ["prefilter", "probe.exr", "--to", "she"], ["--roughness", "0.3..1"],
-        "--roughness by default there, [0.3, 1.0] here",
+        "--roughness [0.45, 1.0] there, [0.3, 1.0] here",
     ),
     "sum": (
         ["prefilter", "probe.exr", "--brdf", "0.5*lambertian+0.5*phong"], ["--no-split"],
@@ -109,6 +110,50 @@ def test_what_is_named_is_replaced(folder):
     done("dfg", "--size", "5", "-o", "dfg.exr")
     done("render", "probe.phong.shrm.exr", "--size", "16")
     done("render", "probe.phong.shrm.exr", "--size", "20")  # pictures are to look at
+
+
+def test_an_edited_map_is_kept_and_a_damaged_one_is_not(folder):
+    """What shrm made may be replaced; what somebody has made of it since may not."""
+    done(*PREFILTER)
+    path = folder / "probe.phong.shrm.exr"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-100])
+    done(*PREFILTER)
+    assert path.read_bytes() == whole
+    edit(path)
+    edited = path.read_bytes()
+    assert_refused(run(*PREFILTER), 1, "exists, and it was changed since shrm made it", "--force")
+    assert path.read_bytes() == edited
+    done(*PREFILTER, "--force")
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (REFERENCE, "probe.phong.reference.exr"),
+        (["product", "phong", "--size", "8", "--order", "1"], "phong.product.exr"),
+        (["dfg", "--size", "4"], "dfg.exr"),
+        (["convert", "probe.exr", "--to", "strip"], "probe.strip.exr"),
+    ],
+)
+def test_what_was_edited_is_kept_by_every_command(folder, command, name):
+    done(*command)
+    edit(name)
+    edited = (folder / name).read_bytes()
+    assert_refused(run(*command), 1, f"{name}: exists, and", "--force")
+    assert (folder / name).read_bytes() == edited
+    done(*command, "--force")
+
+
+def test_maps_of_earlier_versions_are_known_by_what_they_record(folder):
+    """They have no digests, and left out the options that nobody gave."""
+    done(*PREFILTER)
+    path = folder / "probe.phong.shrm.exr"
+    forget(path)
+    done(*PREFILTER)
+    forget(path)
+    assert_refused(run(*PREFILTER, "--eps", "0.1"), 1, "--eps 0.03 there, 0.1 here")
 
 
 @pytest.mark.slow

@@ -74,6 +74,18 @@ def test_unfinished_work_of_another_plan_is_begun_anew(tmp_path, small_blocks, p
     assert everything.calls == 2 * -(-len(plan.mesh.vertices) // plan.step)
 
 
+def test_unfinished_work_of_another_program_is_begun_anew(
+    tmp_path, small_blocks, plan, monkeypatch
+):
+    path = tmp_path / "t.npz"
+    with pytest.raises(KeyboardInterrupt):
+        baked_file(plan, path, Tripping(plan.mesh, 13))
+    monkeypatch.setattr("shrm_cli.transfer.bake.fingerprint", lambda folders: "another")
+    everything = Tripping(plan.mesh)
+    baked_file(plan, path, everything)
+    assert everything.calls == 2 * -(-len(plan.mesh.vertices) // plan.step)
+
+
 @pytest.mark.parametrize("damage", ["values", "length", "header"])
 def test_damaged_work_is_done_again(tmp_path, small_blocks, plan, damage):
     whole = baked_file(plan, tmp_path / "whole.npz")
