@@ -1,15 +1,16 @@
 """What the pages for users say: links that lead somewhere, and a citation that can be read."""
 
 import re
+import tomllib
 
 import numpy as np
 import pytest
 
-from shrm_cli import __version__
+from shrm_cli import __release__
 from shrm_cli.render.camera import Viewer, sphere_normals, sphere_radius
 from tests.cli.helpers import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -26,10 +27,19 @@ def test_links_lead_to_files_and_headings(page):
             assert heading in slugs, f"{page.name}: {target}"
 
 
-def test_the_citation_is_of_this_version():
+def test_the_release_is_the_same_everywhere():
+    (first, *_) = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert re.fullmatch(rf"{re.escape(__release__)} \(\d{{4}}-\d\d-\d\d\)", first)
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
+    assert tools["setuptools_scm"]["fallback_version"] == f"{__release__}.dev0"
+
+
+def test_the_citation_is_of_this_release():
     text = (ROOT / "CITATION.cff").read_text()
     assert text.startswith("cff-version: 1.2.0\n")
-    assert re.search(r"^version: (.*)$", text, re.M)[1] == __version__
+    assert re.search(r"^version: (.*)$", text, re.M)[1] == __release__
+    released = re.search(r"^date-released: (.*)$", text, re.M)[1]
+    assert f"## {__release__} ({released})" in (ROOT / "CHANGELOG.md").read_text()
     assert re.search(r"^license: (.*)$", text, re.M)[1] == "BSD-3-Clause"
     for key in ("message", "title", "authors", "references"):
         assert re.search(rf"^{key}:", text, re.M)

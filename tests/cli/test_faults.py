@@ -246,7 +246,7 @@ def test_entries_of_the_cache_that_are_of_no_use(warm, tmp_path, damage):
     assert made_in(folder) == made_in(warm)
 
 
-OTHER_VERSION = f"import shrm_cli; shrm_cli.__version__ = '0.0.1'\n{WHOLE}"
+OTHER_VERSION = f"import shrm_cli; shrm_cli.__release__ = '0.0.1'\n{WHOLE}"
 
 
 def test_entries_of_another_version_are_left_alone(prepared, warm, tmp_path):

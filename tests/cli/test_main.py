@@ -85,7 +85,7 @@ def test_reporting_of_imports_works():
 
 def test_version():
     assert done("--version") == f"shrm, version {__version__}\n"
-    assert re.fullmatch(r"\d+\.\d+\.\d+", __version__)
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?(\+[a-z0-9.]+)?", __version__)
 
 
 def test_without_arguments_it_helps():
