@@ -90,7 +90,7 @@ def test_what_is_told_to_be_installed_is_worded_at_one_place(name):
 def test_nothing_tells_to_install_a_stranger():
     """`shrm` on PyPI is another project."""
     assert len(TEXTS) > 400
-    stranger = re.compile(r"(install|--with|--from|add)\s+(-\S+\s+)*'?shrm(-cli)?\b(?!_)")
+    stranger = re.compile(r"(\binstall|\badd|--with|--from)\s+(-\S+\s+)*'?shrm(-cli)?\b(?!_)")
     for name, text in TEXTS.items():
         if name != "CHANGELOG.md":
             assert "shrm[" not in text, name

@@ -28,7 +28,7 @@ PACKAGE = {
     for path in ROOT.glob("shrm_cli/**/*")
     if path.is_file() and path.suffix != ".pyc"
 } | {"shrm_cli/_version.py"}  # which is written as it is built
-PAGES = ["README.md", "CHANGELOG.md", "CITATION.cff"]
+PAGES = ["README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "SECURITY.md"]
 BUILD = (sys.executable, "-m", "build", "--no-isolation")
 VERSION = "import shrm_cli as s; print(s.__version__)"
 

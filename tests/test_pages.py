@@ -34,6 +34,14 @@ def test_the_release_is_the_same_everywhere():
     assert tools["setuptools_scm"]["fallback_version"] == f"{__release__}.dev0"
 
 
+def test_addresses_that_are_placeholders_are_said_once():
+    """Whoever publishes the project changes one line each."""
+    assert (ROOT / "pyproject.toml").read_text().count("example.org") == 1
+    assert (ROOT / "SECURITY.md").read_text().count("example.org") == 1
+    others = {"CITATION.cff", "README.md", "CONTRIBUTING.md", "docs/install.md"}
+    assert not [name for name in others if "example.org" in (ROOT / name).read_text()]
+
+
 def test_the_citation_is_of_this_release():
     text = (ROOT / "CITATION.cff").read_text()
     assert text.startswith("cff-version: 1.2.0\n")
