@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli import __release__
+from shrm_cli.extras import EXTRAS, install
 from shrm_cli.render.camera import Viewer, sphere_normals, sphere_radius
 from tests.cli.helpers import ROOT
 
@@ -25,6 +26,30 @@ def test_links_lead_to_files_and_headings(page):
             titles = re.findall(r"^#+ (.*)$", linked.read_text(), re.M)
             slugs = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
             assert heading in slugs, f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_pages_tell_to_make_can_be_made(page):
+    targets = re.findall(r"^([\w .-]+):(?!=)", (ROOT / "Makefile").read_text(), re.M)
+    known = {name for line in targets for name in line.split()}
+    told = re.findall(r"(?:`|^    )make (?:-\S+ )*([a-z]+)\b", page.read_text(), re.M)
+    assert set(told) <= known
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "SECURITY.md"])
+def test_files_that_pages_name_are_there(name):
+    text = (ROOT / name).read_text()
+    named = re.findall(r"\b(?:shrm_cli|tests|docs|examples|probes)/[\w/.-]*\w/?", text)
+    assert len(named) >= 2
+    for path in named:
+        assert "NAME" in path or (ROOT / path).exists(), path
+
+
+def test_everything_that_is_extra_is_told_of():
+    text = (ROOT / "docs" / "install.md").read_text()
+    for extra in EXTRAS:
+        assert f"`{extra}`" in text
+        assert f"| `{install(extra)}`" in text
 
 
 def test_the_release_is_the_same_everywhere():
