@@ -148,4 +148,4 @@ clean:
 	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV) shrm.egg-info tests/web/node_modules
+	rm -rf $(VENV) shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules

@@ -20,7 +20,10 @@ from types import ModuleType
 # Ctrl-C prints a traceback of Python's own until `shrm_cli.__main__` listens to it.
 TYPE_CHECKING = False
 
-__version__ = "0.1.0"
+__release__ = "0.2.0"
+"""The release that this is, or will be. Files say it rather than `__version__`, so that two builds
+that compute the same write the same bytes.
+"""
 
 _HOMES = {
     "prefilter": "prefilter",
@@ -48,11 +51,12 @@ _HOMES = {
 }
 """Every public name, and the module of this package that defines it."""
 
-__all__ = [*_HOMES, "__version__"]
+__all__ = [*_HOMES, "__release__", "__version__"]
 
 if TYPE_CHECKING:
     from typing import Any
 
+    from shrm_cli._version import version as __version__
     from shrm_cli.brdf.base import Brdf as Brdf
     from shrm_cli.brdf.base import Parameter as Parameter
     from shrm_cli.brdf.spec import parse_spec as parse_spec
@@ -78,15 +82,27 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> "Any":
-    if name not in _HOMES:
+    if name == "__version__":
+        value: Any = _version()
+    elif name in _HOMES:
+        value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
 
 
+def _version() -> str:
+    """Return what setuptools-scm wrote when this was built or installed; see docs/install.md."""
+    try:
+        from shrm_cli._version import version
+    except ImportError:  # a tree that was never installed
+        return f"{__release__}.dev0"
+    return version
+
+
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *_HOMES, "__version__"})
 
 
 class _Library(ModuleType):

@@ -1,6 +1,6 @@
 """A fingerprint of the program's own source code, which tells one state of it from another.
 
-The version of a checkout stays the same while its code changes. Files and cache entries record
+The release of a checkout stays the same while its code changes. Files and cache entries record
 this instead, so that what another state of the program made is noticed.
 """
 
@@ -8,7 +8,7 @@ import functools
 import hashlib
 import os
 
-from shrm_cli import __version__
+import shrm_cli
 
 _ROOT = os.path.dirname(os.path.abspath(__file__))
 
@@ -51,12 +51,15 @@ def fingerprint(folders: tuple[str, ...] = MAPS, root: str = _ROOT) -> str:
         digest.update(f"{name.replace(os.sep, '/')}\0{len(content)}\0".encode())
         digest.update(content)
     if not names:
-        digest.update(__version__.encode())
+        digest.update(shrm_cli.__version__.encode())
     return digest.hexdigest()[:16]
 
 
 def _modules(root: str, folder: str) -> list[str]:
-    """Return the paths of a folder's modules below the root."""
+    """Return the paths of a folder's modules below the root.
+
+    The one that setuptools-scm writes is left out: it changes with commits that change no code.
+    """
     found = []
     for where, folders, names in os.walk(os.path.join(root, folder)):
         if not folder:

@@ -23,7 +23,17 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"addresses", "errors", "messages", "settings", "sources", "vocabulary", "progress", "memo"},
+    {
+        "addresses",
+        "errors",
+        "extras",
+        "messages",
+        "settings",
+        "sources",
+        "vocabulary",
+        "progress",
+        "memo",
+    },
     {"layouts", "parallel", "color"},
     {"sphere"},
     {"files"},
@@ -63,7 +73,7 @@ EXTRAS = {
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
-    "__init__.py", "errors.py", "files/inputs.py", "files/whole.py", "layouts.py",
+    "__init__.py", "errors.py", "extras.py", "files/inputs.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "addresses.py", "messages.py",

@@ -1,15 +1,17 @@
 """What the pages for users say: links that lead somewhere, and a citation that can be read."""
 
 import re
+import tomllib
 
 import numpy as np
 import pytest
 
-from shrm_cli import __version__
+from shrm_cli import __release__
+from shrm_cli.extras import EXTRAS, install
 from shrm_cli.render.camera import Viewer, sphere_normals, sphere_radius
 from tests.cli.helpers import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -26,10 +28,51 @@ def test_links_lead_to_files_and_headings(page):
             assert heading in slugs, f"{page.name}: {target}"
 
 
-def test_the_citation_is_of_this_version():
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_pages_tell_to_make_can_be_made(page):
+    targets = re.findall(r"^([\w .-]+):(?!=)", (ROOT / "Makefile").read_text(), re.M)
+    known = {name for line in targets for name in line.split()}
+    told = re.findall(r"(?:`|^    )make (?:-\S+ )*([a-z]+)\b", page.read_text(), re.M)
+    assert set(told) <= known
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "SECURITY.md"])
+def test_files_that_pages_name_are_there(name):
+    text = (ROOT / name).read_text()
+    named = re.findall(r"\b(?:shrm_cli|tests|docs|examples|probes)/[\w/.-]*\w/?", text)
+    assert len(named) >= 2
+    for path in named:
+        assert "NAME" in path or (ROOT / path).exists(), path
+
+
+def test_everything_that_is_extra_is_told_of():
+    text = (ROOT / "docs" / "install.md").read_text()
+    for extra in EXTRAS:
+        assert f"`{extra}`" in text
+        assert f"| `{install(extra)}`" in text
+
+
+def test_the_release_is_the_same_everywhere():
+    (first, *_) = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert re.fullmatch(rf"{re.escape(__release__)} \(\d{{4}}-\d\d-\d\d\)", first)
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
+    assert tools["setuptools_scm"]["fallback_version"] == f"{__release__}.dev0"
+
+
+def test_addresses_that_are_placeholders_are_said_once():
+    """Whoever publishes the project changes one line each."""
+    assert (ROOT / "pyproject.toml").read_text().count("example.org") == 1
+    assert (ROOT / "SECURITY.md").read_text().count("example.org") == 1
+    others = {"CITATION.cff", "README.md", "CONTRIBUTING.md", "docs/install.md"}
+    assert not [name for name in others if "example.org" in (ROOT / name).read_text()]
+
+
+def test_the_citation_is_of_this_release():
     text = (ROOT / "CITATION.cff").read_text()
     assert text.startswith("cff-version: 1.2.0\n")
-    assert re.search(r"^version: (.*)$", text, re.M)[1] == __version__
+    assert re.search(r"^version: (.*)$", text, re.M)[1] == __release__
+    released = re.search(r"^date-released: (.*)$", text, re.M)[1]
+    assert f"## {__release__} ({released})" in (ROOT / "CHANGELOG.md").read_text()
     assert re.search(r"^license: (.*)$", text, re.M)[1] == "BSD-3-Clause"
     for key in ("message", "title", "authors", "references"):
         assert re.search(rf"^{key}:", text, re.M)

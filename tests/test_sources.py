@@ -89,7 +89,7 @@ def test_what_moves_from_one_module_to_another_is_noticed(tmp_path):
 
 def test_a_package_without_files_is_known_by_its_version(tmp_path, monkeypatch):
     before = fingerprint(MAPS, str(tmp_path / "none"))
-    monkeypatch.setattr(sources, "__version__", "999")
+    monkeypatch.setattr(shrm_cli, "__version__", "999")
     fingerprint.cache_clear()
     assert fingerprint(MAPS, str(tmp_path / "none")) != before
     fingerprint.cache_clear()

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from shrm_cli import __version__
 from shrm_cli.errors import ClusterError
+from shrm_cli.extras import install
 
 Result = TypeVar("Result")
 
@@ -105,8 +106,7 @@ def cluster_executor(scheduler: str, jobs: int | None = None) -> Iterator[Cluste
         import distributed
     except ImportError as error:
         raise ClusterError(
-            f"scheduler {scheduler}: clusters need the package distributed; "
-            "pip install 'shrm[cluster]'"
+            f"scheduler {scheduler}: clusters need the package distributed; {install('cluster')}"
         ) from error
     with contextlib.ExitStack() as stack:
         stack.enter_context(_quiet())
@@ -185,7 +185,7 @@ def _prepare(client: Any, scheduler: str) -> None:
     except Exception as error:  # whatever a worker raises comes back as it is
         raise ClusterError(
             f"scheduler {scheduler}: a worker cannot limit its threads ({_line(error)}); "
-            "pip install 'shrm[cluster]' there"
+            f"{install('cluster')} there"
         ) from error
 
 

@@ -16,8 +16,9 @@ from typing import Any, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli import __version__, addresses
+from shrm_cli import __release__, addresses
 from shrm_cli.errors import MapError, OrderError, OutputError
+from shrm_cli.extras import install
 from shrm_cli.files import npz, remote
 from shrm_cli.files.inputs import note
 from shrm_cli.files.json_text import parse_json
@@ -114,7 +115,7 @@ class Collection:
     def settings(self) -> dict[str, Any]:
         """Return what a file says of the coefficients."""
         said = (
-            _VERSION, __version__, self.what, self.order, self.window, list(_shape(self.order)),
+            _VERSION, __release__, self.what, self.order, self.window, list(_shape(self.order)),
             ["R", "G", "B"], _BASIS, _UNITS[self.what],
         )  # fmt: skip
         return dict(zip(_SAID, said, strict=True))
@@ -275,7 +276,7 @@ def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:
     except ImportError as error:
         raise OutputError(
             f"{_printable(path)}: tables need the package pyarrow; "
-            "pip install 'shrm[parquet]', or write .npz"
+            f"{install('parquet')}, or write .npz"
         ) from error
     return pyarrow, pyarrow.parquet
 

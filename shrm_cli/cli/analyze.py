@@ -21,6 +21,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
+from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT, SAMPLINGS
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 _TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 _VIEWS = ("0,0", "90,30")
 _CURVES = ("accuracy", "estimate_minimum", "estimate_brdf", "estimate_bound")
-_NO_CHARTS = "matplotlib is not installed, so no charts are drawn; pip install 'shrm[plots]'"
+_NO_CHARTS = f"matplotlib is not installed, so no charts are drawn; {install('plots')}"
 _OF_MATERIALS = {"spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet"}
 """Arguments that also apply where several BRDFs are compared."""
 _LEAST_ROWS = 128

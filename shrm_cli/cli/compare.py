@@ -28,6 +28,7 @@ from shrm_cli.cli.shading import (
 )
 from shrm_cli.cli.types import AzimuthElevation, Bytes, Fraction, Interval, Within
 from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
+from shrm_cli.extras import install
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, SAMPLINGS
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ _VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
 _SIZE = 128
 """Default width and height of a sphere's picture where maps are compared, pixels."""
-_NO_FLIP = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install 'shrm[flip]'"
+_NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
 _OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
 _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")

@@ -113,7 +113,7 @@ def lookdev(
     --exposure says it: a tenth of a white, diffuse ball in its light is brighter than 0.8 of
     white. Maps are made as `shrm prefilter` makes them, by default with --error 0.05; a pair that
     cannot be made says why in its cell, and the run ends with 1. Pages have a slider for each
-    column. GIF and APNG need Pillow (`pip install 'shrm[lookdev]'`), MP4 needs ffmpeg.
+    column. GIF and APNG need Pillow (`pip install pillow`), MP4 needs ffmpeg.
 
     \b
       shrm lookdev city.exr studio.exr --brdf ggx:f0=gold --brdf lambertian -o sheet.png

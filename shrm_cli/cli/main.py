@@ -12,7 +12,8 @@ from typing import Any
 
 import click
 
-from shrm_cli import __version__, settings
+import shrm_cli
+from shrm_cli import settings
 from shrm_cli.cli.terminal import echo_message, tell_nobody
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
@@ -83,8 +84,22 @@ class _LazyGroup(click.Group):
             formatter.write_dl(list(_COMMANDS.items()))
 
 
+def _tell_version(context: click.Context, parameter: click.Parameter, asked: bool) -> None:
+    """Print the version, which is read only now, and end."""
+    if asked and not context.resilient_parsing:
+        click.echo(f"shrm, version {shrm_cli.__version__}")
+        context.exit()
+
+
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="shrm")
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_tell_version,
+    help="Show the version and exit.",
+)
 @click.option("--debug", is_flag=True, help="Show tracebacks.")
 def cli(debug: bool) -> None:
     """Prefilter light probes for real materials, with a stated and kept error bound.

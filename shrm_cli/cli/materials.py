@@ -7,8 +7,9 @@ from typing import Any
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude
 from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.extras import install
 
-_NO_CHARTS = "matplotlib is not installed, so no chart is drawn; pip install 'shrm[plots]'"
+_NO_CHARTS = f"matplotlib is not installed, so no chart is drawn; {install('plots')}"
 
 
 def analyze_materials(

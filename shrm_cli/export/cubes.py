@@ -9,13 +9,14 @@ from shrm_cli.export.engine import Package
 from shrm_cli.export.ktx2 import can_compress, ktx2_cube
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.turning import to_lookup
+from shrm_cli.extras import install
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 
 Array = NDArray[np.floating]
 
 DIFFUSE_SIZE = 64
 """Texels along an edge of a cube of E / pi, which is smooth."""
-_LARGE = "not compressed, for want of the package zstandard: pip install 'shrm[export]'"
+_LARGE = f"not compressed, for want of the package zstandard: {install('export')}"
 
 
 def diffuse_cube(irradiance: Irradiance, size: int = DIFFUSE_SIZE) -> Array:

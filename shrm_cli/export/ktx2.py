@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from math import lcm
 
-from shrm_cli import __version__
+from shrm_cli import __release__
 from shrm_cli.export.pixels import TexelFormat
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
@@ -99,7 +99,7 @@ def ktx2_cube(levels: Sequence[bytes], size: int, texels: TexelFormat, compress:
     number, type_size, samples = _VULKAN[texels.name]
     stored = [_compressed(mip) for mip in levels] if compress else list(levels)
     descriptor = _descriptor(samples, texels.size)
-    pairs = _pair("KTXwriter", f"shrm {__version__}")
+    pairs = _pair("KTXwriter", f"shrm {__release__}")
     head = len(_IDENTIFIER) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
     header = struct.pack(
         "<9I", number, type_size, size, size, 0, 0, _FACES, len(levels), _ZSTD if compress else 0

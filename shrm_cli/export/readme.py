@@ -1,6 +1,6 @@
 """The README beside the files: what they are, how they lie, and the code that loads them."""
 
-from shrm_cli import __version__
+from shrm_cli import __release__
 from shrm_cli.export.engine import Engine, Light, Package
 
 _SUFFIX = "_README.md"
@@ -19,7 +19,7 @@ def readme(engine: Engine, light: Light, package: Package) -> str:
     files = ", ".join(f"`{file.name}`" for file in package.files)
     told = "; ".join(package.told) or "nothing was turned or scaled"
     lines = [
-        f"Light of {light.source} for {engine.title}, by shrm {__version__}. Linear RGB.",
+        f"Light of {light.source} for {engine.title}, by shrm {__release__}. Linear RGB.",
         f"Files: {files}.",
         f"What was done: {told}.",
         f"Load it in {engine.title}:",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import OutputError
+from shrm_cli.extras import install
 from shrm_cli.files.whole import replacing
 
 Image8 = NDArray[np.uint8]
@@ -100,7 +101,7 @@ def _pillow(path: str | os.PathLike[str]) -> Any:
         from PIL import Image
     except ImportError:
         raise OutputError(
-            f"{path}: made by Pillow, which is not installed; pip install 'shrm[lookdev]'"
+            f"{path}: made by Pillow, which is not installed; {install('lookdev')}"
         ) from None
     return Image
 

@@ -8,7 +8,7 @@ import base64
 import hashlib
 import html
 
-from shrm_cli import __version__
+from shrm_cli import __release__
 
 
 def digest(text: str) -> str:
@@ -62,7 +62,7 @@ def html_page(
             f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="referrer" content="no-referrer">',
-            f'<meta name="generator" content="shrm {html.escape(__version__)}">',
+            f'<meta name="generator" content="shrm {html.escape(__release__)}">',
             f"<title>{html.escape(title)}</title>",
             '<link rel="icon" href="data:,">',
             f"<style>{style}</style>",

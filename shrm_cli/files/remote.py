@@ -170,15 +170,19 @@ def _opened(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError as error:
+        from shrm_cli.extras import install
+
         raise RemoteError(
-            f"{shown(url)}: files elsewhere need the package fsspec; pip install 'shrm[remote]'"
+            f"{shown(url)}: files elsewhere need the package fsspec; {install('remote')}"
         ) from error
     try:
         system, path = url_to_fs(url)
     except ImportError as error:
+        from shrm_cli.extras import install_store
+
         raise RemoteError(
             f"{shown(url)}: {match[1]}:// needs a package that is not installed "
-            f"({_reason(error)}); pip install it"
+            f"({_reason(error)}); {install_store(match[1])}"
         ) from error
     system.invalidate_cache()
     return system, path

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MeshError, ShrmError
+from shrm_cli.extras import install
 from shrm_cli.files.inputs import note
 from shrm_cli.geometry.claims import MOST_BYTES, check_ply, check_stl
 from shrm_cli.geometry.gltf import read_gltf
@@ -154,9 +155,7 @@ def _parsed(name: str, prepared: _Prepared) -> dict[str, Any]:
     try:
         from trimesh.exchange.load import mesh_loaders
     except ImportError as error:
-        raise MeshError(
-            f"{name}: meshes need the package trimesh; pip install 'shrm[mesh]'"
-        ) from error
+        raise MeshError(f"{name}: meshes need the package trimesh; {install('mesh')}") from error
     skip = {"skip_materials": True} if prepared.kind == "glb" else {}
     with warnings.catch_warnings(), _silent():  # numpy's, of text that is no number
         warnings.simplefilter("ignore")

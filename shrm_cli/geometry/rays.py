@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MeshError
+from shrm_cli.extras import install
 from shrm_cli.geometry.mesh import Mesh
 
 Array = NDArray[np.floating]
@@ -38,7 +39,7 @@ class Rays:
             from embreex.rtcore_scene import EmbreeScene
         except ImportError as error:
             raise MeshError(
-                f"{mesh.name}: rays need the package embreex; pip install 'shrm[mesh]'"
+                f"{mesh.name}: rays need the package embreex; {install('mesh')}"
             ) from error
         self._mesh = mesh
         low, high = mesh.bounds

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli import __version__
+from shrm_cli import __release__
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import StoredPart, sound_primaries
@@ -76,7 +76,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     header: dict[str, Any] = {
         "shrm:representation": reflection_map.representation,
         "shrm:version": reflection_map.format_version,
-        "shrm:program": __version__,
+        "shrm:program": __release__,
         "shrm:sources": fingerprint(),
         "shrm:frame": reflection_map.frame,
         "shrm:center": reflection_map.center,

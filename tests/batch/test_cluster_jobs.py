@@ -11,7 +11,7 @@ import pytest
 from tests.batch.helpers import log_lines, statuses, write_probes
 from tests.cli.helpers import environment, process, snapshot
 
-pytest.importorskip("distributed", reason="pip install 'shrm[cluster]'")
+pytest.importorskip("distributed", reason="pip install distributed threadpoolctl")
 pytestmark = pytest.mark.slow
 
 COUNT = 60

@@ -11,7 +11,7 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.prefilter import prefilter
 from tests.batch.helpers import records_of, statuses, write_probes
 
-fsspec = pytest.importorskip("fsspec", reason="pip install 'shrm[remote]'")
+fsspec = pytest.importorskip("fsspec", reason="pip install fsspec")
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_maps_are_made_and_skipped_where_they_belong(store, tmp_path):
 @pytest.mark.parametrize("suffix", [".npz", ".parquet"])
 def test_a_collection_is_written_where_it_belongs(store, tmp_path, suffix):
     if suffix == ".parquet":
-        pytest.importorskip("pyarrow", reason="pip install 'shrm[parquet]'")
+        pytest.importorskip("pyarrow", reason="pip install pyarrow")
     system, url = store
     made = Collection.of([Result("a.exr", [], np.ones((4, 3)), "0" * 64)], "radiance", 1)
     check_collection(f"{url}/sets/light{suffix}")

@@ -31,9 +31,7 @@ KEYS = [
     "pictures", "files", "warnings",
 ]  # fmt: skip
 SMALL = ("--size", 16)
-NO_CHARTS = (
-    "Warning: matplotlib is not installed, so no charts are drawn; pip install 'shrm[plots]'\n"
-)
+NO_CHARTS = "Warning: matplotlib is not installed, so no charts are drawn; pip install matplotlib\n"
 
 
 @pytest.fixture

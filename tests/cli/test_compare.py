@@ -246,7 +246,7 @@ def test_flip_and_its_exposures(folder):
         assert row["hdr_flip"] > 0.01
 
 
-HINT = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install 'shrm[flip]'"
+HINT = "flip-evaluator is not installed, so HDR-FLIP is left out; pip install flip-evaluator"
 
 
 @pytest.mark.parametrize(("options", "hints"), [([], [HINT]), (["--no-flip"], [])])

@@ -85,7 +85,20 @@ def test_reporting_of_imports_works():
 
 def test_version():
     assert done("--version") == f"shrm, version {__version__}\n"
-    assert re.fullmatch(r"\d+\.\d+\.\d+", __version__)
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?(\+[a-z0-9.]+)?", __version__)
+
+
+def test_a_run_asks_nobody_for_the_version(tmp_path):
+    """It is looked up where it is printed, and metadata are left alone."""
+    code = f"""
+import atexit, shrm_cli, sys
+def tell():
+    print("__version__" in vars(shrm_cli), "importlib.metadata" in sys.modules)
+atexit.register(tell)
+{MAIN}"""
+    arguments = (ROOT / "probes" / "sky.exr", "--brdf", "phong", "-o", tmp_path / "a.exr")
+    assert process("prefilter", *arguments, "--quiet", code=code).out == "False False\n"
+    assert process("--version", code=code).out.endswith("\nTrue False\n")
 
 
 def test_without_arguments_it_helps():
