@@ -2,6 +2,7 @@
 
 from shrm_cli import __release__
 from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.quoting import code_span, markdown
 
 _SUFFIX = "_README.md"
 
@@ -16,10 +17,10 @@ def readme(engine: Engine, light: Light, package: Package) -> str:
 
     File names stand in it without folders, so that the same light makes the same text anywhere.
     """
-    files = ", ".join(f"`{file.name}`" for file in package.files)
+    files = ", ".join(code_span(file.name) for file in package.files)
     told = "; ".join(package.told) or "nothing was turned or scaled"
     lines = [
-        f"Light of {light.source} for {engine.title}, by shrm {__release__}. Linear RGB.",
+        f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
         f"Files: {files}.",
         f"What was done: {told}.",
         f"Load it in {engine.title}:",

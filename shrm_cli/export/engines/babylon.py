@@ -19,6 +19,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.export.babylon_env import LOD_SCALE, env_file
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.harmonics import babylon, in_axes
+from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.rgbd import RGBD, rgbd_pictures
 from shrm_cli.export.turning import mirrored, to_lookup
 from shrm_cli.vocabulary import MIN_ROUGHNESS
@@ -73,7 +74,7 @@ class Babylon(Engine):
         made.loading += [
             "scene.useRightHandedSystem = true;",
             "scene.environmentTexture =",
-            f'  BABYLON.CubeTexture.CreateFromPrefilteredData("{name}", scene);',
+            f"  BABYLON.CubeTexture.CreateFromPrefilteredData({string(uri(name))}, scene);",
         ]
         return made
 

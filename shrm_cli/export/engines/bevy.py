@@ -14,6 +14,7 @@ from typing import ClassVar
 from shrm_cli.export.cubes import diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.quoting import string
 from shrm_cli.export.turning import mirrored
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 from shrm_cli.vocabulary import LevelMapping
@@ -53,8 +54,8 @@ class Bevy(Engine):
         made.loading += [
             "// features: ktx2, zstd_rust",
             "commands.entity(camera).insert(EnvironmentMapLight {",
-            f'    diffuse_map: assets.load("{light.name}_diffuse.ktx2"),',
-            f'    specular_map: assets.load("{light.name}_specular.ktx2"),',
+            f"    diffuse_map: assets.load({string(f'{light.name}_diffuse.ktx2')}),",
+            f"    specular_map: assets.load({string(f'{light.name}_specular.ktx2')}),",
             "    intensity: 1000.0, ..default() });",
         ]
         return made

@@ -9,6 +9,7 @@ from shrm_cli.export.dds import dds_cube
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.pixels import FORMATS, encoded
+from shrm_cli.export.quoting import string
 from shrm_cli.export.turning import to_lookup
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 
@@ -49,7 +50,7 @@ class DirectX(Engine):
                 "levels: sample level r (K - 1) for the perceptual roughness r",
             ]
             made.loading += [
-                f'DirectX::CreateDDSTextureFromFile(device, L"{name}", nullptr, &view);',
+                f"DirectX::CreateDDSTextureFromFile(device, L{string(name)}, nullptr, &view);",
                 f"color = cube.SampleLevel(trilinear, R, roughness * {len(light.levels) - 1});",
             ]
         coefficients = light.nine()

@@ -18,6 +18,7 @@ from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.harmonics import filament
 from shrm_cli.export.ktx1 import ktx1_cube
 from shrm_cli.export.pixels import FORMATS, TexelFormat, encoded
+from shrm_cli.export.quoting import comment
 from shrm_cli.export.turning import to_lookup
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 from shrm_cli.vocabulary import LevelMapping
@@ -60,7 +61,7 @@ class Filament(Engine):
             made.add_bytes(name, _cube(made, name, light.levels, texels, metadata))
             made.told.append("cubes are for lookups at the world direction")
             made.loading += [
-                f"// {name} as bytes: KTX 1 holds levels and coefficients",
+                f"// {comment(name)} as bytes: KTX 1 holds levels and coefficients",
                 "auto* ktx = new image::Ktx1Bundle(bytes, size); filament::math::float3 sh[9];",
                 "ktx->getSphericalHarmonics(sh);",
                 "auto* ibl = IndirectLight::Builder().reflections(ktxreader::Ktx1Reader::"
@@ -69,7 +70,9 @@ class Filament(Engine):
         if light.skybox is not None:
             name = f"{light.name}_skybox.ktx"
             made.add_bytes(name, _cube(made, name, [light.skybox], texels, {}))
-            made.loading.append(f"// {name}: Skybox::Builder().environment(texture).build(*engine)")
+            made.loading.append(
+                f"// {comment(name)}: Skybox::Builder().environment(texture).build(*engine)"
+            )
         return made
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.harmonics import ext_lights_image_based, in_axes
+from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.rgbd import RGBD, rgbd_pictures
 from shrm_cli.export.turning import mirrored, to_lookup
 
@@ -53,9 +54,9 @@ class Gltf(Engine):
             found.append(clipped)
             levels.append(list(range(len(images), len(images) + len(pictures))))
             for face, picture in enumerate(pictures):
-                uri = f"{light.name}_{k}_{face}.png"
-                made.add_bytes(uri, picture)
-                images.append({"uri": uri})
+                picture_name = f"{light.name}_{k}_{face}.png"
+                made.add_bytes(picture_name, picture)
+                images.append({"uri": uri(picture_name)})
         made.tell_clipped(name, RGBD, found)
         described = {
             "name": light.name,
@@ -75,7 +76,7 @@ class Gltf(Engine):
         ]
         made.loading += [
             "scene.useRightHandedSystem = true;",
-            f'await BABYLON.AppendSceneAsync("{name}", scene);',
+            f"await BABYLON.AppendSceneAsync({string(uri(name))}, scene);",
             "scene.environmentTexture.gammaSpace = false; // which its loader forgets",
         ]
         return made

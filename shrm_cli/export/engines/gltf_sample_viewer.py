@@ -18,6 +18,7 @@ from shrm_cli.export.cubes import diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, OutputFile, Package, Wishes, halving
 from shrm_cli.export.latlong import add_radiance
 from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.turning import WORLD
 from shrm_cli.files.png import write_png
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
@@ -52,9 +53,8 @@ class GltfSampleViewer(Engine):
             name = f"{light.name}.hdr"
             add_radiance(made, name, light.latlong)
             made.told.append("the panorama is right at the viewer's default rotation of 90 degrees")
-            made.loading.append(
-                f'state.environment = await view.createResourceLoader().loadEnvironment("{name}");'
-            )
+            load = "view.createResourceLoader().loadEnvironment"
+            made.loading.append(f"state.environment = await {load}({string(uri(name))});")
         if light.levels:
             ktx2_file(made, f"{light.name}_ggx.ktx2", light.levels, texels, WORLD)
         if light.diffuse is not None:

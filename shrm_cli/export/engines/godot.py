@@ -10,6 +10,7 @@ Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl.
 
 from shrm_cli.export.engine import Engine, Light, Package, Wishes
 from shrm_cli.export.latlong import add_exr
+from shrm_cli.export.quoting import string
 
 
 class Godot(Engine):
@@ -30,7 +31,7 @@ class Godot(Engine):
             made.told.append("the panorama lies as Godot's do, +Z in the centre")
             made.loading += [
                 "var material := PanoramaSkyMaterial.new()",
-                f'material.panorama = load("res://{name}")',
+                f"material.panorama = load({string(f'res://{name}')})",
                 "environment.sky = Sky.new()",
                 "environment.sky.sky_material = material",
             ]

@@ -21,6 +21,7 @@ from shrm_cli.export.cubes import diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.turning import mirrored
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 
@@ -61,7 +62,7 @@ class Three(Engine):
             )
             made.loading += [
                 "// or, for diffuse light alone:",
-                f'scene.add(await loadLightProbe("{name}"));',
+                f"scene.add(await loadLightProbe({string(uri(name))}));",
             ]
         return made
 
@@ -78,7 +79,7 @@ class Three(Engine):
         ]
         made.loading += [
             f'import {{ loadEnvironment, loadLightProbe }} from "./{LOADER}";',
-            f'scene.environment = await loadEnvironment("{name}");',
+            f"scene.environment = await loadEnvironment({string(uri(name))});",
             "scene.background = scene.environment;",
         ]
 

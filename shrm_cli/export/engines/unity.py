@@ -12,6 +12,7 @@ from shrm_cli.export.coefficients import add_coefficients
 from shrm_cli.export.engine import Engine, Light, Package, Wishes
 from shrm_cli.export.harmonics import in_axes, unity
 from shrm_cli.export.latlong import add_exr
+from shrm_cli.export.quoting import comment
 from shrm_cli.export.turning import mirrored
 
 _AXES = mirrored(-1, 1, 1)
@@ -45,7 +46,8 @@ class Unity(Engine):
             add_coefficients(made, name, ready, meaning, "Unity: left-handed, Y up, x = -x")
             made.told.append("the nine coefficients are in Unity's axes and make E/pi")
             made.loading += [
-                f'var sh = new SphericalHarmonicsL2(); // from {name}: ["red"][i] and so on',
+                f'// red[i] and so on: ["red"][i] of {comment(name)}',
+                "var sh = new SphericalHarmonicsL2();",
                 "for (int i = 0; i < 9; i++) { sh[0, i] = red[i]; sh[1, i] = green[i]; "
                 "sh[2, i] = blue[i]; }",
                 "RenderSettings.ambientMode = AmbientMode.Custom;",

@@ -15,6 +15,7 @@ from shrm_cli.export.coefficients import add_coefficients
 from shrm_cli.export.engine import Engine, Light, Package, Wishes
 from shrm_cli.export.harmonics import in_axes, unreal
 from shrm_cli.export.latlong import add_exr, rolled
+from shrm_cli.export.quoting import comment
 
 _AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
 
@@ -38,7 +39,7 @@ class Unreal(Engine):
                 "lat-long is turned by 180 degrees for it"
             )
             made.loading += [
-                f"// drag {name} into the content browser: it becomes a Texture Cube",
+                f"// drag {comment(name)} into the content browser: it becomes a Texture Cube",
                 "// SkyLight: Source Type SLS Specified Cubemap, Cubemap: this one",
             ]
         nine = light.nine()
@@ -48,7 +49,7 @@ class Unreal(Engine):
             ready = unreal(in_axes(nine, _AXES))
             add_coefficients(made, name, ready, meaning, "Unreal: left-handed, Z up, (x, z, y)")
             made.told.append("the nine coefficients are of radiance, in Unreal's axes and basis")
-            made.loading.append(f"// {name}: FSHVectorRGB3 sh; sh.R.V[i] = red[i]; ...")
+            made.loading.append(f"// {comment(name)}: FSHVectorRGB3 sh; sh.R.V[i] = red[i]; ...")
         return made
 
 

@@ -1,0 +1,85 @@
+"""Probes of any name: what exports write of it is read again by parsers of the languages."""
+
+import json
+import re
+import shutil
+import subprocess
+from urllib.parse import unquote
+
+import pytest
+
+from shrm_cli.export.quoting import code_span, comment, markdown, string, uri
+from shrm_cli.vocabulary import ENGINES
+from tests.cli.helpers import noise, run, write_exr
+
+NAMES = (
+    "my probe", 'a"b', "a'b`c``d", "50% #1?x&y=z", "a\nb", "$(rm) ${x}", "</script>", "x -->",
+    "a*!b", "[x](y) *z* _w_ <b>", "ü 日本", "back\\slash", "a+b;c,d@e!",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*NAMES, "*/ x /*", "// \u2028"])
+def test_every_form_stands_for_the_name(name):
+    assert json.loads(string(name)) == name
+    assert unquote(uri(name)) == name
+    assert re.fullmatch(r"[A-Za-z0-9._~%-]*", uri(name))
+    said = comment(name)
+    assert "\n" not in said
+    assert "\u2028" not in said
+    assert "*/" not in said
+    assert "/*" not in said
+    fence = re.match("`+", code_span(name))[0]
+    inside = code_span(name)[len(fence) : -len(fence)]
+    assert fence not in re.findall("`+", inside)
+    assert inside.strip() == name.replace("\n", "?").replace("\u2028", "?").strip()
+    shown = re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", markdown(name))
+    assert shown == name.replace("\n", "?").replace("\u2028", "?")
+
+
+def exported(tmp_path, monkeypatch, name, engine):
+    """The folder of an export of a probe of some name, and the file names below it."""
+    monkeypatch.chdir(tmp_path)
+    write_exr(tmp_path / f"{name}.exr", noise(8, 16))
+    found = run("export", f"{name}.exr", "--for", engine, "--size", "16", "-o", "out")
+    assert found.code == 0, found.err
+    return {path.name: path for path in (tmp_path / "out").iterdir()}
+
+
+def strings(code):
+    """The strings of lines of code, as they are read."""
+    code = "\n".join(line for line in code.splitlines() if not line.strip().startswith("//"))
+    found = re.findall(r'"(?:[^"\\]|\\.)*"', code)
+    return [json.loads(text) for text in found if text != '""']
+
+
+@pytest.mark.parametrize("name", ["my probe", 'a"b`c', "50% #1?x&y", "a\nb"])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_files_are_named_so_that_they_are_found(tmp_path, monkeypatch, engine, name):
+    files = exported(tmp_path, monkeypatch, name, engine)
+    (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))
+    text = readme.read_text()
+    assert text.count("\n") == len(text.splitlines())
+    head, _, code = text.partition("\n\n")
+    assert len(head.splitlines()) == 4  # no name breaks a line
+    for line in code.splitlines():
+        assert line.startswith("    "), line
+    wanted = [each for each in strings(code) if each.rpartition(".")[2] in
+              ("ktx2", "ktx", "env", "dds", "exr", "hdr", "gltf", "json", "js")]  # fmt: skip
+    for each in wanted:
+        bare = each.removeprefix("./").removeprefix("res://")
+        assert bare in files or unquote(bare) in files, each
+    for path in files.values():
+        if path.suffix == ".gltf":
+            tree = json.loads(path.read_text())
+            assert all(unquote(image["uri"]) in files for image in tree["images"])
+            assert all(re.fullmatch(r"[A-Za-z0-9._~%-]+", image["uri"]) for image in tree["images"])
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node parses the lines of JavaScript")
+@pytest.mark.parametrize("engine", ["three", "babylon", "gltf"])
+def test_lines_of_javascript_are_javascript(tmp_path, monkeypatch, engine):
+    files = exported(tmp_path, monkeypatch, 'a"b`c ${x}', engine)
+    (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))
+    code = readme.read_text().partition("\n\n")[2]
+    (tmp_path / "code.mjs").write_text(code)
+    subprocess.run(["node", "--check", str(tmp_path / "code.mjs")], check=True)
