@@ -43,7 +43,7 @@ MOST_BYTES = 256 * 2**20
 
 _SUFFIX = ".coefficients"
 _MAGIC = b"shrm coefficients 1\n"
-_SLOW = 0.02  # seconds; what takes less to compute is not worth a file
+_SLOW = 0.004  # seconds; what takes less to compute is not worth a file
 _MOST_HEADER = 2**16
 _DOUBLE = 8  # bytes
 _DIGEST = hashlib.sha256().digest_size
