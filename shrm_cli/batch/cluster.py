@@ -5,8 +5,8 @@ such as ``tcp://host:8786``, leads to a cluster that runs already, and ``local``
 machine. Both are used through the executor of the standard library that dask offers.
 
 Dask runs whatever anybody sends to its ports, and every user of a machine reaches those of its
-loopback address. So what is started here talks in TLS, by a certificate that is made for it, kept in
-memory and asked of everybody who connects, and nothing but that listens.
+loopback address. So what is started here talks in TLS, by a certificate that is made for it, kept
+in memory and asked of everybody who connects, and nothing but that listens.
 """
 
 import contextlib
@@ -21,6 +21,7 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any, TypeVar
 
 from shrm_cli import __version__
+from shrm_cli.addresses import shown_reason
 from shrm_cli.errors import ClusterError
 from shrm_cli.extras import install
 
@@ -165,7 +166,9 @@ def _started(jobs: int | None) -> Iterator[Any]:
 
     # Schedulers and workers serve pages of their state without a dashboard, too: none are left of
     # these, and the servers are stopped as soon as they are there.
-    with dask.config.set({f"distributed.{each}.http.routes": [] for each in ("scheduler", "worker")}):
+    with dask.config.set(
+        {f"distributed.{each}.http.routes": [] for each in ("scheduler", "worker")}
+    ):
         cluster = LocalCluster(
             n_workers=jobs or os.cpu_count() or 1,
             threads_per_worker=1,
@@ -190,7 +193,7 @@ def _certificate() -> Any:
     except ImportError as error:
         raise ClusterError(
             f"scheduler {LOCAL}: its certificates need the package cryptography; "
-            "pip install 'shrm[cluster]'"
+            f"{install('cluster')}"
         ) from error
 
 
@@ -295,4 +298,4 @@ def _quiet() -> Iterator[None]:
 
 
 def _line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    return shown_reason(" ".join(str(error).split())) or type(error).__name__

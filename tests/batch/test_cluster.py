@@ -139,6 +139,16 @@ def listening(process):
     }
 
 
+def answered(place, context):
+    """Return what a server answers to something that is told to it in TLS."""
+    with (
+        socket.create_connection(tuple(place), timeout=10) as plain,
+        context.wrap_socket(plain) as secret,
+    ):
+        secret.sendall(b"x" * 64)
+        return secret.recv(10)
+
+
 @pytest.mark.slow
 def test_nobody_without_the_certificate_reaches_a_local_cluster(two):
     """Every port, of the scheduler, of the workers and of what watches them."""
@@ -173,13 +183,8 @@ def test_nobody_without_the_certificate_reaches_a_local_cluster(two):
             plain.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
             with contextlib.suppress(ConnectionResetError):
                 assert b"HTTP" not in plain.recv(100)
-        with (
-            socket.create_connection(tuple(place), timeout=10) as plain,
-            pytest.raises((ssl.SSLError, ConnectionResetError)),
-            context.wrap_socket(plain) as secret,
-        ):
-            secret.sendall(b"x" * 64)
-            secret.recv(10)
+        with pytest.raises((ssl.SSLError, ConnectionResetError)):
+            answered(place, context)
 
 
 def test_a_missing_package_for_certificates_is_named(monkeypatch):
@@ -253,7 +258,7 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(ClusterError, match="pip install distributed threadpoolctl"),
+        pytest.raises(ClusterError, match="pip install distributed threadpoolctl cryptography"),
         cluster_executor("local"),
     ):
         pass

@@ -153,7 +153,14 @@ def test_it_serves_this_machine_alone_until_it_is_interrupted(folder):
         with urllib.request.urlopen(f"{url}0.bin") as answer:
             assert len(answer.read()) > 100
         stranger = urllib.request.Request(url, headers={"Host": "evil.example:80"})
-        without = [root, f"{root}0.bin", f"{root}x/", f"{root}{'A' * 32}/", url[:-1], url[:-2] + "/"]
+        without = [
+            root,
+            f"{root}0.bin",
+            f"{root}x/",
+            f"{root}{'A' * 32}/",
+            url[:-1],
+            url[:-2] + "/",
+        ]
         for refused in (stranger, f"{url}../glossy.exr", f"{url}99.bin", *without):
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 urllib.request.urlopen(refused)
