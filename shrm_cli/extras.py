@@ -11,7 +11,7 @@ EXTRAS = {
     "flip": ("flip-evaluator",),
     "lookdev": ("pillow",),
     "mesh": ("trimesh", "embreex"),
-    "cluster": ("distributed", "threadpoolctl"),
+    "cluster": ("distributed", "threadpoolctl", "cryptography"),
     "parquet": ("pyarrow",),
     "remote": ("fsspec",),
     "export": ("zstandard",),

@@ -120,6 +120,9 @@ MAX_LEVELS = 64
 MAX_TRANSFER_ORDER = 8
 """The largest order of precomputed transfer, whose matrices have (order + 1)^4 numbers a vertex."""
 
+MAX_TERMS = 16
+"""The most terms of a sum of BRDFs, and the most factors before one. Each term takes as long as a
+BRDF of its own, and fits of measured materials have ten or fewer."""
 MAX_COLLECTED_ORDER = 64
 """The largest degree of the coefficients that a batch gathers of its probes, 4225 of each."""
 

@@ -3,6 +3,10 @@
 The packages of the extra `cluster` are imported when a cluster is asked for. A scheduler's address,
 such as ``tcp://host:8786``, leads to a cluster that runs already, and ``local`` starts one on this
 machine. Both are used through the executor of the standard library that dask offers.
+
+Dask runs whatever anybody sends to its ports, and every user of a machine reaches those of its
+loopback address. So what is started here talks in TLS, by a certificate that is made for it, kept
+in memory and asked of everybody who connects, and nothing but that listens.
 """
 
 import contextlib
@@ -17,6 +21,7 @@ from concurrent.futures import CancelledError, Executor, Future
 from typing import Any, TypeVar
 
 from shrm_cli import __version__
+from shrm_cli.addresses import shown_reason
 from shrm_cli.errors import ClusterError
 from shrm_cli.extras import install
 
@@ -149,20 +154,54 @@ def limit_worker_threads() -> None:
 
 @contextlib.contextmanager
 def _started(jobs: int | None) -> Iterator[Any]:
-    """Start a cluster on this machine, reached by nobody else, and end it after the block."""
+    """Start a cluster on this machine, reached by nobody else, and end it after the block.
+
+    Raises
+    ------
+    ClusterError
+        If the package that makes certificates is missing.
+    """
+    import dask
     from distributed import LocalCluster
 
-    cluster = LocalCluster(
-        n_workers=jobs or os.cpu_count() or 1,
-        threads_per_worker=1,
-        processes=True,
-        host="127.0.0.1",
-        dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-        memory_limit=None,  # dask would kill workers by what it guesses of their memory
-    )
-    with cluster:
-        yield cluster
+    # Schedulers and workers serve pages of their state without a dashboard, too: none are left of
+    # these, and the servers are stopped as soon as they are there.
+    with dask.config.set(
+        {f"distributed.{each}.http.routes": [] for each in ("scheduler", "worker")}
+    ):
+        cluster = LocalCluster(
+            n_workers=jobs or os.cpu_count() or 1,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            security=_certificate(),
+            silence_logs=logging.CRITICAL,
+            memory_limit=None,  # dask would kill workers by what it guesses of their memory
+        )
+        with cluster:
+            _stop_pages(cluster.scheduler)
+            yield cluster
+
+
+def _certificate() -> Any:
+    """Return a key and a certificate that were made now, which both sides of a talk must have."""
+    from distributed.security import Security
+
+    try:
+        return Security.temporary()
+    except ImportError as error:
+        raise ClusterError(
+            f"scheduler {LOCAL}: its certificates need the package cryptography; "
+            f"{install('cluster')}"
+        ) from error
+
+
+def _stop_pages(server: Any) -> None:
+    """Stop the web server of a scheduler or a worker."""
+    pages = getattr(server, "http_server", None)
+    if pages is not None:
+        pages.stop()
 
 
 def _prepare(client: Any, scheduler: str) -> None:
@@ -181,7 +220,7 @@ def _prepare(client: Any, scheduler: str) -> None:
         ) from error
     _check_versions(client, scheduler)
     try:
-        client.register_plugin(_plugin(ignores_interrupts=scheduler == LOCAL), name="shrm-threads")
+        client.register_plugin(_plugin(is_ours=scheduler == LOCAL), name="shrm-threads")
     except Exception as error:  # whatever a worker raises comes back as it is
         raise ClusterError(
             f"scheduler {scheduler}: a worker cannot limit its threads ({_line(error)}); "
@@ -189,19 +228,20 @@ def _prepare(client: Any, scheduler: str) -> None:
         ) from error
 
 
-def _plugin(ignores_interrupts: bool) -> Any:
+def _plugin(is_ours: bool) -> Any:
     """Return what every worker does when it joins.
 
     Ctrl-C on a terminal reaches the workers of a local cluster too. They ignore it, because it is
-    for the process that started them, which ends them.
+    for the process that started them, which ends them. Their web servers are stopped.
     """
     from distributed import WorkerPlugin
 
     class OneThread(WorkerPlugin):  # type: ignore[misc]
         def setup(self, worker: Any) -> None:
             limit_worker_threads()
-            if ignores_interrupts:
+            if is_ours:
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
+                _stop_pages(worker)
 
     return OneThread()
 
@@ -258,4 +298,4 @@ def _quiet() -> Iterator[None]:
 
 
 def _line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    return shown_reason(" ".join(str(error).split())) or type(error).__name__

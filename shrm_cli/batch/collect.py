@@ -167,9 +167,9 @@ def check_collection(path: str | os.PathLike[str]) -> None:
     RemoteError
         If it is a URL whose store cannot be reached.
     """
-    shown = _printable(path)
+    said = _printable(path)
     if Path(path).suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{shown}: collections are .npz or .parquet; name it so")
+        raise OutputError(f"{said}: collections are .npz or .parquet; name it so")
     if addresses.is_remote(path):
         remote.exists(os.fspath(path))
     else:
@@ -194,8 +194,8 @@ def write_collection(path: str | os.PathLike[str], collection: Collection) -> No
     """
     check_collection(path)
     if not collection.names:
-        shown = _printable(path)
-        raise OutputError(f"{shown}: no probe has coefficients, so that nothing is written")
+        said = _printable(path)
+        raise OutputError(f"{said}: no probe has coefficients, so that nothing is written")
     with remote.written(path) as target:
         _write(target, collection, json.dumps(collection.settings()))
 
@@ -258,8 +258,7 @@ def _shape(order: int) -> tuple[int, int]:
 
 def _printable(name: str | os.PathLike[str]) -> str:
     """Return a name that every reader takes: bytes that are no text as escapes, no passwords."""
-    text = os.fspath(name).encode("utf-8", "backslashreplace").decode()
-    return addresses.shown(text) if addresses.is_remote(text) else text
+    return addresses.shown(os.fspath(name).encode("utf-8", "backslashreplace").decode())
 
 
 def _parquet(path: str | os.PathLike[str]) -> tuple[Any, Any]:

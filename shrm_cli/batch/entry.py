@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
-from urllib.parse import unquote
 
 from shrm_cli.addresses import is_remote, shown
 from shrm_cli.batch.job import Job, Recipe
@@ -18,7 +17,7 @@ from shrm_cli.files.origin import is_output
 from shrm_cli.files.remote import matching
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
-from shrm_cli.naming import brdf_label, probe_stem
+from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.prefilter import check_arguments, checked_options
 from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
 
@@ -27,8 +26,6 @@ FIELDS = ("probe", "folder", "brdf", "to")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
-_ASTRAY = re.compile(r"^[A-Za-z]:|\\|[\x00-\x1f\x7f]")
-"""What leads elsewhere on some system: drives and backslashes on Windows, control characters."""
 
 
 @dataclass(frozen=True)
@@ -185,21 +182,14 @@ def _check_field(value: str, name: str, probe: str) -> None:
     Raises
     ------
     ProbeError
-        If a part of the value is ``..``, names a drive or a root, or holds a backslash or a
-        control character, also where it is percent-encoded.
+        As `unsound` tells.
     """
-    for text in (value, unquote(value)):
-        parts = text.split("/")
-        if name != "folder" and len(parts) > 1:
-            break
-        if ".." in parts or text.startswith("/") or _ASTRAY.search(text):
-            break
-    else:
-        return
-    raise ProbeError(
-        f"{shown(probe)}: {{{name}}} would be {value!r}, which may lead out of the folder of the "
-        "outputs; leave that probe out, or name it another way"
-    )
+    why = unsound(value)
+    if why:
+        raise ProbeError(
+            f"{shown(probe)}: {{{name}}} would be {value!r:.100}, which may lead out of the folder "
+            f"of the outputs ({why}); leave that probe out, or name it another way"
+        )
 
 
 def found_probes(
@@ -237,6 +227,8 @@ def found_probes(
         names = matching(pattern) if is_remote(pattern) else _files(pattern)
         if not names:
             raise ProbeError(f"{shown(pattern)}: matches no file; quote and correct the pattern")
+        for name in names:
+            _check_listed(name, _below(name, pattern), pattern)
         probes, made = without_outputs(names)
         if not probes:
             raise ProbeError(
@@ -249,6 +241,16 @@ def found_probes(
     if left_out is not None:
         left_out += [name for name in outputs if name not in found]
     return list(found.items())
+
+
+def _check_listed(name: str, folder: str, pattern: str) -> None:
+    """Refuse names that a server or a store should not list, whatever is made of them."""
+    why = is_remote(pattern) and unsound("/".join(filter(None, (folder, PurePath(name).name))))
+    if why:
+        raise ProbeError(
+            f"{shown(pattern)}: the listing has {shown(name)!r:.200} ({why}); do not trust it, or "
+            "name its files one by one"
+        )
 
 
 def _files(pattern: str) -> list[str]:

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import IO, Any
 
 from shrm_cli import __version__
-from shrm_cli.addresses import without_secrets
+from shrm_cli.addresses import shown_values
 from shrm_cli.batch.work import NOT_THERE, Record, Result
 from shrm_cli.errors import OutputError
 
@@ -96,7 +96,7 @@ class Log:
     def write(self, record: Record) -> None:
         """Append a record with the time; whoever reads the file finds whole lines."""
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        self._stream.write(without_secrets(json.dumps({"time": now, **record})) + "\n")
+        self._stream.write(json.dumps(shown_values({"time": now, **record})) + "\n")
         self._stream.flush()
 
 

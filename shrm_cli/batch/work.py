@@ -168,7 +168,7 @@ def _gathered(chunk: Chunk, probe: Probe, terms: Terms, records: list[Record]) -
     try:
         found = lighting_of(probe, wanted.order, wanted.what, wanted.window)
     except ShrmError as error:
-        return Result(chunk.probe, records, error=str(error))
+        return Result(chunk.probe, records, error=error_line(error))
     return Result(chunk.probe, records, found, probe.digest())
 
 
@@ -270,7 +270,11 @@ def _named(job: Job, seconds: float) -> Record:
 
 
 def error_line(error: BaseException) -> str:
-    """Return an error as one line."""
+    """Return an error as one line, in which no URL lets anybody in."""
+    return addresses.shown(_line(error))
+
+
+def _line(error: BaseException) -> str:
     if isinstance(error, ShrmError):
         return str(error)
     if isinstance(error, MemoryError):
@@ -284,12 +288,12 @@ def _told_of(name: str, path: str, result: Result) -> Result:
     """Return a result in which the path of a copy is the name of what was copied."""
     if path == name:
         return result
-    shown = addresses.shown(name)
+    said = addresses.shown(name)
     records = [
         {
-            key: value.replace(path, shown) if key in ("error", "why") else value
+            key: value.replace(path, said) if key in ("error", "why") else value
             for key, value in record.items()
         }
         for record in result.records
     ]
-    return replace(result, records=records, error=result.error.replace(path, shown))
+    return replace(result, records=records, error=result.error.replace(path, said))

@@ -12,6 +12,7 @@ of a choice.
 """
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
     spec : str
     run_code : bool
         Whether it may name a Python file, which is run. It must not where the specification
-        comes out of a file rather than from the user.
+        comes out of a manifest; what a map records is read by `parse_recorded`.
     primaries : sequence of 8 float, optional
         The probe's chromaticities, which the colors of metals are converted to. They are those of
         Rec.709 by default.
@@ -58,11 +59,7 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         return open_measured(Path(spec))
     term = _python_term(spec)
     if term is None:
-        name, colon, rest = spec.strip().partition(":")
-        model = find_model(name)
-        values = _values(spec, rest) if colon else {}
-        values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
-        return model(**values) if is_built_in(model) else make_checked(model, values, name)
+        return _of_model(spec, primaries)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
     from shrm_cli.brdf.python_file import load_model
@@ -75,6 +72,42 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         )
     values = {} if term.values is None else _values(spec, term.values)
     return make_checked(model, values, f"{term.path}: {term.name}")
+
+
+def parse_recorded(
+    spec: str, open_file: Callable[[str], Brdf | None], primaries: Primaries | None = None
+) -> Brdf:
+    """The BRDF of a specification that a file records, which may come from anywhere.
+
+    No part of it is taken for a path, and none for code: terms are names of models, or whatever
+    the caller knows to be files.
+
+    Parameters
+    ----------
+    spec : str
+    open_file : callable
+        Returns the measured BRDF that a term stands for, or None where it is the name of a model.
+    primaries : sequence of 8 float, optional
+        As of `parse_spec`.
+
+    Raises
+    ------
+    BrdfError
+        As of `parse_spec`.
+    """
+    if is_sum(spec):
+        return parse_sum(spec, lambda term: parse_recorded(term, open_file, primaries))
+    found = open_file(spec.strip())
+    return _of_model(spec, primaries) if found is None else found
+
+
+def _of_model(spec: str, primaries: Primaries | None) -> Brdf:
+    """The BRDF of a model that has a name, and of the values after it."""
+    name, colon, rest = spec.strip().partition(":")
+    model = find_model(name)
+    values = _values(spec, rest) if colon else {}
+    values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
+    return model(**values) if is_built_in(model) else make_checked(model, values, name)
 
 
 def names_file(spec: str) -> bool:

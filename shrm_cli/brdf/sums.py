@@ -9,6 +9,7 @@ import numpy as np
 from shrm_cli.brdf.base import Array, Brdf, Value, value_text
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
+from shrm_cli.vocabulary import MAX_TERMS
 
 # Directions at which the least value of a BRDF is looked for. They end at 95 % of the way to the
 # horizon, where measured data end and models reach their limits.
@@ -185,6 +186,7 @@ def diffuse_albedo(brdf: Brdf) -> Array:
 
 _PLUS = re.compile(r"(?<![0-9.][eE])\+")  # a plus that is no sign of an exponent, as in 1e+5
 _WEIGHT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*\*")
+_TOO_MANY_WEIGHTS = re.compile(rf"(?:\s*[0-9.]+(?:[eE][-+]?[0-9]+)?\s*\*){{{MAX_TERMS + 1}}}")
 
 
 def is_sum(spec: str) -> bool:
@@ -209,10 +211,16 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
     Raises
     ------
     BrdfError
-        If a term is empty or has no sound weight, or cannot be parsed or added.
+        If there are too many terms, or one is empty or has no sound weight, or cannot be parsed or
+        added.
     """
     terms = []
-    for part in _PLUS.split(spec):
+    parts = _PLUS.split(spec)
+    if len(parts) > MAX_TERMS:
+        raise BrdfError(f"{spec!r:.60}: a sum of {len(parts):,} terms; give {MAX_TERMS} at most")
+    for part in parts:
+        if _TOO_MANY_WEIGHTS.match(part):
+            raise BrdfError(f"{part!r:.60}: too many factors; multiply them into one")
         if not _WEIGHT.sub("", part, count=1).strip():
             raise BrdfError(f"{spec!r}: a term is empty; '+' stands between terms")
         match = _WEIGHT.match(part)

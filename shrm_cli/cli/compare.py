@@ -61,7 +61,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     type=Spec(),
     metavar="SPEC",
     help="BRDF of the truth.  [default: the one of all maps; measured files are looked for beside "
-    "the maps and in the working folder]",
+    "the maps]",
 )
 @click.option(
     "--representations", is_flag=True,

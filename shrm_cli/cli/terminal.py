@@ -18,7 +18,7 @@ from typing import Any
 
 import click
 
-from shrm_cli.addresses import without_secrets
+from shrm_cli.addresses import shown
 
 _MOST_WORD = 400
 """The most characters of a word in an error or a warning; paths and arguments are such words."""
@@ -56,12 +56,12 @@ def echo(text: str, err: bool = False) -> None:
     OSError
         If there is no stdout.
     """
-    _write(_shortened(escaped(without_secrets(text)), _MOST_RESULT), err)
+    _write(_shortened(escaped(shown(text)), _MOST_RESULT), err)
 
 
 def echo_message(text: str) -> None:
     """Print an error or a warning to stderr, as one line of limited length."""
-    line = _shortened(escaped(without_secrets(" ".join(text.split()))), _MOST_WORD)
+    line = _shortened(escaped(shown(" ".join(text.split()))), _MOST_WORD)
     _write(_cut(line, _MOST_MESSAGE), err=True)
 
 
@@ -71,7 +71,6 @@ def echo_json(value: Any) -> None:
     JSON has no infinity and no NaN, which become null.
     """
     text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
-    text = without_secrets(text)
     _write(_SUSPECT.sub(lambda found: _json_escape(found[0]), text), err=False)
 
 
@@ -109,6 +108,8 @@ def _finite(value: Any) -> Any:
         return {key: _finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(each) for each in value]
+    if isinstance(value, str):
+        return shown(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -10,13 +10,12 @@ a block at a time, and what is written is made on disk, whole, before it is uplo
 
 import contextlib
 import os
-import re
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
-from shrm_cli.addresses import SCHEME, is_remote, shown
+from shrm_cli.addresses import SCHEME, is_remote, shown, shown_reason, without_query
 from shrm_cli.errors import RemoteError
 from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.files.whole import check_target
@@ -91,7 +90,7 @@ def fetched(
     with scratch_folder(folder) as own:
         with _errors(url):
             system, path = _opened(url)
-            copy = own / _name_of(url, path)
+            copy = own / _name_of(url)
             _download(system, path, copy, shown(url), most_bytes)
         yield copy
 
@@ -118,7 +117,7 @@ def written(output: str | os.PathLike[str]) -> Iterator[Path]:
         return
     url = os.fspath(output)
     with scratch_folder() as own:
-        local = own / PurePosixPath(url).name
+        local = own / _name_of(url)
         yield local
         publish(local, url)
 
@@ -242,11 +241,12 @@ def _url_of(pattern: str, path: str, name: str, system: Any) -> str:
     return str(system.unstrip_protocol(name))
 
 
-def _name_of(url: str, path: str) -> str:
+def _name_of(url: str) -> str:
     """Return a name for a file's copy on disk: the last part of its path, without any query."""
+    path = without_query(url)
     if url.lower().startswith(("http://", "https://")):
-        path = unquote(re.split("[?#]", path)[0])
-    name = PurePosixPath(path.replace("\0", "")).name[-_MOST_NAME:]
+        path = unquote(path)
+    name = PurePath(path.replace("\0", "")).name[-_MOST_NAME:]  # on Windows `\` divides, too
     return name if name not in ("", "..") else "file"
 
 
@@ -274,4 +274,4 @@ def _errors(url: str) -> Iterator[None]:
 def _reason(error: BaseException) -> str:
     """Return what an exception says as one line that holds no password."""
     text = " ".join(str(error).split()) or type(error).__name__
-    return shown(text.rstrip("."))
+    return shown_reason(text.rstrip("."))

@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.brdf.base import Brdf, value_text
-from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.spec import parse_recorded
 from shrm_cli.errors import BrdfError
+from shrm_cli.files.json_text import parse_json
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.orders import Orders
 from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import MAX_TERMS
 
 
 def record_of(brdf: Brdf) -> dict[str, Any]:
@@ -38,7 +40,7 @@ def provenance(probe: Probe, brdf: Brdf, orders: Orders) -> MapInfo:
 
 
 def spec_of(record: Mapping[str, Any]) -> str:
-    """Return the specification of a BRDF that a map records, as `parse_spec` reads it.
+    """Return the specification of a BRDF that a map records, as `parse_recorded` reads it.
 
     Files can hold anything, so the result is ``unknown`` for a record without a name and
     parameters.
@@ -64,7 +66,8 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
     """Return the BRDF that all maps were made for.
 
     Maps record a measured file by its name without the folder, and by the digest of its bytes. It
-    is looked for in the folders of the maps, and in the working folder.
+    is looked for in the folders of the maps, and nowhere else: what a map says leads to no other
+    file, and runs no code.
 
     Parameters
     ----------
@@ -85,21 +88,52 @@ def common_brdf(infos: Mapping[str, MapInfo], advice: str = "give `brdf`") -> Br
                 f"{other}: its BRDF is {spec_of(info.brdf)}, but that of {path} is "
                 f"{spec_of(first.brdf)}; {advice}"
             )
-    measured = _measured_file(first.brdf)
+    measured = _measured_file(first.brdf.get("parameters"))
     if measured is not None:
-        return _found_again(path, measured, [*infos, ""], advice)
+        return _found_again(path, measured, list(infos), advice)
+    files = _files_of_terms(first.brdf)
+
+    def opened(term: str) -> Brdf | None:
+        return _found_again(path, files[term], list(infos), advice) if term in files else None
+
     try:
-        # The text comes from a file, which must not be able to run code.
-        return parse_spec(spec_of(first.brdf), run_code=False, primaries=first.chromaticities)
+        return parse_recorded(spec_of(first.brdf), opened, first.chromaticities)
+    except _Missing:
+        raise
     except BrdfError as error:
         raise BrdfError(
             f"{path}: its BRDF, {spec_of(first.brdf)}, cannot be evaluated; {advice}"
         ) from error
 
 
-def _measured_file(record: Mapping[str, Any]) -> dict[str, str] | None:
-    """Return the name and the digest of the measured file that a record names, if it does."""
-    values = record.get("parameters")
+class _Missing(BrdfError):
+    """A measured file is not where it is looked for."""
+
+
+def _files_of_terms(record: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return the names and the digests of the measured files of a recorded sum, by their names."""
+    found: dict[str, dict[str, str]] = {}
+    waiting: list[Any] = [record.get("parameters")] if record.get("name") == "sum" else []
+    for values in waiting:  # which grows: a term with a factor before it has a record of its own
+        text = values.get("terms") if isinstance(values, dict) else None
+        terms = _parsed(text) if isinstance(text, str) else None
+        if isinstance(terms, list) and len(waiting) + len(terms) <= MAX_TERMS**2:
+            waiting += terms
+        measured = _measured_file(values)
+        if measured is not None:
+            found[measured["file"]] = measured
+    return found
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return parse_json(text)
+    except ValueError:
+        return None
+
+
+def _measured_file(values: object) -> dict[str, str] | None:
+    """Return the name and the digest of the measured file that parameters name, if they do."""
     if not isinstance(values, dict) or set(values) != {"file", "sha256"}:
         return None
     name = values["file"]
@@ -124,9 +158,9 @@ def _found_again(
     why = (
         f"{there[0]} is another measurement than its BRDF's"
         if there
-        else f"its BRDF was measured, and {name} lies neither beside it nor in the working folder"
+        else f"its BRDF was measured, and {name} does not lie beside it"
     )
-    raise BrdfError(f"{path}: {why}; put the file there, or {advice}")
+    raise _Missing(f"{path}: {why}; put the file there, or {advice}")
 
 
 def differing_origins(

@@ -1,10 +1,12 @@
 """A page on this machine alone, for maps that are too large for a file.
 
 The server answers on the loopback address, on a port that was free, and sends the page and its
-blocks to whoever asks it by that address. Names that other sites lead here are refused, so that
+blocks to whoever asks it by that address. Other users of the machine reach the port too, so all
+paths begin with a word that nobody can guess. Names that other sites lead here are refused, so that
 they cannot read the maps through a browser.
 """
 
+import secrets
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -13,6 +15,8 @@ from shrm_cli.view.page import page
 from shrm_cli.view.scene import Scene
 
 _ADDRESS = "127.0.0.1"
+_TOKEN_BYTES = 24
+"""Bytes of chance in the address."""
 
 
 class PageServer(ThreadingHTTPServer):
@@ -25,23 +29,25 @@ class PageServer(ThreadingHTTPServer):
     Attributes
     ----------
     url : str
-        Where the page is.
+        Where the page is; whoever knows it may read the maps.
     """
 
     daemon_threads = True
 
     def __init__(self, scene: Scene) -> None:
-        super().__init__((_ADDRESS, 0), _handler(_files(scene), lambda: self.server_address[1]))
+        self._start = f"/{secrets.token_urlsafe(_TOKEN_BYTES)}/"
+        files = _files(scene, self._start)
+        super().__init__((_ADDRESS, 0), _handler(files, lambda: self.server_address[1]))
 
     @property
     def url(self) -> str:
-        return f"http://{_ADDRESS}:{self.server_address[1]}/"
+        return f"http://{_ADDRESS}:{self.server_address[1]}{self._start}"
 
 
-def _files(scene: Scene) -> dict[str, tuple[str, bytes]]:
+def _files(scene: Scene, start: str) -> dict[str, tuple[str, bytes]]:
     """Return the types and the bytes of everything that is sent, by path."""
-    urls = [f"/{k}.bin" for k in range(len(scene.blocks.parts))]
-    files = {"/": ("text/html; charset=utf-8", page(scene, urls).encode("utf-8"))}
+    urls = [f"{start}{k}.bin" for k in range(len(scene.blocks.parts))]
+    files = {start: ("text/html; charset=utf-8", page(scene, urls).encode("utf-8"))}
     for url, part in zip(urls, scene.blocks.parts, strict=True):
         files[url] = ("application/octet-stream", part)
     return files
@@ -71,6 +77,7 @@ def _handler(
             self.send_header("Cache-Control", "no-store")
             self.send_header("X-Content-Type-Options", "nosniff")
             self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+            self.send_header("Referrer-Policy", "no-referrer")  # the address lets one in
             self.end_headers()
             if with_body:
                 self.wfile.write(body)

@@ -1,10 +1,13 @@
 """A cluster of two workers on this machine, as dask starts it."""
 
+import asyncio
 import contextlib
 import json
 import operator
 import os
 import signal
+import socket
+import ssl
 import subprocess
 import sys
 import time
@@ -99,7 +102,14 @@ def test_a_task_that_always_kills_its_worker_is_told_as_lost(two, capfd):
 
 @pytest.mark.slow
 def test_an_existing_cluster_is_used_and_refused_for_other_versions(monkeypatch):
-    with cluster._quiet(), cluster._started(1) as existing:
+    from distributed import LocalCluster
+
+    with (
+        cluster._quiet(),
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+        ) as existing,
+    ):
         address = existing.scheduler_address
         with cluster_executor(address) as workers:
             assert workers.workers == 1
@@ -117,6 +127,73 @@ def test_an_existing_cluster_is_used_and_refused_for_other_versions(monkeypatch)
         monkeypatch.setattr(cluster.pkgutil, "resolve_name", cluster.pkgutil.get_data)
         with pytest.raises(ClusterError, match=r"has no shrm \("), cluster_executor(address):
             pass
+
+
+def listening(process):
+    """Return the addresses at which a process and its children listen."""
+    return {
+        connection.laddr
+        for each in (process, *process.children(recursive=True))
+        for connection in each.net_connections("inet")
+        if connection.status == "LISTEN"
+    }
+
+
+def answered(place, context):
+    """Return what a server answers to something that is told to it in TLS."""
+    with (
+        socket.create_connection(tuple(place), timeout=10) as plain,
+        context.wrap_socket(plain) as secret,
+    ):
+        secret.sendall(b"x" * 64)
+        return secret.recv(10)
+
+
+@pytest.mark.slow
+def test_nobody_without_the_certificate_reaches_a_local_cluster(two):
+    """Every port, of the scheduler, of the workers and of what watches them."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    own = two.executor._client
+    address = own.scheduler.address
+    assert address.startswith("tls://127.0.0.1:")
+
+    async def asked(at, security):  # as a client does first; whole ones hang where they fail
+        talk = await connect(at, timeout=5, **security.get_connection_args("client"))
+        await talk.write({"op": "identity"})
+        return await talk.read()
+
+    assert "workers" in asyncio.run(asked(address, own.security))
+    with cluster._quiet():
+        for security in (Security(), Security.temporary()):
+            for form in (address, address.replace("tls:", "tcp:")):
+                with pytest.raises((OSError, TypeError, RuntimeError)):
+                    asyncio.run(asked(form, security))
+    psutil = pytest.importorskip("psutil")
+    two.submit(abs, -1).result(60)
+    ports = listening(psutil.Process())
+    assert len(ports) >= 3
+    assert int(address.rpartition(":")[2]) in {each.port for each in ports}
+    assert {each.ip for each in ports} == {"127.0.0.1"}
+    context = ssl.create_default_context()
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    for place in ports:  # no page of a dashboard's answers, and nobody answers without certificate
+        with socket.create_connection(tuple(place), timeout=10) as plain:
+            plain.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            with contextlib.suppress(ConnectionResetError):
+                assert b"HTTP" not in plain.recv(100)
+        with pytest.raises((ssl.SSLError, ConnectionResetError)):
+            answered(place, context)
+
+
+def test_a_missing_package_for_certificates_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with (
+        pytest.raises(ClusterError, match=r"certificates need the package cryptography; pip in"),
+        cluster_executor("local", 1),
+    ):
+        pass
 
 
 LEFT = """
@@ -181,7 +258,7 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(ClusterError, match="pip install distributed threadpoolctl"),
+        pytest.raises(ClusterError, match="pip install distributed threadpoolctl cryptography"),
         cluster_executor("local"),
     ):
         pass

@@ -1,5 +1,6 @@
 """Batches on a cluster: the same bytes as from the pool, and nothing lost with a worker."""
 
+import json
 import os
 import signal
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 from tests.batch.helpers import log_lines, statuses, write_probes
 from tests.cli.helpers import environment, process, snapshot
 
-pytest.importorskip("distributed", reason="pip install distributed threadpoolctl")
+pytest.importorskip("distributed", reason="pip install distributed threadpoolctl cryptography")
 pytestmark = pytest.mark.slow
 
 COUNT = 60
@@ -28,9 +29,10 @@ def folder(tmp_path, monkeypatch):
 
 def test_a_cluster_gives_the_same_bytes_as_the_pool(folder):
     for name, more in (("pool", ()), ("cluster", ("--scheduler", "local"))):
-        done = process("batch", "p/*.exr", *WORDS, *more, "-o", f"{name}/{{probe}}.{{to}}.exr")
+        words = ("batch", "p/*.exr", *WORDS, *more, "-o", f"{name}/{{probe}}.{{to}}.exr", "--json")
+        done = process(*words, "--quiet")
         assert (done.code, done.err) == (0, "")
-        assert f"{2 * COUNT} made" in done.out
+        assert json.loads(done.out)["made"] == 2 * COUNT
     one = snapshot(folder / "pool")
     assert len(one) == 2 * COUNT
     assert snapshot(folder / "cluster") == one

@@ -15,6 +15,7 @@ from shrm_cli.brdf.models.phong import Phong
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum, diffuse_albedo, is_sum, parse_sum, split
 from shrm_cli.errors import BrdfError
+from shrm_cli.vocabulary import MAX_TERMS
 from tests.brute_force import unit
 
 
@@ -194,3 +195,13 @@ def test_coefficients_of_terms_are_added(spec):
     difference = np.abs(added.degree_energy - sampled.degree_energy).sum()
     assert difference < 2e-4 * energy
     assert added.converged
+
+
+def test_terms_and_factors_are_bounded():
+    assert len(parse_spec("+".join(["lambertian"] * MAX_TERMS)).terms) == MAX_TERMS
+    with pytest.raises(BrdfError, match=rf"a sum of {MAX_TERMS + 1} terms; give {MAX_TERMS} at m"):
+        parse_spec("+".join(["lambertian"] * (MAX_TERMS + 1)))
+    assert parse_spec("1*" * MAX_TERMS + "lambertian").values
+    for count in (MAX_TERMS + 1, 100_000):
+        with pytest.raises(BrdfError, match="too many factors"):
+            parse_spec("1*" * count + "lambertian")

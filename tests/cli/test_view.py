@@ -146,13 +146,22 @@ def ended(child):
 def test_it_serves_this_machine_alone_until_it_is_interrupted(folder):
     with start("view", "glossy.exr", "--no-open", "--quiet", code=TERMINAL) as child, ended(child):
         url = child.stdout.readline().strip()
-        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", url)
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[-\w]{32}/", url)
+        root = url[: url.index("/", 8) + 1]
         with urllib.request.urlopen(url) as answer:
             assert "connect-src 'self'" in answer.read().decode()
         with urllib.request.urlopen(f"{url}0.bin") as answer:
             assert len(answer.read()) > 100
         stranger = urllib.request.Request(url, headers={"Host": "evil.example:80"})
-        for refused in (stranger, f"{url}../glossy.exr", f"{url}99.bin"):
+        without = [
+            root,
+            f"{root}0.bin",
+            f"{root}x/",
+            f"{root}{'A' * 32}/",
+            url[:-1],
+            url[:-2] + "/",
+        ]
+        for refused in (stranger, f"{url}../glossy.exr", f"{url}99.bin", *without):
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 urllib.request.urlopen(refused)
         child.send_signal(2)

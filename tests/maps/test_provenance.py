@@ -1,7 +1,10 @@
 """What maps remember of their light and material."""
 
+import json
+
 import pytest
 
+from shrm_cli.brdf import measured as measured_brdfs
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo
@@ -12,6 +15,7 @@ from shrm_cli.maps.provenance import (
     same_brdf,
     spec_of,
 )
+from shrm_cli.vocabulary import MAX_TERMS
 
 MICROFACET = {"name": "microfacet", "parameters": {"sigma": 0.1, "ior": 1.7}}
 LAMBERT = {"name": "lambertian", "parameters": {}}
@@ -97,22 +101,65 @@ def measured(tmp_path, monkeypatch):
     return record_of(parse_spec(str(folder / "paint.csv"))), folder
 
 
-@pytest.mark.parametrize("place", ["beside the map", "beside another map", "working folder"])
-def test_measured_files_are_found_again(measured, monkeypatch, place):
-    record, folder = measured
+@pytest.mark.parametrize("spec", ["{}", "0.5*lambertian+0.5*{}", "2*{}", "lambertian+0.5*2*{}"])
+@pytest.mark.parametrize("place", ["beside the map", "beside another map"])
+def test_measured_files_are_found_again(measured, place, spec):
+    _, folder = measured
+    record = record_of(parse_spec(spec.format(folder / "paint.csv")))
     maps = {
         "beside the map": [folder / "a.exr"],
         "beside another map": ["b.exr", folder / "a.exr"],
-        "working folder": [folder.parent / "a.exr"],
     }[place]
-    if place == "working folder":
-        monkeypatch.chdir(folder)
     assert record_of(common_brdf({str(each): info(record) for each in maps})) == record
+
+
+@pytest.mark.parametrize("spec", ["paint.csv", "0.5*lambertian+0.5*paint.csv"])
+def test_measured_files_of_the_working_folder_are_not_looked_at(measured, monkeypatch, spec):
+    _, folder = measured
+    monkeypatch.chdir(folder)
+    record = record_of(parse_spec(spec))
+    with pytest.raises(BrdfError, match=r"paint.csv does not lie beside it; put the file there"):
+        common_brdf({str(folder.parent / "a.exr"): info(record)})
+
+
+@pytest.mark.parametrize("text", ["{}", "0.5*lambertian+0.5*{}", "2*{}", "{}+{}"])
+@pytest.mark.parametrize("name", ["{folder}/paint.csv", "paints/paint.csv", "paint.csv"])
+@pytest.mark.parametrize("kind", ["name", "spec", "spec with terms"])
+def test_what_a_map_says_opens_no_file(measured, monkeypatch, text, name, kind):
+    """Neither by a path, nor by a plain name without the digest of what it names."""
+    _, folder = measured
+    monkeypatch.chdir(folder if name == "paint.csv" else folder.parent)
+    opened = []
+    monkeypatch.setattr(measured_brdfs, "open_measured", lambda path: opened.append(path))
+    path = name.format(folder=folder)
+    spec = text.format(*[path] * 2)
+    terms = json.dumps([{"file": path, "sha256": "0" * 64}] if "/" in path else [{"file": path}])
+    record = {
+        "name": {"name": spec, "parameters": {}},
+        "spec": {"name": "sum", "parameters": {"spec": spec}},
+        "spec with terms": {"name": "sum", "parameters": {"spec": spec, "terms": terms}},
+    }[kind]
+    with pytest.raises(BrdfError, match="cannot be evaluated; give `brdf`"):
+        common_brdf({"a.exr": info(record)})
+    assert opened == []
+
+
+@pytest.mark.parametrize("terms", ["[", "3", "{}", '[[["a"]]]', json.dumps([{"terms": "["}])])
+def test_damaged_records_of_sums_are_told(terms):
+    record = {"name": "sum", "parameters": {"spec": "phong+paint.csv", "terms": terms}}
+    with pytest.raises(BrdfError, match="cannot be evaluated"):
+        common_brdf({"a.exr": info(record)})
+
+
+def test_a_recorded_sum_has_few_terms():
+    record = {"name": "sum", "parameters": {"spec": "+".join(["ggx"] * (MAX_TERMS + 1))}}
+    with pytest.raises(BrdfError, match="cannot be evaluated"):
+        common_brdf({"a.exr": info(record)})
 
 
 def test_measured_files_that_are_gone_or_others_are_asked_for(measured):
     record, folder = measured
-    with pytest.raises(BrdfError, match=r"a.exr: its BRDF was measured, and paint.csv lies n"):
+    with pytest.raises(BrdfError, match=r"a.exr: its BRDF was measured, and paint.csv does n"):
         common_brdf({"a.exr": info(record)})
     other = {**record, "parameters": {**record["parameters"], "sha256": "0" * 64}}
     with pytest.raises(BrdfError, match=r"paint.csv is another measurement than its BRDF's; put"):
