@@ -145,8 +145,8 @@ def lit_maps(
         If the probe cannot be read.
     """
     from shrm_cli.errors import MapError
-    from shrm_cli.maps.irradiance.window import make_window
     from shrm_cli.maps.negative import negative_share, negative_warnings
+    from shrm_cli.maps.product.window import product_window
     from shrm_cli.probe.lighting import Projection
 
     refuse_inapplicable({"window": to_unlit(maps)})
@@ -160,7 +160,13 @@ def lit_maps(
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
         order = each.info.order_f
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
-        lit = each.lit(make_window(window or "auto", series).apply(series))
+        shape = product_window(window or "auto", each, series)
+        lit = each.lit(shape.apply(series))
+        if shape.factors:
+            warnings.append(
+                f"{name}: the light is windowed ({shape.name}), which changes what is reflected by "
+                f"{shape.change:.1%} RMS; `window` none leaves it"
+            )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = replace(lit, info=replace(lit.info, chromaticities=light.probe.chromaticities))  # type: ignore[type-var]
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]

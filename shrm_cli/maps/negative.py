@@ -19,7 +19,7 @@ Array = NDArray[np.floating]
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
-_LARGEST = 1e-3
+LARGEST_SHARE = 1e-3
 """The share of negative luminance that nobody needs to be told of."""
 
 
@@ -63,7 +63,7 @@ def examined(made: Prefiltered) -> Prefiltered:
 
 def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
     """Return a line about the negative share of a map, and what helps, if anybody would see it."""
-    if share <= _LARGEST:
+    if share <= LARGEST_SHARE:
         return ()
     return (
         f"{share:.1%} of what is visible is negative, which screens show as black; "

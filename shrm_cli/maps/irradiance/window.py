@@ -217,7 +217,7 @@ def least_window(series: Array) -> Window:
     start = np.concatenate([spiral_directions(_FIRST_DIRECTIONS), directions])
     by_degree = degree_values(series, start)
     for _ in range(_ROUNDS):
-        window = Window.least(_least_factors(_squares(series), by_degree, floor), series)
+        window = Window.least(least_factors(_squares(series), by_degree, floor), series)
         windowed = window.apply(series)
         found, values = lowest(windowed)
         if (values >= floor / 2).all():
@@ -227,12 +227,25 @@ def least_window(series: Array) -> Window:
     return Window.least(_faded(np.array(window.factors), values, floor), series)
 
 
-def _least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:
-    """Find the factors that keep a series at its floor in some directions.
+def least_factors(squares: Array, by_degree: Array, floor: Array) -> Array:
+    """Find the factors that keep a series at its floor in some directions, and change it least.
 
-    `by_degree`, shape (n, F+1, 3), holds the value that each degree adds there. With t = 1 - factor
-    and p the relative RMS of a degree, the least ``|p t|^2`` is sought with ``sum_l t_l value_l <=
-    sum_l value_l - floor`` in every direction, and t within 0 .. 1.
+    With t = 1 - factor and p the relative RMS of a degree, the least ``|p t|^2`` is sought with
+    ``sum_l t_l value_l <= sum_l value_l - floor`` in every direction, and t within 0 .. 1.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (F+1,)
+        The mean square of what each degree adds, or any multiple of it.
+    by_degree : ndarray, shape (n, F+1, channels)
+        The value that each degree adds in each direction.
+    floor : ndarray, shape (channels,)
+        The least values.
+
+    Returns
+    -------
+    ndarray, shape (F+1,)
+        Within 0 .. 1; that of degree 0 is 1.
     """
     used = np.flatnonzero(squares[1:] > 0) + 1
     share = np.sqrt(squares[used] / squares.sum())

@@ -10,12 +10,13 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.irradiance.window import make_window, parse_window
+from shrm_cli.maps.irradiance.window import parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.steps import ENOUGH, MOST_STEPS, chosen_values
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.maps.product.window import product_window
 from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
@@ -190,10 +191,9 @@ def prefilter(
     brdf, order, texels, progress
         As `product_texture` takes them.
     window : str
-        A window's name, or ``NAME:WIDTH``, as `make_window` takes it. What surfaces reflect of
-        light that is nowhere negative is not negative either, whatever the BRDF; so ``auto``
-        leaves nothing negative. Of so few orders a lamp would make black spots otherwise, which
-        the eye minds more than the blur.
+        A window's name, or ``NAME:WIDTH``, as `product_window` takes it. Of so few orders a lamp
+        may make black spots, which the eye minds more than the blur: ``auto`` blurs the light as
+        little as leaves no reflected light negative, and not at all where none is.
 
     Returns
     -------
@@ -223,7 +223,7 @@ def prefilter(
     info = texture.info
     record = provenance(probe, brdf, Orders(order, 0, info.tolerance, info.captured))
     series = lighting.coefficients[: (order + 1) ** 2]
-    shape = make_window(window, series)
+    shape = product_window(window, texture, series)
     factors = np.zeros(len(power))
     factors[: order + 1] = shape.factors or 1.0
     squares, beyond = _reflected(lighting, power, energy)

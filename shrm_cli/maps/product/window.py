@@ -1,0 +1,132 @@
+"""The window of the light that a product texture is under, chosen by what the surface reflects.
+
+A series of few orders is negative beside lamps. A BRDF blurs the light, so that what it reflects
+may be negative nowhere all the same, and a window would cost sharpness for nothing. So the factors
+of the degrees are sought that keep the reflected light from showing black spots, and change it
+least; the light alone may stay negative.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
+from shrm_cli.maps.negative import LARGEST_SHARE
+from shrm_cli.maps.product.product import ProductTexture
+from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.sphere.directions import surface_frames
+from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.sphere.rotation import rotate_into_frames
+from shrm_cli.vocabulary import LUMINANCE
+
+Array = NDArray[np.floating]
+
+_FRAMES = 1024
+"""The orientations of the surface for which reflected light is looked at."""
+_VIEWS = 40
+"""The views of each of them, all over the hemisphere."""
+_LEAST_COSINE = 0.05
+"""The least N.V of these views: a hundredth of a sphere's picture lies beyond."""
+_GOLDEN = np.pi * (3 - np.sqrt(5))
+_MARGIN = 2e-3
+"""The least light that is aimed at, as a part of the mean: there are gaps between samples."""
+_ROUNDS = 12
+"""How often the factors are sought, at most."""
+_ADDED = 400
+"""The most samples that join after a round, the lowest ones."""
+
+
+def product_window(spec: str, map_: Map, series: ArrayLike) -> Window:
+    """Make the window of the light for a product texture.
+
+    Parameters
+    ----------
+    spec : str
+        As `make_window` takes it. ``auto`` asks for the factors that change the reflected light
+        least, as RMS over orientations and views, and leave its luminance negative nowhere. Light
+        of which no more than a thousandth of all samples is negative gets no window.
+    map_ : ProductTexture or VaryingProduct
+        A texture, or several of a parameter that varies, whose own light does not count.
+    series : array_like, shape ((order+1)^2, 3)
+        The coefficients of the light in world axes.
+
+    Returns
+    -------
+    Window
+        Its `change` is that of the reflected light.
+
+    Raises
+    ------
+    MapError
+        If the name is unknown, or the width is not a positive number.
+    """
+    series = np.asarray(series, dtype=float)
+    name, _ = parse_window(spec)
+    found = Window() if name == "auto" else make_window(spec, series)
+    if name == "none" or not series.any():
+        return found
+    by_degree = np.concatenate([_by_degree(each, series) for each in _textures(map_)])
+    if name == "auto":
+        seen = by_degree @ LUMINANCE
+        if np.mean(seen.sum(axis=1) < 0) <= LARGEST_SHARE:
+            return found
+        found = Window.least(_factors(by_degree), series)
+    whole = by_degree.sum(axis=1)
+    lost = np.einsum("nlc,l->nc", by_degree, 1 - np.array(found.factors or [1.0]))
+    square = float(np.sum(whole**2))
+    return replace(found, change=float(np.sqrt(np.sum(lost**2) / square)) if square else 0.0)
+
+
+def _textures(map_: Map) -> list[ProductTexture]:
+    """Return the textures that are looked at: of a parameter that varies, three of its values."""
+    if isinstance(map_, VaryingProduct):
+        return [map_.at(share) for share in (0.0, 0.5, 1.0)]
+    assert isinstance(map_, ProductTexture)
+    return [map_]
+
+
+def _by_degree(texture: ProductTexture, series: Array) -> Array:
+    """Return what each degree of the light adds to the reflected light, shape (n, order+1, 3).
+
+    The samples are views of surfaces in all orientations, whose tangents point anywhere.
+    """
+    normals = spiral_directions(_FRAMES)
+    helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    across = np.cross(helper, normals)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    turn = (_GOLDEN * np.arange(_FRAMES) ** 2 % (2 * np.pi))[:, None]
+    tangents = np.cos(turn) * across + np.sin(turn) * np.cross(normals, across)
+    light = np.moveaxis(rotate_into_frames(series, surface_frames(normals, tangents)), -1, 0)
+    views = spiral_directions(2 * _VIEWS)[_VIEWS:]
+    z = _LEAST_COSINE + (1 - _LEAST_COSINE) * views[:, 2:]
+    views = np.concatenate(
+        [views[:, :2] * np.sqrt((1 - z**2) / (1 - views[:, 2:] ** 2)), z], axis=1
+    )
+    own = np.broadcast_to(texture.values(views), (_VIEWS, series.shape[0], 3))
+    parts = [
+        np.einsum("vkc,fkc->fvc", own[:, l * l : (l + 1) ** 2], light[:, l * l : (l + 1) ** 2])
+        for l in range(texture.order + 1)  # noqa: E741
+    ]
+    return np.stack(parts, axis=2).reshape(-1, texture.order + 1, 3)
+
+
+def _factors(by_degree: Array) -> Array:
+    """Find the factors that change reflected light least, and leave no sample below 0.
+
+    They are sought for the lowest samples, and those that are low with these factors join, until
+    none is. All channels count, since one that is missing shows as a stain of another colour.
+    """
+    squares = np.sum(by_degree**2, axis=(0, 2))
+    seen = by_degree.transpose(0, 2, 1).reshape(-1, by_degree.shape[1])
+    chosen = np.zeros(len(seen), dtype=bool)
+    factors: Array = np.ones(seen.shape[1])
+    floor = _MARGIN * float(seen[:, 0].mean())
+    for _ in range(_ROUNDS):
+        low = np.flatnonzero((seen @ factors < 0) & ~chosen)
+        if not len(low):
+            break
+        chosen[low[np.argsort(seen[low] @ factors)[:_ADDED]]] = True
+        factors = least_factors(squares, seen[chosen][:, :, None], np.array([floor]))
+    return factors

@@ -1,0 +1,132 @@
+"""The window of light under a product texture, beside light that is reflected by brute force."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.irradiance.window import make_window
+from shrm_cli.maps.product.prefilter import prefilter, product_texture, varying_texture
+from shrm_cli.maps.product.window import product_window
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import Probe
+from tests import brute_force
+from tests.maps.product.test_product import ward
+
+ROWS, COUNT, ORDER = 32, 300, 8
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+SURFACE = 0.5, 0.2
+
+
+def sky(lamp):
+    """A sky that is brighter above, with a lamp of two pixels that is so much brighter."""
+    light, _ = brute_force.latlong_samples(ROWS)
+    pixels = (0.4 + 0.3 * light[:, 1:2]) * np.array([0.8, 1.0, 1.3])
+    pixels = pixels.reshape(ROWS, 2 * ROWS, 3)
+    pixels[9, 20:22] += lamp * np.array([1.0, 0.9, 0.8])
+    return pixels.astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def points():
+    rng = np.random.default_rng(3)
+    normals, views = brute_force.unit(rng, COUNT), brute_force.unit(rng, COUNT)
+    views *= np.sign(np.sum(views * normals, axis=1))[:, None]
+    tangents = np.cross(normals, brute_force.unit(rng, COUNT))
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    return normals, tangents, views
+
+
+@pytest.fixture(scope="module")
+def texture():
+    return product_texture(parse_spec(f"ward:ax={SURFACE[0]},ay={SURFACE[1]}"), ORDER, 48).map
+
+
+def truth(pixels, points):
+    """What is reflected, by sums over the pixels."""
+    light, weights = brute_force.latlong_samples(ROWS)
+    radiance = pixels.reshape(-1, 3) * weights[:, None]
+    found = []
+    for normal, tangent, view in zip(*points, strict=True):
+        frame = np.array([tangent, np.cross(normal, tangent), normal])
+        local = light @ frame.T
+        above = local[:, 2] > 0
+        found.append(ward(local[above], frame @ view, *SURFACE) @ radiance[above])
+    return np.array(found)
+
+
+def errors(found, expected):
+    """The relative RMS error, the p95 of that of the luminance, and the share that is negative."""
+    seen, wanted = found @ LUMINANCE, expected @ LUMINANCE
+    return (
+        np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2)),
+        np.quantile(np.abs(seen - wanted) / wanted, 0.95),
+        np.mean(seen < 0),
+    )
+
+
+@pytest.mark.parametrize("lamp", [2, 50, 200, 2000])
+def test_it_blurs_no_more_than_leaves_no_black_spots(texture, points, lamp):
+    pixels = sky(lamp)
+    series = project(Probe.from_array(pixels, layout="latlong"), ORDER).coefficients
+    expected = truth(pixels, points)
+    windows = {
+        "none": make_window("none", series),
+        "of the light": make_window("auto", series),
+        "auto": product_window("auto", texture, series),
+    }
+    found = {
+        name: errors(texture.lit(each.apply(series)).brushed_radiance(*points), expected)
+        for name, each in windows.items()
+    }
+    assert found["auto"][2] <= 0.01
+    assert found["auto"][0] <= found["of the light"][0] + 1e-9
+    assert found["auto"][1] <= (1.3 if lamp == 50 else 1.0) * found["of the light"][1]
+    if found["none"][2] == 0:
+        assert windows["auto"].factors == ()
+    else:
+        assert found["auto"][1] < found["none"][1]
+    if lamp == 2:
+        assert make_window("auto", series).factors == windows["auto"].factors == ()
+    if lamp == 50:  # the light alone is negative, and what is reflected is not
+        assert windows["of the light"].factors
+        assert windows["auto"].factors == ()
+    if lamp == 2000:
+        assert found["none"][2] > 0.02
+
+
+def test_what_it_costs_is_measured(texture, points):
+    series = project(Probe.from_array(sky(2000), layout="latlong"), ORDER).coefficients
+    for spec in ("auto", "hann", "lanczos:6"):
+        window = product_window(spec, texture, series)
+        light = texture.lit(series).brushed_radiance(*points)
+        windowed = texture.lit(window.apply(series)).brushed_radiance(*points)
+        lost, whole = np.sum((windowed - light) ** 2), np.sum(light**2)
+        assert window.change == pytest.approx(np.sqrt(lost / whole), rel=0.15), spec
+    assert product_window("none", texture, series).change == 0
+
+
+def test_all_values_of_a_parameter_are_looked_at():
+    made = varying_texture(parse_spec("ward:ax=0.9"), "ay", (0.1, 0.9), ORDER, 24).map
+    series = project(Probe.from_array(sky(2000), layout="latlong"), ORDER).coefficients
+    sharp, dull = (product_window("auto", made.at(share), series) for share in (0.0, 1.0))
+    both = product_window("auto", made, series)
+    assert dull.change < sharp.change
+    assert np.sum((1 - np.array(both.factors)) ** 2) >= 0.5 * np.sum(
+        (1 - np.array(sharp.factors)) ** 2
+    )
+
+
+def test_prefilter_states_the_change_as_an_error_that_is_added():
+    brdf = parse_spec(f"ward:ax={SURFACE[0]},ay={SURFACE[1]}")
+    made = prefilter(Probe.from_array(sky(2000), layout="latlong"), brdf, ORDER, 24)
+    assert made.facts["window"]["name"] == "least"
+    # Relative to all of the light, of which the texture shows the degrees up to its order.
+    assert 0.3 * made.facts["window"]["change"] < made.map.info.added_error
+    assert made.map.info.added_error < 1.1 * made.facts["window"]["change"]
+    dim = prefilter(Probe.from_array(sky(50), layout="latlong"), brdf, ORDER, 24)
+    assert dim.facts["window"]["name"] == "none"
+    assert dim.map.info.added_error == 0
+
+
+def test_black_light_has_no_window(texture):
+    assert product_window("auto", texture, np.zeros(((ORDER + 1) ** 2, 3))).factors == ()
