@@ -113,7 +113,7 @@ def transfer(
 
     def write(baked: Transfer) -> dict[str, Any]:
         if suffix == ".npz":
-            write_transfer(target, baked)
+            write_transfer(target, baked, found)
         else:
             WRITERS[suffix](target, found, baked)
         return baked.summary()
@@ -124,7 +124,8 @@ def transfer(
     kinds = "vectors and matrices" if matrices else "vectors"
     size = Path(target).stat().st_size
     lines = [
-        f"{target}: transfer {kinds} of {said['vertices']:,} vertices, order {order}, "
+        f"{target}: transfer {kinds} of {said['vertices']:,} vertices, of {len(found.file_rows):,} "
+        f"in the file, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
     conclude({"file": target, **said, "bytes": size}, lines, [], as_json, quiet)

@@ -58,7 +58,10 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     Returns
     -------
     Mesh
-        Its normals are those of the file, or else smooth. Materials are read from glTF alone.
+        Its normals are those of the file, or else smooth. Materials are read from glTF alone. The
+        vertices of a file are numbered from 0: the lines `v` of OBJ, the rows of the element
+        `vertex` of PLY, the corners of the triangles of STL, and of glTF the elements of the
+        POSITION of all primitives of triangles, mesh after mesh.
 
     Raises
     ------
@@ -191,9 +194,11 @@ def _joined(name: str, found: dict[str, Any], prepared: _Prepared) -> Mesh:
         raise too_many(name, total)
     shown = {key for key, _ in placed}
     made: dict[str, Mesh] = {}
+    first = 0  # of the file's vertices, which the parts have one after the other
     for (key, arguments), material in zip(parts.items(), materials, strict=True):
         if key in shown and _has_faces(arguments):
-            made[key] = _mesh(name, arguments, material, prepared.kind == "stl")
+            made[key] = _mesh(name, arguments, material, prepared.kind == "stl", first)
+        first += len(arguments.get("vertices", ()))
     meshes = [made[key].transformed(matrix) for key, matrix in placed if key in made]
     if not meshes:
         raise MeshError(f"{name}: it has no triangles; export it with its faces")
@@ -201,12 +206,22 @@ def _joined(name: str, found: dict[str, Any], prepared: _Prepared) -> Mesh:
 
 
 def _mesh(
-    name: str, arguments: dict[str, Any], material: SurfaceMaterial | None, merge: bool
+    name: str, arguments: dict[str, Any], material: SurfaceMaterial | None, merge: bool, first: int
 ) -> Mesh:
+    """Make a mesh of a part, whose vertices are those of the file from a number on."""
     vertices, faces = np.asarray(arguments["vertices"]), _triangles(arguments["faces"])
     if merge:  # STL repeats each vertex in all of its triangles
-        vertices, place = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
-        return make_mesh(name, vertices, place.reshape(-1)[faces])
+        vertices, corner, place = np.unique(
+            np.asarray(vertices, dtype=float), axis=0, return_index=True, return_inverse=True
+        )
+        place = place.reshape(-1)
+        return make_mesh(
+            name,
+            vertices,
+            place[faces],
+            file_vertices=first + corner,
+            file_rows=np.concatenate([np.full(first, -1), place]),
+        )
     custom = arguments.get("vertex_attributes") or {}
     visual = arguments.get("visual")
     return make_mesh(
@@ -217,6 +232,8 @@ def _mesh(
         uvs=_upwards(custom["_UV"]) if "_UV" in custom else getattr(visual, "uv", None),
         colors=custom.get("_COLOR", arguments.get("vertex_colors")),
         material=material,
+        file_vertices=first + np.arange(len(vertices)),
+        file_count=first + len(vertices),
     )
 
 

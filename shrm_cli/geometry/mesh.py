@@ -68,6 +68,12 @@ class Mesh:
         Only glTF files tell them.
     face_materials : ndarray of int64, shape (m,)
         For each triangle its index in `materials`; -1 for none.
+    file_vertices : ndarray of int64, shape (n,)
+        Which vertex of its file each vertex is, see `load_mesh`. Several of a mesh are one of its
+        file where the file gives it several normals or texture coordinates.
+    file_rows : ndarray of int64, shape (k,)
+        For each vertex of the file the vertex of the mesh that it is, the first one of several; -1
+        for those that belong to no triangle with an area.
     """
 
     name: str
@@ -78,6 +84,8 @@ class Mesh:
     colors: Array | None
     materials: tuple[SurfaceMaterial, ...]
     face_materials: Integers
+    file_vertices: Integers
+    file_rows: Integers
 
     @property
     def bounds(self) -> Array:
@@ -140,6 +148,9 @@ def make_mesh(
     uvs: ArrayLike | None = None,
     colors: ArrayLike | None = None,
     material: SurfaceMaterial | None = None,
+    file_vertices: ArrayLike | None = None,
+    file_count: int | None = None,
+    file_rows: ArrayLike | None = None,
 ) -> Mesh:
     """Make a mesh of what a file or a program says, without what cannot be drawn.
 
@@ -161,6 +172,13 @@ def make_mesh(
         Integers stand for fractions of the largest that their type holds.
     material : SurfaceMaterial, optional
         That of all triangles.
+    file_vertices : array_like of int, shape (n,), optional
+        Which vertex of its file each vertex is; by default the one of the same number.
+    file_count : int, optional
+        The number of vertices of the file; by default as many as there are here.
+    file_rows : array_like of int, shape (k,), optional
+        Which vertex each vertex of the file is, where several of the file are one here; by default
+        the first that `file_vertices` gives.
 
     Raises
     ------
@@ -192,6 +210,12 @@ def make_mesh(
     used[kept] = True
     renumbered = np.cumsum(used) - 1
     points, kept = points[used], renumbered[kept]
+    own = np.arange(len(used)) if file_vertices is None else np.asarray(file_vertices)
+    if file_rows is None:
+        rows = _first_places(own[used], len(used) if file_count is None else file_count)
+    else:
+        known = np.asarray(file_rows)
+        rows = np.where((known >= 0) & used[known], renumbered[known], -1)
     indices = np.zeros(len(kept), dtype=np.int64) if material else np.full(len(kept), -1)
     return Mesh(
         name=name,
@@ -202,7 +226,16 @@ def make_mesh(
         colors=_fractions(colors, used),
         materials=(material,) if material else (),
         face_materials=indices.astype(np.int64),
+        file_vertices=own[used].astype(np.int64),
+        file_rows=rows.astype(np.int64),
     )
+
+
+def _first_places(numbers: Integers, count: int) -> Integers:
+    """Return where each number below a count stands first in an array, and -1 if it does not."""
+    found = np.full(count, -1, dtype=np.int64)
+    found[numbers[::-1]] = np.arange(len(numbers))[::-1]
+    return found
 
 
 def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
@@ -230,7 +263,18 @@ def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
         colors=_where_all([mesh.colors for mesh in meshes]),
         materials=tuple(materials),
         face_materials=np.concatenate(owners).astype(np.int64),
+        file_vertices=np.concatenate([mesh.file_vertices for mesh in meshes]),
+        file_rows=_joined_rows(meshes, starts),
     )
+
+
+def _joined_rows(meshes: Sequence[Mesh], starts: Integers) -> Integers:
+    """Return the first vertex of a joined mesh that each vertex of the file is."""
+    rows = np.full(max(len(mesh.file_rows) for mesh in meshes), -1, dtype=np.int64)
+    for mesh, start in zip(meshes[::-1], starts[len(meshes) - 1 :: -1], strict=True):
+        known = np.flatnonzero(mesh.file_rows >= 0)
+        rows[known] = mesh.file_rows[known] + start
+    return rows
 
 
 def too_many(name: str, faces: int) -> MeshError:

@@ -127,7 +127,7 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vertices``, ``faces``, ``normals``, ``uvs`` and ``colors``, as `make_mesh` takes them. A
+        ``vertices``, ``faces`` and more, as `make_mesh` takes them. A
         vertex is what its corners have in common: position, texture coordinates and normal.
 
     Raises
@@ -166,6 +166,8 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
         "uvs": _picked(uvs, different[:, 1]),
         "normals": _picked(normals, different[:, 2]),
         "colors": None if colors is None else colors[own],
+        "file_vertices": own,
+        "file_count": len(positions),
     }
 
 

@@ -5,13 +5,16 @@ harmonics of world axes without the Condon-Shortley phase, index l(l+1)+m.
 
 glTF (.glb)
     One primitive with POSITION, NORMAL and the attributes ``_TRANSFER_0``, ``_TRANSFER_1``, ... of
-    floats. Grey transfer is four coefficients an attribute (VEC4), the last one filled with zeros;
+    floats, and ``_VERTEX``, the number of the vertex in the mesh's file, as a float (exact below
+    2^24). Grey transfer is four coefficients an attribute (VEC4), the last one filled with zeros;
     coloured transfer one coefficient an attribute, R, G and B (VEC3).
 PLY (.ply)
     Binary, little-endian. After x y z nx ny nz a vertex has the properties ``transfer_000``, ...,
-    coloured ones ``transfer_000_r``, ``_g``, ``_b``.
+    coloured ones ``transfer_000_r``, ``_g``, ``_b``, and last ``file_vertex``, the number of the
+    vertex in the mesh's file.
 PIFu (.txt)
-    A line of 9 numbers for each vertex, and ``face.npy`` beside it with the triangles, as
+    A line of 9 numbers for each vertex of the mesh's file, in its order (zeros for those without a
+    triangle), and ``face.npy`` beside it with the triangles, which name these lines, as
     `prt_util.py` of PIFu writes them (Saito et al. 2019). Its directions are those of its harmonics
     turned by half a turn about z, which cancels its Condon-Shortley phase: its basis is this one.
 """
@@ -58,6 +61,7 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
         "POSITION": mesh.vertices,
         "NORMAL": mesh.normals,
         **{f"_TRANSFER_{k}": part for k, part in enumerate(_gltf_parts(transfer.vectors))},
+        "_VERTEX": mesh.file_vertices[:, None],
     }
     arrays = [np.ascontiguousarray(part, "<f4") for part in attributes.values()]
     arrays.append(np.ascontiguousarray(mesh.faces, "<u4").reshape(-1, 1))
@@ -126,13 +130,17 @@ def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
         f"comment shrm transfer, order {transfer.order}, bounces {transfer.facts.bounces}",
         f"element vertex {count}",
         *(f"property float {name}" for name in names),
+        "property int file_vertex",
         f"element face {len(mesh.faces)}",
         "property list uchar int vertex_indices",
         "end_header",
     ]
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         stream.write("\n".join(header).encode() + b"\n")
-        stream.write(np.hstack([mesh.vertices, mesh.normals, flat]).astype("<f4").data)
+        rows = np.empty(count, [("numbers", "<f4", len(names)), ("vertex", "<i4")])
+        rows["numbers"] = np.hstack([mesh.vertices, mesh.normals, flat])
+        rows["vertex"] = mesh.file_vertices
+        stream.write(rows.data)
         stream.write(faces.data)
 
 
@@ -147,12 +155,15 @@ def write_pifu(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> 
     columns = (PIFU_ORDER + 1) ** 2
     if transfer.order < PIFU_ORDER or transfer.vectors.shape[2] != 1:
         raise OutputError(f"{path}: PIFu's files hold grey transfer of order 2; write .npz")
+    is_there = mesh.file_rows >= 0
+    lines = np.zeros((len(is_there), columns))
+    lines[is_there] = transfer.vectors[mesh.file_rows[is_there], :columns, 0]
     with together():
         with replacing(path) as temporary, open(temporary, "w") as stream:
-            np.savetxt(stream, transfer.vectors[:, :columns, 0], fmt="%.8f")
+            np.savetxt(stream, lines, fmt="%.8f")
         beside = Path(path).with_name(FACES)
         with replacing(beside) as temporary, open(temporary, "wb") as stream:
-            npy.write_array(stream, mesh.faces, allow_pickle=False)
+            npy.write_array(stream, mesh.file_vertices[mesh.faces], allow_pickle=False)
 
 
 WRITERS: dict[str, Writer] = {".glb": write_glb, ".ply": write_ply, ".txt": write_pifu}

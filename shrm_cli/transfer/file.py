@@ -2,7 +2,10 @@
 
 An archive holds the arrays ``vectors`` and ``albedo`` of a `Transfer`, ``matrices`` and ``frames``
 if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what `Facts`
-says.
+says. Beside them are arrays for other programs, which reading leaves alone: ``positions`` and
+``normals``, a row each for every row of the vectors, ``faces``, whose triangles name these rows,
+``vertex_of_row``, the vertex of the mesh's file that each row is, and ``row_of_vertex``, the other
+way round (the first row of several; -1 for vertices without a triangle).
 Arrays are not packed, so that a file is never smaller than what it unpacks to.
 """
 
@@ -18,6 +21,7 @@ from shrm_cli.errors import TransferError
 from shrm_cli.files import npz
 from shrm_cli.files.inputs import note
 from shrm_cli.files.json_text import parse_json
+from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
@@ -33,8 +37,17 @@ _AT_ONCE = 2**22
 _AGAIN = "make it again with shrm transfer"
 
 
-def write_transfer(path: str | os.PathLike[str], transfer: Transfer) -> None:
+def write_transfer(
+    path: str | os.PathLike[str], transfer: Transfer, mesh: Mesh | None = None
+) -> None:
     """Write a transfer, whole or not at all; the same transfer gives the same bytes.
+
+    Parameters
+    ----------
+    path : path-like
+    transfer : Transfer
+    mesh : Mesh, optional
+        The mesh of the transfer, which tells which row is which vertex of its file.
 
     Raises
     ------
@@ -44,6 +57,14 @@ def write_transfer(path: str | os.PathLike[str], transfer: Transfer) -> None:
     arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
     if transfer.matrices is not None and transfer.frames is not None:
         arrays |= {"frames": transfer.frames, "matrices": transfer.matrices}
+    if mesh is not None:
+        arrays |= {
+            "positions": mesh.vertices.astype("<f4"),
+            "normals": mesh.normals.astype("<f4"),
+            "faces": mesh.faces.astype("<i4"),
+            "vertex_of_row": mesh.file_vertices.astype("<i4"),
+            "row_of_vertex": mesh.file_rows.astype("<i4"),
+        }
     settings = json.dumps({"version": _VERSION, **vars(transfer.facts)})
     npz.write_npz(path, {**arrays, "settings": settings})
 
