@@ -4,14 +4,21 @@ Loading the command line takes a tenth of a second, in which Ctrl-C would print 
 """
 
 import atexit
+import gc
 import os
 import signal
 import sys
 from types import FrameType
 
+_GARBAGE = 50_000
+"""The number of new objects after which Python looks for cycles among all objects."""
+
 
 def main() -> None:
     """Run the command line and exit; see `shrm_cli.cli.main.main`."""
+    # Modules are full of objects that stay; looking through them for cycles took a twentieth of a
+    # short run.
+    gc.set_threshold(_GARBAGE)
     listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if listens:  # a process in the background ignores it
         signal.signal(signal.SIGINT, _leave)

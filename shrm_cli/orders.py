@@ -4,10 +4,13 @@ F is the largest degree l of the light that a map keeps, and P the largest degre
 Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +18,13 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients, remembered
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
-from shrm_cli.brdf.lobe_expansion import lobe_width
-from shrm_cli.brdf.transfer import (
-    TransferFunctions,
-    energy_above,
-    next_octave,
-    power_of_two_times,
-)
+from shrm_cli.brdf.estimates import energy_above, next_octave, power_of_two_times
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.transfer import TransferFunctions
 
 Array = NDArray[np.floating]
 
@@ -320,6 +320,8 @@ def _first_order_f(brdf: Brdf) -> int:
     """
     if brdf.zonal or brdf.center != "reflection":
         return _FIRST_ORDER_F
+    from shrm_cli.brdf.lobe_expansion import lobe_width
+
     width = remembered(brdf, ("width",), lambda: lobe_width(brdf))
     return power_of_two_times(_FIRST_ORDER_F, _WAVES_A_LOBE / width, MAX_ORDER_F)
 

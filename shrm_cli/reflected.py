@@ -8,15 +8,22 @@ this measure is that of the pixels of spheres, seen in parallel projection from 
 Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.transfer import TransferFunctions, energy_above
+from shrm_cli.brdf.estimates import energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
 from shrm_cli.sphere.clebsch_gordan import zonal_coupling
 from shrm_cli.vocabulary import Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.transfer import TransferFunctions
 
 Array = NDArray[np.floating]
 

@@ -13,6 +13,12 @@ from shrm_cli.sources import COEFFICIENTS, MAPS, fingerprint
 PACKAGE = Path(shrm_cli.__file__).parent
 
 
+def forget():
+    """Forget what is known of folders, as a new process does."""
+    fingerprint.cache_clear()
+    sources._folder_digest.cache_clear()
+
+
 def below(folder):
     """All modules of a folder of the package, and the tables that they read, by their names."""
     found = (PACKAGE / folder).glob("*" if folder == "" else "**/*")
@@ -48,7 +54,7 @@ def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
         (tmp_path / each).write_text("x = 1\n")
 
     def found():
-        fingerprint.cache_clear()  # as in a new process
+        forget()  # as in a new process
         return fingerprint(MAPS, str(tmp_path))
 
     before = found()
@@ -56,7 +62,7 @@ def test_a_change_of_any_module_of_maps_is_noticed(tmp_path, name, counts):
     (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / name).write_text("x = 2\n")
     assert (found() != before) == counts
-    fingerprint.cache_clear()
+    forget()
 
 
 def test_all_that_makes_maps_counts():
@@ -81,15 +87,15 @@ def test_what_moves_from_one_module_to_another_is_noticed(tmp_path):
     for first, second in (("ab", "c"), ("a", "bc")):
         (tmp_path / "a.py").write_text(first)
         (tmp_path / "b.py").write_text(second)
-        fingerprint.cache_clear()
+        forget()
         found.append(fingerprint(MAPS, str(tmp_path)))
     assert found[0] != found[1]
-    fingerprint.cache_clear()
+    forget()
 
 
 def test_a_package_without_files_is_known_by_its_version(tmp_path, monkeypatch):
     before = fingerprint(MAPS, str(tmp_path / "none"))
     monkeypatch.setattr(shrm_cli, "__version__", "999")
-    fingerprint.cache_clear()
+    forget()
     assert fingerprint(MAPS, str(tmp_path / "none")) != before
-    fingerprint.cache_clear()
+    forget()

@@ -8,32 +8,38 @@ program. The entry holds the digest of its own bytes; if it is damaged, its cont
 written again.
 """
 
+from __future__ import annotations
+
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import json
 import math
 import os
 import stat
+import sys
 import time
 from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 from shrm_cli import settings
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
 from shrm_cli.sources import COEFFICIENTS, fingerprint
 
+if TYPE_CHECKING:
+    from shrm_cli.brdf.transfer import TransferFunctions
+
 Known = TypeVar("Known")
-Content = TypeVar("Content", BrdfCoefficients, TransferFunctions)
+Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions")
 
 FOLDER_VARIABLE = "SHRM_CACHE_DIR"
 """Environment variable that names the cache's folder."""
@@ -67,15 +73,24 @@ def folder() -> Path:
     chosen = os.environ.get(FOLDER_VARIABLE)
     if chosen:
         return Path(chosen)
-    import platformdirs
-
     with contextlib.suppress(RuntimeError):  # older versions return a path that begins with ~
-        found = Path(platformdirs.user_cache_dir("shrm"))
+        found = Path(_users_folder())
         if found.is_absolute():
             return found
     raise OutputError(
         f"there is no home folder for the cache of coefficients; set HOME or {FOLDER_VARIABLE}"
     )
+
+
+def _users_folder() -> str:
+    """Return the folder of this user's cache, as `platformdirs` says it."""
+    # On Linux it takes two lines, and platformdirs with all that it loads as long as a map's file.
+    if sys.platform == "linux" and "ANDROID_DATA" not in os.environ:
+        base = os.environ.get("XDG_CACHE_HOME", "")
+        return os.path.join(base if os.path.isabs(base) else os.path.expanduser("~/.cache"), "shrm")
+    import platformdirs
+
+    return platformdirs.user_cache_dir("shrm")
 
 
 def cached_coefficients(
@@ -125,7 +140,7 @@ def cached_transfer(
     compute : callable
         `compute_transfer`, or a function with its parameters and result.
     """
-    return _cached(_TRANSFER, brdf, (order_f, max_q, accuracy), compute, progress)
+    return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute, progress)
 
 
 def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
@@ -170,11 +185,18 @@ _COEFFICIENTS = _Kind(
     lambda order_f, order_p: 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1),
     lambda found, order_f, order_p: found.order_f == order_f and found.order_p in (0, order_p),
 )
-_TRANSFER = _Kind(
-    TransferFunctions,
-    lambda order_f, max_q: MOST_BYTES // 4 // _DOUBLE,  # there is no telling how many views it took
-    lambda found, order_f, max_q: (found.order_f, found.max_q) == (order_f, max_q),
-)
+
+
+@functools.cache
+def _transfer_kind() -> _Kind[TransferFunctions]:
+    """Return the kind of transfer functions, whose module most runs do not need."""
+    from shrm_cli.brdf.transfer import TransferFunctions
+
+    return _Kind(
+        TransferFunctions,
+        lambda order_f, max_q: MOST_BYTES // 4 // _DOUBLE,  # nobody knows how many views it took
+        lambda found, order_f, max_q: (found.order_f, found.max_q) == (order_f, max_q),
+    )
 
 
 def _cached(

@@ -13,17 +13,22 @@ expansion). Equations with a number 5.x are those of chapter 5 of Ramamoorthi's 
 Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.sums import Sum
-from shrm_cli.brdf.transfer import accuracy_remark, both_signs, compute_transfer, energy_above
+from shrm_cli.brdf.estimates import accuracy_remark, both_signs, energy_above
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import MAX_ORDER_P
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.sums import Sum
 
 Array = NDArray[np.floating]
 
@@ -169,6 +174,9 @@ def compute_coefficients(
     BrdfError
         If the BRDF is anisotropic or not finite, or cannot be sampled; see `compute_transfer`.
     """
+    from shrm_cli.brdf.sums import Sum
+    from shrm_cli.brdf.transfer import compute_transfer
+
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):
         return _summed(brdf, order_f, order_p, accuracy, progress)
@@ -198,6 +206,8 @@ def _summed(
     is a sum of products of coefficients. It is counted up to the largest p that maps have, and for
     the q that are known; terms that both have much beyond are alike, and sharp.
     """
+    from shrm_cli.brdf.transfer import compute_transfer
+
     total, by_degree = np.zeros(3), np.zeros((order_f + 1, 3))
     added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
     signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from shrm_cli.brdf.base import Brdf, suggestion
 from shrm_cli.brdf.discovery import load_class, module_names
-from shrm_cli.brdf.foreign import checked_model, explained
 from shrm_cli.errors import BrdfError
 
 if TYPE_CHECKING:
@@ -77,6 +76,8 @@ def _installed() -> dict[str, EntryPoint]:
 
 
 def _load(point: EntryPoint) -> type[Brdf]:
+    from shrm_cli.brdf.foreign import checked_model, explained
+
     where = f"{point.name}: the entry point {point.value!r}"
     if point.dist is not None:
         where += f" of the package {point.dist.name}"

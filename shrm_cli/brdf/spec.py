@@ -20,7 +20,6 @@ import numpy as np
 
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.discovery import is_built_in
-from shrm_cli.brdf.foreign import make_checked
 from shrm_cli.brdf.library import built_in_names, find_model, model_names
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.color import Primaries, from_rec709
@@ -62,6 +61,7 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         return _of_model(spec, primaries)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
+    from shrm_cli.brdf.foreign import make_checked
     from shrm_cli.brdf.python_file import load_model
 
     model = load_model(term)
@@ -107,7 +107,11 @@ def _of_model(spec: str, primaries: Primaries | None) -> Brdf:
     model = find_model(name)
     values = _values(spec, rest) if colon else {}
     values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
-    return model(**values) if is_built_in(model) else make_checked(model, values, name)
+    if is_built_in(model):
+        return model(**values)
+    from shrm_cli.brdf.foreign import make_checked
+
+    return make_checked(model, values, name)
 
 
 def names_file(spec: str) -> bool:

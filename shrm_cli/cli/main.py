@@ -1,6 +1,5 @@
 """`shrm` itself finds the subcommand, and turns errors into one line and an exit code."""
 
-import gc
 import importlib
 import os
 import signal
@@ -51,11 +50,6 @@ _STOPPING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(
 
 _A_WHILE = 0.01
 """The seconds after which a signal is raised again that could not be obeyed."""
-
-
-_GARBAGE = 50_000
-"""The number of new objects after which Python looks for cycles among all objects. Modules are
-full of objects that stay, and looking through them every 700 took a twentieth of a whole run."""
 
 
 class _LazyGroup(click.Group):
@@ -119,7 +113,6 @@ def main(arguments: list[str] | None = None) -> None:
             signal.signal(number, _stop)
     sys.unraisablehook = _hear_again
     limit_small_products()
-    gc.set_threshold(_GARBAGE)
     if "--debug" not in arguments:
         # Numpy's warnings are hidden, because values are checked to be finite when written.
         warnings.simplefilter("ignore")

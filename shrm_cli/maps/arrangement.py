@@ -9,10 +9,6 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredPart
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, Layout
-from shrm_cli.probe.layout import arrange_faces, stack_faces
-from shrm_cli.sphere.cube import cube_directions
-from shrm_cli.sphere.latlong import latlong_directions
-from shrm_cli.sphere.sampling import CubeSampler, sample_latlong_cubic
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Sampling
 
 Array = NDArray[np.floating]
@@ -55,6 +51,10 @@ class Arrangement:
 
         A lat-long gets a height of 2N, which keeps the resolution at the equator.
         """
+        from shrm_cli.probe.layout import arrange_faces
+        from shrm_cli.sphere.latlong import latlong_directions
+        from shrm_cli.sphere.sampling import CubeSampler
+
         if self.layout == "latlong":
             height = 2 * stack.shape[1]
             return CubeSampler(stack, self.sampling)(latlong_directions(2 * height, height))
@@ -62,6 +62,10 @@ class Arrangement:
 
     def undo(self, image: Array) -> Array:
         """Return the stacked cube, shape (6N, N, C), from an image in this arrangement."""
+        from shrm_cli.probe.layout import stack_faces
+        from shrm_cli.sphere.cube import cube_directions
+        from shrm_cli.sphere.sampling import sample_latlong_cubic
+
         if self.layout == "latlong":
             directions = cube_directions(len(image) // 2, self.sampling)
             return sample_latlong_cubic(image, directions)

@@ -1,19 +1,19 @@
 """The ``shrm:`` attributes of a map's parts: how they are written, and how they are checked."""
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli import __release__
 from shrm_cli.errors import MapError
-from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import StoredPart, sound_primaries
 from shrm_cli.layouts import LAYOUTS
-from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.sources import fingerprint
 from shrm_cli.vocabulary import (
@@ -27,6 +27,9 @@ from shrm_cli.vocabulary import (
     SAMPLINGS,
 )
 
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
+
 Array = NDArray[np.floating]
 
 VERSION = 5
@@ -37,6 +40,9 @@ irradiance, split sums and SH exponentials as version 3, principal functions as 
 product textures as version 5. All other maps are written as version 1,
 which earlier versions of `shrm` read too.
 """
+
+COLORS = "RGB"
+"""The channels of an image, and the last letters of the channels of a part with many images."""
 
 _DIGITS = 6, 7, 8, 9
 """Six significant digits pass through 32-bit floats, and nine tell all of them apart."""
@@ -154,6 +160,8 @@ def read_numbers(part: StoredPart, name: str, shape: tuple[int, ...]) -> Array |
     ndarray or None
         None if the attribute is missing or anything else.
     """
+    from shrm_cli.files.json_text import parse_json
+
     text = part.attribute(f"shrm:{name}")
     try:
         values = np.array(parse_json(text))
@@ -182,6 +190,8 @@ def read_attributes(part: StoredPart) -> dict[str, Any]:
     MapError
         If the part is not of a map that this version reads, or an attribute is missing or wrong.
     """
+    from shrm_cli.files.json_text import parse_json
+
     path, found = part.path, part.attribute("shrm:representation")
     if not isinstance(found, str) or not found:
         raise MapError(f"{path}: an image, but not a map; shrm prefilter makes maps")
@@ -237,6 +247,8 @@ def map_info(attributes: dict[str, Any], part: StoredPart) -> MapInfo:
 
 
 def _is_json_object(text: str) -> bool:
+    from shrm_cli.files.json_text import parse_json
+
     try:
         return isinstance(parse_json(text, _MOST_DEPTH), dict)
     except ValueError:

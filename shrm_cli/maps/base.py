@@ -17,6 +17,8 @@ has these modules:
 The registry (`shrm_cli.maps.registry`) finds these modules, and loads each only when it is needed.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,23 +27,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.brdf.base import Color
 from shrm_cli.color import mix_channels
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.files.parts import Part
 from shrm_cli.maps import registry
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.look_up import look_up_error
-from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.sampling import CubeSampler
-from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Precision, Sampling
+from shrm_cli.vocabulary import MAX_CUBE_SIZE, Frame, Orientation, Precision, Sampling
 
 if TYPE_CHECKING:
     import os
 
+    from shrm_cli.brdf.base import Color
+    from shrm_cli.files.parts import Part
     from shrm_cli.maps.shrm.shrm import Shrm
-    from shrm_cli.vocabulary import Frame
 
 Array = NDArray[np.floating]
 
@@ -207,7 +205,7 @@ class Map(ABC):
         """
         return self
 
-    def lit(self, lighting: ArrayLike) -> "Map":
+    def lit(self, lighting: ArrayLike) -> Map:
         """Return the map under light of some coefficients.
 
         Parameters
@@ -284,7 +282,7 @@ class Map(ABC):
 
     # ---- other maps of the same light --------------------------------------------------------
 
-    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> "Map":
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
         """Return the map on cubes of another size or sampling, filtered as `radiance` filters it.
 
         Parameters
@@ -326,8 +324,12 @@ class Map(ABC):
         """
         return
 
-    def _moved(self, size: int, sampling: Sampling) -> "Map":
+    def _moved(self, size: int, sampling: Sampling) -> Map:
         """Return the map on other cubes, each filtered from the old cube in its place."""
+        from shrm_cli.maps.look_up import look_up_error
+        from shrm_cli.sphere.cube import cube_directions
+        from shrm_cli.sphere.sampling import CubeSampler
+
         directions = cube_directions(size, sampling)
         before = self.planes()
         after = [CubeSampler(plane, self.sampling)(directions) for plane in before]
@@ -338,7 +340,7 @@ class Map(ABC):
             info = replace(info, filter_error=look_up_error(after[0], sampling, order))
         return self.with_planes(after, sampling, info)
 
-    def to_shrm(self, order_p: int | None = None, frame: "Frame | None" = None) -> "Shrm":
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Return the SHRM that the map holds, or the one that fits it best.
 
         Parameters
@@ -361,7 +363,7 @@ class Map(ABC):
         size: int | None = None,
         sampling: Sampling | None = None,
         **options: Any,
-    ) -> "Map":
+    ) -> Map:
         """Convert the map to another representation.
 
         Parameters
@@ -381,7 +383,7 @@ class Map(ABC):
         """
         return registry.map_class(to).from_map(self.resampled(size, sampling), **options)
 
-    def turned(self, matrix: ArrayLike) -> "Map":
+    def turned(self, matrix: ArrayLike) -> Map:
         """Return the map of the same light turned.
 
         Parameters
@@ -400,13 +402,13 @@ class Map(ABC):
             "and `roll`"
         )
 
-    def mixed(self, matrix: Array, info: MapInfo) -> "Map":
+    def mixed(self, matrix: Array, info: MapInfo) -> Map:
         """Return the map with a matrix times its red, green and blue; see `maps.primaries`."""
         planes = [mix_channels(plane, matrix) for plane in self.planes()]
         return self.with_planes(planes, self.sampling, info)
 
     @classmethod
-    def from_map(cls, source: "Map", **options: Any) -> "Map":
+    def from_map(cls, source: Map, **options: Any) -> Map:
         """Make a map of this representation from another map; see `converted`."""
         if source.representation != cls.representation:
             raise no_way(source, cls.representation)
@@ -422,7 +424,7 @@ class Map(ABC):
 
     def save(
         self,
-        path: "str | os.PathLike[str]",
+        path: str | os.PathLike[str],
         precision: Precision = "auto",
         layout: str = "openexr",
         orientation: Orientation = "openexr",
@@ -488,6 +490,9 @@ def _lost(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
     old, new : {"center", "border"}
         Their samplings.
     """
+    from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+    from shrm_cli.sphere.sampling import CubeSampler
+
     size = before.shape[1]
     weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]
     again = CubeSampler(after, new)(cube_directions(size, old))

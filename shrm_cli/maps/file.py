@@ -1,7 +1,10 @@
 """Writing maps of every representation to files, and reading them back."""
 
+from __future__ import annotations
+
 import os
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +25,12 @@ from shrm_cli.maps.attributes import (
     options_text,
     read_attributes,
 )
-from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.vocabulary import Orientation, Precision
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.base import Map
 
 _ALLOWED = 0.1
 """The part of a map's own error that storing it in half precision may add."""

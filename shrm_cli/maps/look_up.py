@@ -4,12 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.maps.coupling import coupled, separated
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import filtering_error
-from shrm_cli.sphere.between_texels import lost_between_texels
-from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
-from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import Sampling
 
@@ -58,6 +54,9 @@ def shrm_look_up_error(
         return filtering_error(
             lighting, coefficients, order_f, order_p, size, sampling, factors=factors
         )
+    from shrm_cli.maps.coupling import coupled, separated
+    from shrm_cli.sphere.between_texels import lost_between_texels
+
     kept = coefficients.truncated(order_f, order_p) * factors[..., None, None]
     light = separated(lighting.coefficients[: (order_f + 1) ** 2], order_f)
     lost = whole = 0.0
@@ -90,6 +89,9 @@ def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:
     float
         The error against what the texels show; 0 for a black cube.
     """
+    from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
+    from shrm_cli.sphere.grid.cube import Cube
+
     size = cube.shape[1]
     order = min(order, _ORDERS_A_TEXEL * size)
     grid = Cube(size, sampling)

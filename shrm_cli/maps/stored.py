@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart
 from shrm_cli.maps.arrangement import Arrangement, stored_arrangement
-from shrm_cli.maps.attributes import map_info, read_attributes
+from shrm_cli.maps.attributes import COLORS, map_info, read_attributes
 
 Array = NDArray[np.floating]
-
-COLORS = "RGB"
-"""The channels of an image, and the last letters of the channels of a part with many images."""
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.parts import sound_primaries
-from shrm_cli.probe.icc import linear_curve, profile_primaries
-from shrm_cli.probe.png_header import png_primaries
 from shrm_cli.probe.radiance_header import RadianceHeader
 
 Array = NDArray[np.floating]
@@ -88,18 +86,28 @@ def encoding_of(
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if header is not None:
         return _radiance(path, header)
-    primaries = sound_primaries(spec.getattribute("chromaticities")) or _of_profile(path, spec)
+    primaries = sound_primaries(spec.getattribute("chromaticities")) or _of_profile(
+        path, spec, file_format
+    )
     if not integers:
         return Encoding(primaries=primaries, pixel_aspect=aspect)
     name, curve = _integer_curve(path, spec, file_format)
     return Encoding(name, curve, primaries=primaries, pixel_aspect=aspect)
 
 
-def _of_profile(path: Path, spec: Any) -> tuple[float, ...] | None:
+def _of_profile(path: Path, spec: Any, file_format: str) -> tuple[float, ...] | None:
     """The primaries that an ICC profile or the chunks of a PNG tell."""
     profile = spec.getattribute("ICCProfile")
     is_there = isinstance(profile, np.ndarray) and profile.dtype == np.uint8
-    found = profile_primaries(profile.tobytes()) if is_there else None
+    found = None
+    if is_there:
+        from shrm_cli.probe.icc import profile_primaries
+
+        found = profile_primaries(profile.tobytes())
+    if file_format != "png":
+        return found
+    from shrm_cli.probe.png_header import png_primaries
+
     return png_primaries(path, found is not None) or found
 
 
@@ -128,6 +136,8 @@ def _radiance(path: Path, header: RadianceHeader) -> Encoding:
 
 def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve | None]:
     """Name and curve of the encoding of integer pixels; sRGB where the file says nothing."""
+    from shrm_cli.probe.icc import linear_curve
+
     space = spec.get_string_attribute("oiio:ColorSpace")
     transfer = spec.get_string_attribute("dpx:Transfer")
     if file_format in _FILM and transfer != "Linear":

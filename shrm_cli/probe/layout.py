@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, IMAGE_LAYOUTS, Layout, grid_name
-from shrm_cli.sphere.cube import reorient, reoriented
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.registry import grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
@@ -143,6 +142,8 @@ def stack_faces(image: Array, layout: Layout, orientation: Orientation) -> Array
     -------
     ndarray, shape (6N, N, channels)
     """
+    from shrm_cli.sphere.cube import reorient
+
     if (layout, orientation) in (("openexr", "openexr"), ("faces", "openexr")):
         return image
     cube = CUBES[layout]
@@ -170,6 +171,8 @@ def arrange_faces(stack: Array, layout: Layout, orientation: Orientation) -> Arr
     ndarray, shape (rows * N, columns * N, channels)
         The corners of a cross are 0.
     """
+    from shrm_cli.sphere.cube import reoriented
+
     cube = CUBES[layout]
     size = stack.shape[1]
     faces = stack.reshape(len(FACES), size, size, -1)

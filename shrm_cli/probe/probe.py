@@ -1,11 +1,13 @@
 """A light probe: radiance on a grid, from image files or from arrays."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +17,6 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
 from shrm_cli.probe.blocks import Block, BlockReader
 from shrm_cli.probe.colors import ColorReading
-from shrm_cli.probe.dds_file import DdsFile
 from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
 from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
@@ -24,7 +25,13 @@ from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import Orientation, Sampling
 
+if TYPE_CHECKING:
+    from shrm_cli.probe.dds_file import DdsFile
+
 Array = NDArray[np.floating]
+
+_DDS = b"DDS "
+"""The bytes that a DDS file begins with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +96,7 @@ class Probe:
         chromaticities: tuple[float, ...] | None = None,
         primaries: str | Sequence[float] | None = None,
         working: str | Sequence[float] | None = None,
-    ) -> "Probe":
+    ) -> Probe:
         """Make a probe from pixels in memory, which are copied.
 
         Parameters
@@ -195,7 +202,7 @@ class Probe:
         for start, pixels, weights in reader.blocks():
             yield start, self.policy.apply(pixels, weights, self.report), weights
 
-    def in_primaries(self, primaries: tuple[float, ...] | None) -> "Probe":
+    def in_primaries(self, primaries: tuple[float, ...] | None) -> Probe:
         """The same probe, its pixels in other primaries; None is Rec.709.
 
         Of a sum of lights the pixels are converted alone, and not its lights.
@@ -313,12 +320,22 @@ def _make_probe(
 def _open_file(name: str, options: ReadOptions) -> ImageFile | DdsFile:
     """Open an image as the options have it."""
     path = check_file(name)
-    dds = DdsFile.open(path)
+    dds = _open_dds(path)
     if dds is None:
         return ImageFile.open(path, options.linearize, options.part, options.layer)
     if options.part is not None or options.layer is not None:
         raise ProbeError(f"{name}: a DDS file has no parts or layers; leave `part` and `layer` out")
     return dds
+
+
+def _open_dds(path: Path) -> DdsFile | None:
+    """Open a file as a DDS file; None where it is none that is read here."""
+    with open(path, "rb") as stream:
+        if stream.read(len(_DDS)) != _DDS:
+            return None
+    from shrm_cli.probe.dds_file import DdsFile  # most probes are none
+
+    return DdsFile.open(path)
 
 
 def _layout_of(file: ImageFile | DdsFile) -> Layout:

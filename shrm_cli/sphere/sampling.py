@@ -3,9 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.sphere.angular import angular_coordinates
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
-from shrm_cli.sphere.latlong import latlong_coordinates
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
@@ -177,6 +175,8 @@ class LatLongSampler:
 
     def __call__(self, directions: ArrayLike) -> Array:
         """Values at directions of any length, shape (..., 3): (..., channels)."""
+        from shrm_cli.sphere.latlong import latlong_coordinates
+
         image = self._image
         height, width = image.shape[:2]
         across, down = latlong_coordinates(directions)
@@ -208,6 +208,8 @@ def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
     -------
     ndarray, shape (..., channels)
     """
+    from shrm_cli.sphere.latlong import latlong_coordinates
+
     image = np.asarray(image)
     height, width = image.shape[:2]
     across, down = latlong_coordinates(directions)
@@ -243,6 +245,8 @@ class AngularSampler:
 
     def __call__(self, directions: ArrayLike) -> Array:
         """Values at directions of any length, shape (..., 3): (..., channels)."""
+        from shrm_cli.sphere.angular import angular_coordinates
+
         across, down = angular_coordinates(directions)
         if len(self._image) == 1:
             return np.broadcast_to(self._image[0, 0], (*across.shape, self._image.shape[2]))

@@ -7,6 +7,7 @@ import sys
 from subprocess import Popen
 
 import numpy as np
+import platformdirs
 import pytest
 
 from shrm_cli import settings
@@ -414,15 +415,15 @@ def test_the_default_is_the_users_cache_folder(monkeypatch, tmp_path):
     assert "shrm" in str(cache.folder())
 
 
-def no_home(*arguments):
+def no_home():
     raise RuntimeError("could not determine the home directory")
 
 
-@pytest.mark.parametrize("asked", [no_home, lambda name: f"~/.cache/{name}"])
+@pytest.mark.parametrize("asked", [no_home, lambda: "~/.cache/shrm"])
 def test_users_without_a_home_have_no_cache(monkeypatch, tmp_path, asked):
     """As in containers whose user is a number without a name; versions of platformdirs differ."""
     monkeypatch.setenv("SHRM_CACHE_DIR", "")
-    monkeypatch.setattr("platformdirs.user_cache_dir", asked)
+    monkeypatch.setattr("shrm_cli.brdf.cache._users_folder", asked)
     monkeypatch.chdir(tmp_path)
     compute = Counted()
     for _ in range(2):
@@ -432,6 +433,17 @@ def test_users_without_a_home_have_no_cache(monkeypatch, tmp_path, asked):
     for command in ("info", "clear"):
         found = run("cache", command)
         assert_refused(found, 1, "there is no home folder", "set HOME or SHRM_CACHE_DIR")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere platformdirs is asked")
+@pytest.mark.parametrize("base", [None, "", "/somewhere/else", "{}"])
+def test_the_folder_of_users_is_that_of_platformdirs(monkeypatch, tmp_path, base):
+    """It is found without loading that package, which takes as long as writing a map."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    if base is not None:
+        monkeypatch.setenv("XDG_CACHE_HOME", base.format(tmp_path))
+    assert cache._users_folder() == platformdirs.user_cache_dir("shrm")
 
 
 @pytest.mark.slow

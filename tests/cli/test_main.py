@@ -278,3 +278,32 @@ def test_it_runs_as_a_module():
     )  # fmt: skip
     assert (found.returncode, found.stderr) == (0, "")
     assert found.stdout == f"shrm, version {__version__}\n"
+
+
+MOST_MODULES = 113
+"""What a plain run loads of the package, without the empty modules that stand for folders.
+
+Each of them costs time at every start, and ten times as much where Python keeps no bytecode.
+Whoever raises this says why; whoever loads less lowers it.
+"""
+
+
+def test_a_plain_run_loads_few_modules(tmp_path):
+    """The second run is counted, which takes the coefficients of the BRDF from the cache."""
+    probe, target = tmp_path / "p.exr", tmp_path / "m.exr"
+    done("probe", "sky", "--size", "32", "-o", str(probe))
+    code = f"""
+import atexit, os, sys
+def tell():
+    ours = [each for name, each in sys.modules.items() if name.startswith("shrm_cli")]
+    full = [each for each in ours if not (each.__file__ or "").endswith("__init__.py")]
+    print("loaded", len(full), file=sys.stderr)
+atexit.register(tell)
+{MAIN}"""
+    command = "prefilter", str(probe), "--brdf", "microfacet:sigma=0.1", "-o", str(target)
+    for _ in range(2):
+        result = process(*command, code=code)
+    assert result.code == 0
+    assert "pixels  " in result.out  # the report is printed
+    (count,) = (int(line.split()[1]) for line in result.err.splitlines() if "loaded" in line)
+    assert count <= MOST_MODULES

@@ -23,7 +23,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.transfer import TransferFunctions, both_signs
+from shrm_cli.brdf.estimates import both_signs
+from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Center
 

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
+from shrm_cli.brdf.estimates import power_of_two_times
 from shrm_cli.brdf.gathered import gathering_center
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.sums import Sum, split
-from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer, power_of_two_times
+from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo

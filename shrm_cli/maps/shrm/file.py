@@ -1,22 +1,25 @@
 """Encoding plain SHRMs, compressed ones and sums of terms as parts of a file, and decoding them."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.attributes import common_header, options_text, shortest_values
-from shrm_cli.maps.shrm.compressed import CompressedShrm
+from shrm_cli.maps.attributes import COLORS, common_header, options_text, shortest_values
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import MAX_VALUES
-from shrm_cli.maps.stored import COLORS, StoredImage
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.shrm.compressed import CompressedShrm
+    from shrm_cli.maps.shrm.summed import SummedShrm
+    from shrm_cli.maps.stored import StoredImage
 
 Array = NDArray[np.floating]
 
@@ -50,9 +53,12 @@ def encode(shrm: Shrm | CompressedShrm | SummedShrm) -> list[Part]:
 
     Every part of a sum carries what is known of the whole sum.
     """
-    if isinstance(shrm, SummedShrm):
-        return _encode_sum(shrm)
-    return [_encode_compressed(shrm) if isinstance(shrm, CompressedShrm) else _encode_plain(shrm)]
+    if isinstance(shrm, Shrm):
+        return [_encode_plain(shrm)]
+    # Plain maps are most, and load none of the others' classes.
+    from shrm_cli.maps.shrm.compressed import CompressedShrm
+
+    return [_encode_compressed(shrm)] if isinstance(shrm, CompressedShrm) else _encode_sum(shrm)
 
 
 def _encode_plain(shrm: Shrm) -> Part:
@@ -106,6 +112,9 @@ def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
         If parts, channels or attributes are missing or contradict each other, or if there are too
         many coefficients to load.
     """
+    from shrm_cli.maps.shrm.summed import SummedShrm
+    from shrm_cli.maps.stored import StoredImage
+
     if len(file.parts) == 1:
         return _decode_term(StoredImage.of(file.first))
     images = {part.name: StoredImage.of(part) for part in file.parts}
@@ -147,6 +156,8 @@ def _decode_plain(image: StoredImage) -> Shrm:
 
 
 def _decode_compressed(image: StoredImage) -> CompressedShrm:
+    from shrm_cli.maps.shrm.compressed import CompressedShrm
+
     order_p, size = image.attributes["P"], image.size
     matrix = _matrix(image.part.text("shrm:pca_matrix"))
     if matrix is None or matrix.shape[1] != (order_p + 1) ** 2 or len(matrix) > matrix.shape[1]:
@@ -165,6 +176,8 @@ def _decode_compressed(image: StoredImage) -> CompressedShrm:
 
 def _matrix(text: str) -> Array | None:
     """Read a matrix of finite numbers from JSON; the result is None for any other text."""
+    from shrm_cli.files.json_text import parse_json
+
     try:
         values = np.array(parse_json(text), dtype=float)
     except (ValueError, TypeError, OverflowError):

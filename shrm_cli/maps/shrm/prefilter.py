@@ -3,14 +3,17 @@
 The method is that of section 5.6.2 of Ramamoorthi's thesis.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
@@ -25,14 +28,15 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
     within_error,
 )
-from shrm_cli.maps.shrm.compressed import compressed
-from shrm_cli.maps.shrm.terms import from_expansion, plan_terms, prefilter_terms
+from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import choose_center, choose_orders
-from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.probe.lighting import Projection
 
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
@@ -62,6 +66,9 @@ def prefilter(
     ------
     ArgumentError, OrderError, ProbeError, BrdfError, MapError
     """
+    from shrm_cli.brdf.sums import split as split_terms
+    from shrm_cli.probe.lighting import Projection
+
     if domain == "angular":
         raise ArgumentError(
             "domain",
@@ -97,6 +104,8 @@ def prefilter(
     unsplit: tuple[str, ...] = ()
     chosen = None
     if is_free and split is not False and len(split_terms(brdf)) > 1:
+        from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
+
         allowed = allowed_bytes(max_size, size)
         chosen = affordable(light, brdf, eps, allowed, size, sampling)
         plan = plan_terms(light, brdf, eps, allowed, size, chosen)
@@ -267,7 +276,11 @@ def prefilter_shrm(
         light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
     )
     made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
-    kept = compressed(made, compress)
+    kept: Map = made
+    if compress is not None:
+        from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
+
+        kept = compressed(made, compress)
     # Forms other than that of an SHRM add errors of their own, and so does compression.
     is_all = form is SHRM_FORM and not kept.info.added_error
 

@@ -3,11 +3,13 @@
 They are those of section 5.4 of Ramamoorthi's thesis, and equations 5.x are those of its chapter 5.
 """
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,10 +25,11 @@ from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
-from shrm_cli.sphere.rotation import rotate_to_frames
-from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.sphere.sampling import CubeSampler
 
 Array = NDArray[np.floating]
 
@@ -101,7 +104,7 @@ class Shrm(Map):
         """Return one cube of all coefficients, shape (6N, N, 3 (P+1)^2)."""
         return [self.coefficients.reshape(*self.coefficients.shape[:2], -1)]
 
-    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> "Shrm":
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Shrm:
         """Return the same map with other coefficients, in the form that `planes` returns."""
         (flat,) = planes
         shaped = flat.reshape(*flat.shape[:2], *self.coefficients.shape[2:])
@@ -119,7 +122,7 @@ class Shrm(Map):
         sampling: Sampling = "center",
         dtype: type = np.float64,
         progress: Progress | None = None,
-    ) -> "Shrm":
+    ) -> Shrm:
         """Make the map from the coefficients of light and BRDF.
 
         Parameters
@@ -159,8 +162,10 @@ class Shrm(Map):
         built = cls(stacked.transpose(2, 3, 0, 1), "global", center, info, sampling)
         return built if frame == "global" else built.to_frame(frame)
 
-    def to_frame(self, frame: Frame) -> "Shrm":
+    def to_frame(self, frame: Frame) -> Shrm:
         """Rotate the coefficients of each texel to another frame (eq. 5.14)."""
+        from shrm_cli.sphere.rotation import rotate_to_frames
+
         if frame == self.frame:
             return self
         directions = cube_directions(self.size, self.sampling).reshape(-1, 3)
@@ -174,7 +179,7 @@ class Shrm(Map):
             ).transpose(2, 0, 1)
         return replace(self, coefficients=turned.reshape(self.coefficients.shape), frame=frame)
 
-    def truncated(self, order_p: int | None) -> "Shrm":
+    def truncated(self, order_p: int | None) -> Shrm:
         """Return the same map without the coefficients above an order P; None keeps all.
 
         The `info` of the result includes what that adds to the relative RMS error.
@@ -194,12 +199,12 @@ class Shrm(Map):
         """Check that the map could be kept in memory at another size; see `check_size`."""
         check_size(self.info.order_f, self.order_p, size)
 
-    def _moved(self, size: int, sampling: Sampling) -> "Shrm":
+    def _moved(self, size: int, sampling: Sampling) -> Shrm:
         # Local frames turn from texel to texel, so only global coefficients can be filtered.
         moved = super(Shrm, self.to_frame("global"))._moved(size, sampling)
         return cast(Shrm, moved).to_frame(self.frame)
 
-    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> "Shrm":
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
         """Return the map itself, or of a lower order P or in another frame.
 
         Raises
@@ -297,6 +302,8 @@ class Shrm(Map):
 
     def _distant_sampler(self, view: Array) -> CubeSampler:
         """Return the sampler of one view's reflection map, which is kept until the view changes."""
+        from shrm_cli.sphere.sampling import CubeSampler
+
         kept = self._last_view
         if kept.get("view") != tuple(view):
             kept["sampler"] = CubeSampler(self.reflection_map(view), self.sampling)
@@ -309,12 +316,14 @@ class Shrm(Map):
         return {}
 
     @cached_property
-    def _global(self) -> "Shrm":
+    def _global(self) -> Shrm:
         # Local frames are singular at the poles, so only global coefficients can be filtered.
         return self.to_frame("global")
 
     @cached_property
     def _sampler(self) -> CubeSampler:
+        from shrm_cli.sphere.sampling import CubeSampler
+
         coefficients = self._global.coefficients
         return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
 
@@ -342,6 +351,8 @@ def _glances(
     weights : ndarray, shape ((P+1)^2, n)
         The harmonics of the view in the frame of the map.
     """
+    from shrm_cli.sphere.sampling import nearest_texels
+
     centers = central_directions(center, bisector(reflections, views), views)
     rows, columns = nearest_texels(centers, size, sampling)
     if frame == "local":

@@ -22,14 +22,12 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
 )
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.seconds import making_seconds
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
-from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress, foretell
 from shrm_cli.reflected import predicted_error, reflected_rms
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
 
@@ -346,37 +344,3 @@ def _term_map(
     few = min(compress, (orders.order_p + 1) ** 2) if isinstance(compress, int) else compress
     made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
     return compressed(made, few)
-
-
-def from_expansion(
-    expansion: Expansion,
-    probe: Probe,
-    frame: Frame = "global",
-    sampling: Sampling = "center",
-    dtype: type = np.float64,
-    progress: Progress | None = None,
-) -> Shrm:
-    """Make the SHRM of an expansion.
-
-    Parameters
-    ----------
-    expansion : Expansion
-    probe : Probe
-        The probe of the expansion's light.
-    frame, sampling, dtype
-        The form of the map, as `Shrm.from_coefficients` takes it.
-    progress : callable, optional
-        The same.
-    """
-    orders, brdf = expansion.orders, expansion.brdf
-    foretell(progress, making_seconds(expansion.carried, orders.order_p, expansion.size))
-    info = replace(
-        provenance(probe, brdf, orders),
-        predicted_error=expansion.error,
-        filter_error=expansion.filter_error(sampling),
-        carried=expansion.carried,
-    )
-    return Shrm.from_coefficients(
-        expansion.lighting.coefficients,
-        expansion.kept, brdf.center, info, expansion.size, frame, sampling, dtype, progress,
-    )  # fmt: skip

@@ -3,10 +3,7 @@
 import numpy as np
 
 from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler
-from shrm_cli.sphere.grid.overlap import overlapped, turn_about_axis
-from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions, latlong_points
 from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights
-from shrm_cli.sphere.sampling import LatLongSampler
 from shrm_cli.sphere.transform import LatLongAnalysis
 
 
@@ -22,6 +19,8 @@ class LatLong(Grid):
     wraps = True
 
     def directions(self) -> Array:
+        from shrm_cli.sphere.latlong import latlong_directions
+
         return latlong_directions(2 * self.size, self.size, self.sampling)
 
     def weights(self, start: int = 0, stop: int | None = None) -> Array:
@@ -43,14 +42,20 @@ class LatLong(Grid):
         return LatLong(self.size // count)
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
+        from shrm_cli.sphere.latlong import latlong_points
+
         density = np.cos(down * (np.pi / 2)) * (np.pi**2 / 2)
         return latlong_points(across, down), density + 0 * across
 
     def coordinates(self, directions: Array) -> tuple[Indices, Array, Array]:
+        from shrm_cli.sphere.latlong import latlong_coordinates
+
         across, down = latlong_coordinates(directions)
         return np.zeros(across.shape, dtype=np.intp), across, down
 
     def sampler(self, image: Array) -> Sampler:
+        from shrm_cli.sphere.sampling import LatLongSampler
+
         return LatLongSampler(image, self.sampling)
 
     def analysis(self, order: int) -> Analysis:
@@ -61,12 +66,16 @@ class LatLong(Grid):
         image[[0, -1]] = image[[0, -1], :-1].mean(axis=1, keepdims=True)
 
     def turned(self, image: Array, matrix: Array) -> Array | None:
+        from shrm_cli.sphere.grid.overlap import overlapped, turn_about_axis
+
         turn = turn_about_axis(matrix, 2 * self.size, self.sampling)
         if turn is None or turn[0] % 1:
             return None
         return overlapped(image, self.sampling, self.shape, self.sampling, *turn)
 
     def reduced(self, image: Array, target: Grid, matrix: Array) -> Array | None:
+        from shrm_cli.sphere.grid.overlap import overlapped, turn_about_axis
+
         turn = turn_about_axis(matrix, 2 * self.size, self.sampling)
         if turn is None or not isinstance(target, LatLong):
             return None
