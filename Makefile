@@ -17,6 +17,8 @@ PYTEST_FLAGS ?= -n auto
 # make fuzz MINUTES=10 FUZZ_FLAGS="--seed 2 --case 345"
 MINUTES ?= 10
 FUZZ_FLAGS ?=
+# make bench BENCH="start sphere": only these, or BENCH=--print, which leaves README as it is
+BENCH ?=
 # make engines PROBE=probe.exr
 PROBE ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
@@ -42,7 +44,7 @@ help:
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
-	@echo 'make bench     measure against other tools, as ratios'
+	@echo 'make bench     measure against other tools, as ratios, into README'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
 	@echo 'make scale     what batches take and what limits them, into build/paper/'
@@ -117,7 +119,7 @@ fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m tests.benchmarks
+	$(BIN)/python -m tests.benchmarks $(BENCH)
 
 tables: $(VENV)/.dev
 	$(BIN)/python -m tests.paper build/paper $(TABLES_FLAGS) $(MEASURED)
