@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,11 +25,9 @@ from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.sphere.directions import bisector, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
+from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
-
-if TYPE_CHECKING:
-    from shrm_cli.sphere.sampling import CubeSampler
 
 Array = NDArray[np.floating]
 
@@ -302,8 +300,6 @@ class Shrm(Map):
 
     def _distant_sampler(self, view: Array) -> CubeSampler:
         """Return the sampler of one view's reflection map, which is kept until the view changes."""
-        from shrm_cli.sphere.sampling import CubeSampler
-
         kept = self._last_view
         if kept.get("view") != tuple(view):
             kept["sampler"] = CubeSampler(self.reflection_map(view), self.sampling)
@@ -322,8 +318,6 @@ class Shrm(Map):
 
     @cached_property
     def _sampler(self) -> CubeSampler:
-        from shrm_cli.sphere.sampling import CubeSampler
-
         coefficients = self._global.coefficients
         return CubeSampler(coefficients.reshape(*coefficients.shape[:2], -1), self.sampling)
 
@@ -351,8 +345,6 @@ def _glances(
     weights : ndarray, shape ((P+1)^2, n)
         The harmonics of the view in the frame of the map.
     """
-    from shrm_cli.sphere.sampling import nearest_texels
-
     centers = central_directions(center, bisector(reflections, views), views)
     rows, columns = nearest_texels(centers, size, sampling)
     if frame == "local":
