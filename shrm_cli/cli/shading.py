@@ -104,8 +104,8 @@ def shaded_maps(
 
 window_option = click.option(
     "--window", metavar="NAME[:WIDTH]",
-    help="Of the light of product textures that hold none: none, hann, lanczos, or auto, which "
-    "leaves nothing negative.  [default: auto]",
+    help="Of the light of product textures that hold none: none, hann, lanczos, or auto, the "
+    "least that leaves no black spots.  [default: auto]",
 )  # fmt: skip
 
 
@@ -165,7 +165,7 @@ def lit_maps(
         if shape.factors:
             warnings.append(
                 f"{name}: the light is windowed ({shape.name}), which changes what is reflected by "
-                f"{shape.change:.1%} RMS; `window` none leaves it"
+                f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; `window` none leaves it"
             )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = replace(lit, info=replace(lit.info, chromaticities=light.probe.chromaticities))  # type: ignore[type-var]

@@ -35,5 +35,8 @@ def report(result: dict[str, Any]) -> list[str]:
     lines.append(f"RMS error      {result['predicted_error']:.2%} {of}, beyond the order")
     window = result.get("window")
     if window is not None and window["name"] != "none":
-        lines.append(f"window         {window['name']}, changes it by {result['added_error']:.2%}")
+        lines.append(
+            f"window         {window['name']}, changes it by {result['added_error']:.2%} RMS, and "
+            f"what is seen by {window['p95_change']:.1%} (p95)"
+        )
     return lines

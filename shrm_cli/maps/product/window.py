@@ -6,7 +6,8 @@ of the degrees are sought that keep the reflected light from showing black spots
 least; the light alone may stay negative.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +20,7 @@ from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.sphere.directions import surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
 Array = NDArray[np.floating]
 
@@ -36,17 +37,38 @@ _ROUNDS = 12
 """How often the factors are sought, at most."""
 _ADDED = 400
 """The most samples that join after a round, the lowest ones."""
+_HALVINGS = 10
+"""How often the interval is halved in which the strength of the factors lies."""
 
 
-def product_window(spec: str, map_: Map, series: ArrayLike) -> Window:
+@dataclass(frozen=True)
+class LightWindow(Window):
+    """A window of the light, and what it costs in what surfaces reflect.
+
+    Attributes
+    ----------
+    p95_change : float
+        The 95th percentile of the change of the luminance that is reflected, relative to the
+        brighter of what it is without and with the window, or to `vocabulary.SEEN_FLOOR` of the
+        mean where both are darker.
+    """
+
+    p95_change: float = 0.0
+
+    def summary(self, order: int) -> dict[str, Any]:
+        """Return the window as JSON holds it, with a factor for each degree up to an order."""
+        return {**super().summary(order), "p95_change": self.p95_change}
+
+
+def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
     """Make the window of the light for a product texture.
 
     Parameters
     ----------
     spec : str
         As `make_window` takes it. ``auto`` asks for the factors that change the reflected light
-        least, as RMS over orientations and views, and leave its luminance negative nowhere. Light
-        of which no more than a thousandth of all samples is negative gets no window.
+        least, as RMS over orientations and views, and leave its luminance negative nowhere; of
+        these it takes as little as leaves no more than a thousandth of all samples negative.
     map_ : ProductTexture or VaryingProduct
         A texture, or several of a parameter that varies, whose own light does not count.
     series : array_like, shape ((order+1)^2, 3)
@@ -54,7 +76,7 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> Window:
 
     Returns
     -------
-    Window
+    LightWindow
         Its `change` is that of the reflected light.
 
     Raises
@@ -66,17 +88,26 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> Window:
     name, _ = parse_window(spec)
     found = Window() if name == "auto" else make_window(spec, series)
     if name == "none" or not series.any():
-        return found
+        return LightWindow(**asdict(found))
     by_degree = np.concatenate([_by_degree(each, series) for each in _textures(map_)])
+    seen = by_degree @ LUMINANCE
     if name == "auto":
-        seen = by_degree @ LUMINANCE
-        if np.mean(seen.sum(axis=1) < 0) <= LARGEST_SHARE:
-            return found
-        found = Window.least(_factors(by_degree), series)
-    whole = by_degree.sum(axis=1)
-    lost = np.einsum("nlc,l->nc", by_degree, 1 - np.array(found.factors or [1.0]))
+        factors = _weakened(seen)
+        if factors is None:
+            return LightWindow()
+        found = Window.least(factors, series)
+    whole, lost = by_degree.sum(axis=1), 1 - np.array(found.factors)
     square = float(np.sum(whole**2))
-    return replace(found, change=float(np.sqrt(np.sum(lost**2) / square)) if square else 0.0)
+    change = np.einsum("nlc,l->nc", by_degree, lost)
+    floor = SEEN_FLOOR * max(float(seen[:, 0].mean()), np.finfo(float).tiny)
+    # What was negative is nothing to divide by: the brighter of before and after is.
+    larger = np.maximum(seen.sum(axis=1), seen @ found.factors)
+    relative = np.abs(seen @ lost) / np.maximum(larger, floor)
+    costs = {
+        "change": float(np.sqrt(np.sum(change**2) / square)) if square else 0.0,
+        "p95_change": float(np.quantile(relative, 0.95)),
+    }
+    return LightWindow(**{**asdict(found), **costs})
 
 
 def _textures(map_: Map) -> list[ProductTexture]:
@@ -112,14 +143,37 @@ def _by_degree(texture: ProductTexture, series: Array) -> Array:
     return np.stack(parts, axis=2).reshape(-1, texture.order + 1, 3)
 
 
-def _factors(by_degree: Array) -> Array:
+def _weakened(seen: Array) -> Array | None:
+    """Find the factors of ``auto`` from what each degree adds to samples, shape (n, order+1).
+
+    Those that leave no sample negative pay dearly for the last few. So they are brought nearer to 1
+    until a thousandth of the samples is negative. The result is None where that is so without
+    factors.
+    """
+
+    def is_enough(factors: Array) -> bool:
+        return bool(np.mean(seen @ factors < 0) <= LARGEST_SHARE)
+
+    if is_enough(np.ones(seen.shape[1])):
+        return None
+    strongest = _factors(seen)
+    weak, strong = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (weak + strong) / 2
+        if is_enough(1 - middle * (1 - strongest)):
+            strong = middle
+        else:
+            weak = middle
+    return np.asarray(1 - strong * (1 - strongest))
+
+
+def _factors(seen: Array) -> Array:
     """Find the factors that change reflected light least, and leave no sample below 0.
 
     They are sought for the lowest samples, and those that are low with these factors join, until
-    none is. All channels count, since one that is missing shows as a stain of another colour.
+    none is.
     """
-    squares = np.sum(by_degree**2, axis=(0, 2))
-    seen = by_degree.transpose(0, 2, 1).reshape(-1, by_degree.shape[1])
+    squares = np.sum(seen**2, axis=0)
     chosen = np.zeros(len(seen), dtype=bool)
     factors: Array = np.ones(seen.shape[1])
     floor = _MARGIN * float(seen[:, 0].mean())

@@ -94,6 +94,23 @@ def test_it_blurs_no_more_than_leaves_no_black_spots(texture, points, lamp):
         assert found["none"][2] > 0.02
 
 
+@pytest.mark.parametrize("lamp", [100, 300, 1000])
+def test_it_is_as_weak_as_leaves_no_black_spots(texture, points, lamp):
+    """Half of what the window does would leave some."""
+    pixels = sky(lamp)
+    series = project(Probe.from_array(pixels, layout="latlong"), ORDER).coefficients
+    window = product_window("auto", texture, series)
+    factors = np.array(window.factors)
+    black = []
+    for strength in (0.0, 0.5, 1.0):
+        by_degree = 1 - strength * (1 - factors)
+        by_index = np.repeat(by_degree, 2 * np.arange(ORDER + 1) + 1)[:, None]
+        shown = texture.lit(by_index * series).brushed_radiance(*points) @ LUMINANCE
+        black.append(np.mean(shown < 0))
+    assert black[2] <= 1 / COUNT  # one of them may be among the thousandth
+    assert black[0] >= black[1] > black[2]
+
+
 def test_what_it_costs_is_measured(texture, points):
     series = project(Probe.from_array(sky(2000), layout="latlong"), ORDER).coefficients
     for spec in ("auto", "hann", "lanczos:6"):
@@ -102,6 +119,10 @@ def test_what_it_costs_is_measured(texture, points):
         windowed = texture.lit(window.apply(series)).brushed_radiance(*points)
         lost, whole = np.sum((windowed - light) ** 2), np.sum(light**2)
         assert window.change == pytest.approx(np.sqrt(lost / whole), rel=0.15), spec
+        before, after = light @ LUMINANCE, windowed @ LUMINANCE
+        scale = np.maximum(np.maximum(before, after), 0.02 * before.mean())
+        relative = np.abs(after - before) / scale
+        assert window.p95_change == pytest.approx(np.quantile(relative, 0.95), rel=0.3), spec
     assert product_window("none", texture, series).change == 0
 
 
