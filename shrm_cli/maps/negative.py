@@ -38,12 +38,12 @@ def negative_share(map_: Map) -> float:
     float
         In 0 .. 1, to about 0.001 where it is small.
     """
-    shown = map_.glimpse(*_pairs())
+    shown = map_.glimpse(*visible_pairs())
     return float(np.mean(shown @ LUMINANCE < 0))
 
 
 @cache
-def _pairs() -> tuple[Array, Array]:
+def visible_pairs() -> tuple[Array, Array]:
     """Return the mirror directions and the views, which are always the same; read-only."""
     directions = spiral_directions(_PAIRS)
     views = directions[scrambled(_PAIRS)]

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
-from shrm_cli.maps.negative import LARGEST_SHARE
+from shrm_cli.maps.negative import LARGEST_SHARE, visible_pairs
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
-from shrm_cli.sphere.directions import surface_frames
+from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
@@ -92,7 +92,8 @@ def product_window(spec: str, map_: Map, series: ArrayLike) -> LightWindow:
     by_degree = np.concatenate([_by_degree(each, series) for each in _textures(map_)])
     seen = by_degree @ LUMINANCE
     if name == "auto":
-        factors = _weakened(seen)
+        pictured = [_pictured(each, series) for each in _textures(map_)]
+        factors = _weakened(seen, np.concatenate(pictured))
         if factors is None:
             return LightWindow()
         found = Window.least(factors, series)
@@ -143,20 +144,34 @@ def _by_degree(texture: ProductTexture, series: Array) -> Array:
     return np.stack(parts, axis=2).reshape(-1, texture.order + 1, 3)
 
 
-def _weakened(seen: Array) -> Array | None:
+def _pictured(texture: ProductTexture, series: Array) -> Array:
+    """Return what each degree adds to the luminance of spheres that are brushed around +Y.
+
+    The result has the shape (n, order+1); its samples are those of `maps.negative.negative_share`.
+    """
+    reflections, views = visible_pairs()
+    normals = bisector(reflections, views)
+    frames = surface_frames(normals, horizontal_tangents(normals))
+    light = np.moveaxis(rotate_into_frames(series, frames), -1, 0)
+    terms = texture.values(np.einsum("nij,nj->ni", frames, views)) * light
+    return np.add.reduceat(terms @ LUMINANCE, np.arange(texture.order + 1) ** 2, axis=1)
+
+
+def _weakened(seen: Array, pictured: Array) -> Array | None:
     """Find the factors of ``auto`` from what each degree adds to samples, shape (n, order+1).
 
     Those that leave no sample negative pay dearly for the last few. So they are brought nearer to 1
-    until a thousandth of the samples is negative. The result is None where that is so without
-    factors.
+    until a thousandth of the samples is negative, and of those of `_pictured`, too: all spots may
+    be on surfaces that are brushed around +Y. The result is None where that is so without factors.
     """
+    both = seen, pictured
 
     def is_enough(factors: Array) -> bool:
-        return bool(np.mean(seen @ factors < 0) <= LARGEST_SHARE)
+        return all(np.mean(each @ factors < 0) <= LARGEST_SHARE for each in both)
 
     if is_enough(np.ones(seen.shape[1])):
         return None
-    strongest = _factors(seen)
+    strongest = _factors(np.concatenate(both))
     weak, strong = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (weak + strong) / 2

@@ -111,6 +111,21 @@ def test_it_is_as_weak_as_leaves_no_black_spots(texture, points, lamp):
     assert black[0] >= black[1] > black[2]
 
 
+def test_hair_around_the_vertical_has_no_spots_of_its_own():
+    """Fibres along +Y, whose spots are too few to count among those of all directions."""
+    hair = product_texture(parse_spec("kajiya-kay:exponent=16"), 4, 32).map
+    series = project(Probe.from_array(sky(600), layout="latlong"), 4).coefficients
+    rng = np.random.default_rng(8)
+    normals, views = brute_force.unit(rng, 4000), brute_force.unit(rng, 4000)
+    views *= np.sign(np.sum(views * normals, axis=1))[:, None]
+    plain, lit = (
+        hair.lit(each).radiance(normals, views) @ LUMINANCE
+        for each in (series, product_window("auto", hair, series).apply(series))
+    )
+    assert np.mean(plain < 0) > 0.01
+    assert np.mean(lit < 0) <= 2e-3
+
+
 def test_what_it_costs_is_measured(texture, points):
     series = project(Probe.from_array(sky(2000), layout="latlong"), ORDER).coefficients
     for spec in ("auto", "hann", "lanczos:6"):
