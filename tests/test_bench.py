@@ -1,12 +1,15 @@
 """What `make bench` writes, and that README has no other numbers of it."""
 
+import re
 import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from tests.benchmarks.__main__ import main
-from tests.benchmarks.bench_start import last_release
+from tests.benchmarks.bench_start import _copies, _environment, last_release
 from tests.benchmarks.results import END, README, START, block, merged, read_results, replaced
 from tests.benchmarks.table import Row
 
@@ -17,6 +20,34 @@ def test_the_table_of_readme_is_that_of_the_committed_results():
     text = README.read_text()
     assert replaced(text, read_results()) == text, "python -m tests.benchmarks writes both"
     assert len(read_results()["rows"]) > 0
+
+
+def test_readme_tells_no_time_but_in_that_table():
+    text = README.read_text()
+    text = text[: text.index(START)] + text[text.index(END) :]
+    assert re.findall(r"\d[\d.]* (?:s|ms|seconds|minutes)\b", text) == []
+    assert re.findall(r"\d\S* times (?:faster|slower|as fast)", text) == []
+
+
+def test_copies_are_compiled_or_hold_no_bytecode_at_all(tmp_path):
+    package = tmp_path / "checkout" / "shrm_cli"
+    (package / "__pycache__").mkdir(parents=True)
+    (package / "__init__.py").write_text("from shrm_cli import other\n")
+    (package / "other.py").write_text("print(__file__)\n")
+    (package / "__pycache__" / "left.cpython-311.pyc").write_bytes(b"from elsewhere")
+    for way, tree in _copies(package, tmp_path / "copies").items():
+
+        def compiled(tree=tree):
+            return sorted(path.name.partition(".")[0] for path in tree.rglob("*.pyc"))
+
+        expected = ["__init__", "other"] if way == "bytecode" else []
+        assert compiled() == expected
+        ran = subprocess.run(
+            [sys.executable, "-c", "import shrm_cli"],
+            cwd=tree, env=_environment(way, tree), check=True, capture_output=True, text=True,
+        )  # fmt: skip
+        assert Path(ran.stdout.strip()) == tree / "shrm_cli" / "other.py"  # none that is installed
+        assert compiled() == expected  # a run without bytecode leaves none
 
 
 def test_rows_are_rendered_with_what_they_are_measured_against():

@@ -120,7 +120,8 @@ def _throughput(folder: Path) -> tuple[Row, Row]:
     note = f"{COUNT} probes of 256x128, {WORKERS} processes; the floor reads and writes the same"
     first, last = sizes[min(50, COUNT)], sizes[COUNT]
     return (
-        Row(f"shrm batch {BRDF}", min(ours) * 1e3, min(floors) * 1e3, ratio, 1 / 0.6, note),
+        Row(f"shrm batch {BRDF}, {COUNT} probes", min(ours) * 1e3, min(floors) * 1e3, ratio,
+            1 / 0.6, note),
         Row(f"memory of its processes at job {COUNT} (MB)", last, first, last / first, 1.1,
             "MB; against those at job 50"),
     )  # fmt: skip

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from shrm_cli.prefilter import prefilter
 from tests.benchmarks.table import Row, measure
 
 _SHRM = [sys.executable, "-c", "from shrm_cli.__main__ import main; main()"]
@@ -40,6 +41,7 @@ def rows() -> Iterator[Row]:
     """Yield the rows of the table that are about whole processes."""
     with tempfile.TemporaryDirectory() as folder:
         yield from _prefilter_rows(Path(folder))
+        yield _library_row(Path(folder))
         yield _exponential_row(Path(folder))
         yield _help_row()
         yield _memory_row(Path(folder))
@@ -48,8 +50,16 @@ def rows() -> Iterator[Row]:
 def _prefilter_rows(folder: Path) -> Iterator[Row]:
     probe = folder / "probe.exr"
     _write_probe(probe, 1024, np.float32)
-    cases = ("microfacet", 1.5), ("phong:exponent=32", 1.5), ("microfacet --to principal", 2.0)
-    for made, bar in cases:
+    cases = (
+        ("phong:exponent=32", 1.5, 15),
+        ("lambertian", 1.5, 15),
+        ("microfacet --to principal", 2.0, 15),
+        ("ggx:roughness=0.4", None, 3),
+        ("ggx:roughness=0.1", None, 3),
+        ("ggx:roughness=0.4 --no-cache", None, 3),
+        ("ggx:roughness=0.1 --no-cache", None, 3),
+    )
+    for made, bar, pairs in cases:
         target, planes = folder / "map.exr", folder / "planes.npy"
         ours = [*_SHRM, "prefilter", str(probe), "--brdf", *made.split(), "-o", str(target)]
         ours += ["--quiet"]
@@ -63,8 +73,23 @@ def _prefilter_rows(folder: Path) -> Iterator[Row]:
             lambda floor=floor: _run(floor),
             bar=bar,
             note="against a process that imports the same, reads the probe, writes the arrays",
-            pairs=15,
+            pairs=pairs,
         )
+
+
+def _library_row(folder: Path) -> Row:
+    """Time what a program that makes many maps sees of each, beside a command for it."""
+    probe = folder / "small.exr"
+    _write_probe(probe, 512, np.float32)
+    brdf = "phong:exponent=32"
+    command = [*_SHRM, "prefilter", str(probe), "--brdf", brdf, "-o", str(folder / "one.exr")]
+    return measure(
+        f"shrm_cli.prefilter 512x256 {brdf}",
+        lambda: prefilter(str(probe), brdf),
+        lambda: _run([*command, "--quiet"]),
+        note="the map in memory; against a whole command that writes it",
+        pairs=15,
+    )
 
 
 # This floor writes nothing, because an SH exponential has a few hundred bytes.
