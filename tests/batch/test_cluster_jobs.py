@@ -13,7 +13,7 @@ from tests.batch.helpers import log_lines, statuses, write_probes
 from tests.cli.helpers import environment, process, snapshot
 
 pytest.importorskip("distributed", reason="pip install distributed threadpoolctl cryptography")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.proof
 
 COUNT = 60
 WORDS = ("--brdf", "phong:exponent=64", "--to", "shrm", "--to", "irradiance", "--jobs", "2")

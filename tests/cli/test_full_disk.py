@@ -100,7 +100,7 @@ def prepared(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("part", range(4))
 def test_no_command_takes_what_was_cut_off_for_whole(prepared, tmp_path, part):
     """At the first byte, at the last one, and in between."""

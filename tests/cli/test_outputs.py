@@ -8,7 +8,7 @@ from shrm_cli.prefilter import prefilter
 from tests.batch.helpers import edit, forget
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
-LONG = "+".join(["lambertian", *(f"0.1*phong:exponent={n}.0625" for n in range(1, 16))])
+LONG = "+".join(["lambertian", *(f"0.1*phong:exponent={n}" for n in range(1, 16))])
 
 
 @pytest.fixture

@@ -69,7 +69,7 @@ def redirected(prepared, folder, command, redirection, **options):
     return Run(found.returncode, found.stdout, found.stderr), snapshot(folder)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("name", COMMANDS)
 def test_files_are_made_whatever_becomes_of_the_streams(prepared, whole, tmp_path, name):
     command = COMMANDS[name]
