@@ -83,7 +83,7 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> "Any":
     if name == "__version__":
-        value: Any = _version()
+        value: Any = _built_version()
     elif name in _HOMES:
         value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
     else:
@@ -92,7 +92,7 @@ def __getattr__(name: str) -> "Any":
     return value
 
 
-def _version() -> str:
+def _built_version() -> str:
     """Return what setuptools-scm wrote when this was built or installed; see docs/install.md."""
     try:
         from shrm_cli._version import version

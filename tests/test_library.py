@@ -74,6 +74,22 @@ def test_the_example_runs(tmp_path):
     }
 
 
+def test_public_names_are_what_they_are_whatever_was_imported_before():
+    """The import system binds each submodule to a name of the package, and may hide one of ours."""
+    out = python(
+        "import importlib, pkgutil, types, shrm_cli\n"
+        "for module in pkgutil.iter_modules(shrm_cli.__path__, 'shrm_cli.'):\n"
+        "    if module.name != 'shrm_cli.__main__':\n"
+        "        importlib.import_module(module.name)\n"
+        "names = {name: getattr(shrm_cli, name) for name in shrm_cli.__all__}\n"
+        "print(*(n for n, v in names.items() if v is None or isinstance(v, types.ModuleType)))\n"
+        "print(shrm_cli.__version__)"
+    )
+    hidden, version = out.split("\n")[:2]
+    assert hidden == ""
+    assert re.match(r"\d+\.\d+", version)
+
+
 def test_the_import_loads_nothing_heavy():
     loaded = python("import sys, shrm_cli; print(*(m for m in sys.modules))").split()
     assert not {"numpy", "OpenEXR", "OpenImageIO", "click"} & set(loaded)
