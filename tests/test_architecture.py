@@ -41,6 +41,7 @@ STOPS = [
     {"probe", "brdf"},
     {"orders", "reflected"},
     {"reference"},
+    {"plan"},
     {"maps"},
     {"transfer", "lights"},
     {"prefilter", "naming"},

@@ -1,7 +1,8 @@
 """How many functions and texels a map gets: from a tolerance, an error or a number of cubes."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from shrm_cli.maps.size import (
     supported_order,
     total_error,
 )
+from shrm_cli.plan.policy import NEARLY_AS_GOOD
+from shrm_cli.plan.search import Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import (
     cube_energies,
@@ -35,8 +38,6 @@ Array = NDArray[np.floating]
 
 _FEW_TEXELS = 48
 """The most texels along an edge of cubes that are looked through instead of predicted."""
-_NEARLY = 1.1
-"""How much worse than the best map one of fewer cubes may be, as shaders look up every cube."""
 
 
 @dataclass(frozen=True)
@@ -259,15 +260,21 @@ class Planner:
         largest : int
             The most texels along a face's edge.
         """
-        forms = [
-            self.with_maps(most, texels)
-            for texels in TRIED_SIZES
-            if texels <= largest and (most := most_cubes(texels, max_size))
-        ]
+        sizes = [texels for texels in TRIED_SIZES if texels <= largest]
+        forms = least_errors(self.rows(max_size, sizes))
         least = min(form.total_error for form in forms)
         # Light that is no number has no error that is one, and is refused elsewhere.
-        good = [form for form in forms if not form.total_error > _NEARLY * least]
+        good = [form for form in forms if not form.total_error > NEARLY_AS_GOOD * least]
         return min(good, key=lambda form: form.cubes)
+
+    def rows(self, max_size: int, sizes: Sequence[int]) -> Iterator[Row[Form]]:
+        """Yield the forms of each size of cubes that fit into a number of bytes."""
+        for texels in sizes:
+            count = min(most_cubes(texels, max_size), len(self.choices))
+            yield Row(count, partial(_bytes_at, texels), partial(self._form_at, texels))
+
+    def _form_at(self, size: int, index: int) -> Form:
+        return self.form(self.choices[index], size)
 
     def within_error(
         self, error: float, max_size: int, size: int | None = None
@@ -294,25 +301,12 @@ class Planner:
         ArgumentError
             If no map fits.
         """
-        best: Form | None = None
-        found: Form | None = None
-        for texels in TRIED_SIZES if size is None else (size,):
-            most = min(most_cubes(texels, max_size), len(self.choices))
-            if found is not None:
-                most = min(most, (found.bytes - 1) // stored_bytes(texels, 1))
-            if most < 1:
-                continue
-            last = self.form(self.choices[most - 1], texels)
-            if best is None or last.total_error < best.total_error:
-                best = last
-            if last.total_error > error:
-                continue
-            low, high = 1, most  # the error falls with the number of cubes
-            while low < high:
-                middle = (low + high) // 2
-                form = self.form(self.choices[middle - 1], texels)
-                low, high = (low, middle) if form.total_error <= error else (middle + 1, high)
-            found = self.form(self.choices[low - 1], texels)
-        if best is None:
+        found = fewest_bytes(self.rows(max_size, TRIED_SIZES if size is None else (size,)), error)
+        if found is None:
             raise nothing_fits(size)
-        return (best, False) if found is None else (found, True)
+        return found
+
+
+def _bytes_at(size: int, index: int) -> int:
+    """Return the most bytes of the form of an index, which has one cube more than the index."""
+    return stored_bytes(size, index + 1)

@@ -1,93 +1,22 @@
 """How maps with a BRDF's own functions of the view are made, in the frequency domain."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import cached_transfer
-from shrm_cli.brdf.estimates import power_of_two_times
-from shrm_cli.brdf.gathered import gathering_center
-from shrm_cli.brdf.lobe_expansion import lobe_width
-from shrm_cli.brdf.sums import Sum, split
-from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.coupling import bundle_coefficients
-from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
-from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
-from shrm_cli.maps.provenance import provenance
-from shrm_cli.maps.shrm.prefilter import Notes
-from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order, total_error
-from shrm_cli.orders import Orders, octaves_to_come
+from shrm_cli.maps.principal.proposal import Proposal, Proposals
+from shrm_cli.maps.principal.terms import Wanted, kept_form
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
-from shrm_cli.sphere.synthesis import synthesize_cube
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, MAX_ORDER_F, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Sampling
 
-Array = NDArray[np.floating]
-
-_FIRST_ORDER = 64
-"""The least order F to which transfer functions are computed first; it grows until it suffices."""
-_WAVES_A_LOBE = 3.0
-"""Few lobes have enough with an F below this over their width in radians. Most need more."""
-_ACCURACY = 1e-4, 1e-3
-"""The part of the energy that the sampling of models and of measured BRDFs may miss."""
-_NEARLY = 1.05
-"""How much worse than the best map a smaller one may be, where no map meets the tolerance."""
-_MOST_OCTAVES = 2
-"""The most doublings at once for a measured BRDF, whose noise makes the estimate too large."""
-_FAIRLY = 1.25
-"""How many times the known degrees a map may support that is compared with a smaller one."""
-_LEAST_BYTES = 2**17
-"""Bytes that a map may have whatever the tolerance is. Broad lobes need so few texels that only a
-handful of functions would be left, and dark places a third wrong."""
-_TRIES = 3
-"""How often a form is sought that keeps an error."""
 _ANY_SIZE = 2**32
 """More bytes than maps may have."""
-_CHEAP = 0.25
-"""The part of the error that goes to terms of a single cube."""
-_LARGEST_ERROR = 0.99
-"""The largest error that a term may have."""
 _ROUNDING = 1 + 1e-9
 """How much more than what was asked for counts as the same."""
-_SHARP = 0.05
-"""The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
-_SMALL = 16
-"""The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
-_FIRST_Q = 6
-"""The largest azimuthal order q that is computed first. Sharp lobes have more at grazing views."""
-_PART_ASIDE = 0.1
-"""The part of the BRDF's energy that higher q may have, in units of what higher degrees may."""
-_PART_BEYOND = 0.1
-"""The part of the squared error that may lie beyond the transfer functions."""
-
-
-@dataclass(frozen=True)
-class _Term:
-    """A term of the BRDF, and what the light makes of it."""
-
-    brdf: Brdf
-    planner: Planner
-    form: Form
-    captured: float
-    order_f: int
-    is_met: bool
-
-    @property
-    def energy(self) -> float:
-        """The energy of the reflected light."""
-        return self.planner.whole
 
 
 def prefilter(
@@ -111,359 +40,43 @@ def prefilter(
     """
     if error is not None and maps is not None:
         raise ArgumentError("maps", "does not apply with `error`, which chooses them")
-    parts, notes = _terms(brdf, center, divide)
+    asked = Wanted(eps, error, maps, max_size, size)
     light = Projection(probe, progress)
-    asked = _Wanted(eps, error, maps, max_size, size)
-    planners = [_planner(light, part, asked, divide, sampling) for part in parts]
-    # Terms with a single cube take next to nothing of the budget.
-    broad = max(sum(len(planner.choices) > 1 for planner in planners), 1)
-    wanted = [replace(asked, max_size=max_size // broad) for _ in parts]
-    coherence = _coherence(parts, planners, sampling)
-    if error is not None:
-        wanted = _shared_error(planners, wanted, error * coherence)
-    if maps is not None:
-        wanted = _shared_maps(planners, wanted, maps)
-    terms = [_planned(*each) for each in zip(parts, planners, wanted, strict=True)]
-    info = _info(probe, brdf, terms, eps, coherence)
-    made = PrincipalMap(tuple(_lobe(term, sampling) for term in terms), info, sampling)
-    remarks = [planner.spectrum.transfer.remark for planner in planners]
-    unmet = _unmet(info, terms, error, max_size)
+    proposals = Proposals(light, brdf, asked, center, sampling, divide)
+    proposal = proposals.propose()
+    unmet = _unmet(proposal, error, max_size)
     if unmet and error is not None:
-        unmet += _sufficient(planners, wanted, broad)
-    lines = [*filter(None, remarks), *([unmet] if unmet else [])]
-
-    def share() -> float | None:
-        # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
-
-        is_whole = len(terms) == 1
-        return predicted_wrong_share(terms[0].planner, terms[0].form) if is_whole else None
-
-    facts, further = {"error_bound": None}, {"predicted_wrong_share": share}
-    return Prefiltered(made, facts, notes, tuple(lines), further)
+        unmet += _sufficient(proposals, proposal)
+    return proposal.make([unmet] if unmet else [])
 
 
-def _terms(brdf: Brdf, center: str | None, divide: bool) -> tuple[list[Brdf], Notes]:
-    """Take a BRDF apart into terms, each about the center that is asked for, or the best one.
-
-    The best one has nothing to do with the number of harmonics, of which maps have none. Quotients
-    keep the center of the BRDF: about the normal the last degree before the horizon, where they
-    are steep, is a large part of all views.
-    """
-    terms = split(brdf) if isinstance(brdf, Sum) else [brdf]
-    if center is not None and center != "auto":
-        return [term.recentered(center) for term in terms], ()  # type: ignore[arg-type]
-    found = [term if divide else term.recentered(gathering_center(term)) for term in terms]
-    is_own = all(a.center == b.center for a, b in zip(found, terms, strict=True))
-    if is_own and center is None:
-        return found, ()
-    centers = " and ".join(dict.fromkeys(term.center for term in found))
-    return found, (("centre", f"{centers}, about which its lobes gather"),)
-
-
-def _unmet(info: MapInfo, terms: "Sequence[_Term]", error: float | None, max_size: int) -> str:
+def _unmet(proposal: Proposal, error: float | None, max_size: int) -> str:
     """Return a line about an error or a tolerance that the map does not keep, or nothing."""
-    total = total_error(info.predicted_error, info.filter_error)
+    total = proposal.total_error
     if error is not None and total > error * _ROUNDING:
         return (
             f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}; the best "
             f"map has {total:.1%}"
         )
-    if error is None and not all(term.is_met for term in terms):
+    if error is None and not all(term.is_met for term in proposal.terms):
+        eps = proposal.info.tolerance
         return (
-            f"{bytes_text(max_size)} hold no map that misses only `eps` {info.tolerance:g}; the "
-            f"best one has an error of {total:.1%}, bilinear look-ups included; raise `max_size`"
+            f"{bytes_text(max_size)} hold no map that misses only `eps` {eps:g}; the best one has "
+            f"an error of {total:.1%}, bilinear look-ups included; raise `max_size`"
         )
     return ""
 
 
-def _sufficient(planners: Sequence[Planner], wanted: "Sequence[_Wanted]", broad: int) -> str:
+def _sufficient(proposals: Proposals, proposal: Proposal) -> str:
     """Return which number of bytes would keep the errors of all terms, or nothing."""
     needed = 0
-    for planner, want in zip(planners, wanted, strict=True):
+    for planner, want in zip(proposals.planners, proposal.wanted, strict=True):
         free = replace(want, max_size=_ANY_SIZE)
-        form, is_met = _within_error(planner, want.error or 0.0, free)
+        form, is_met = kept_form(planner, want.error or 0.0, free)
         if not is_met:
             return ""
         needed = max(needed, form.bytes)
     # Every broad term gets the same share. It is rounded up to what `bytes_text` shows.
-    step = 10 ** max(len(str(broad * needed)) - 2, 0)
-    return f"; it takes `max_size` {bytes_text(-(-broad * needed // step) * step)}"
-
-
-@dataclass(frozen=True)
-class _Wanted:
-    """What is asked of the map of one term."""
-
-    tolerance: float
-    error: float | None
-    maps: int | None
-    max_size: int
-    size: int | None
-
-
-def _shared_error(
-    planners: Sequence[Planner], wanted: Sequence[_Wanted], error: float
-) -> list[_Wanted]:
-    """Share an error of the sum among its terms, whose errors are taken as independent.
-
-    Terms that need a single cube cost next to nothing, and get a small share.
-    """
-    strengths = np.sqrt([planner.whole for planner in planners])
-    whole = max(float(strengths.sum()), 1e-300)
-    is_cheap = np.array([len(planner.choices) == 1 for planner in planners])
-    if is_cheap.all():
-        is_cheap[:] = False
-    cheap, dear = int(is_cheap.sum()), int((~is_cheap).sum())
-    parts = np.where(is_cheap, _CHEAP / np.sqrt(max(cheap, 1)), np.sqrt((1 - _CHEAP**2) / dear))
-    if not cheap:
-        parts = np.full(len(planners), 1 / np.sqrt(dear))
-    shares = error * parts * whole / np.maximum(strengths, 1e-3 * whole)
-    return [
-        replace(each, error=float(min(share, _LARGEST_ERROR)))
-        for each, share in zip(wanted, shares, strict=True)
-    ]
-
-
-def _shared_maps(
-    planners: Sequence[Planner], wanted: Sequence[_Wanted], maps: int
-) -> list[_Wanted]:
-    """Share a number of cubes among terms, of which some need one only."""
-    needs = [len(planner.choices) for planner in planners]
-    single = sum(need == 1 for need in needs)
-    others = len(needs) - single
-    left = maps - single
-    if left < others:
-        raise ArgumentError("maps", f"is less than the {len(needs)} terms of the BRDF need")
-    return [
-        replace(each, maps=1 if need == 1 else left // others)
-        for each, need in zip(wanted, needs, strict=True)
-    ]
-
-
-def _planner(
-    light: Projection, brdf: Brdf, want: _Wanted, divide: bool, sampling: Sampling
-) -> Planner:
-    """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
-    most_q = 0 if brdf.zonal else MAX_Q
-    order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
-    tolerance, error = want.tolerance, want.error
-    limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
-
-    def factorized() -> Planner:
-        lighting = light.to_order(order)
-        spectrum = Spectrum.of(transfer, brdf.center, weighted_power(lighting, order), divide)
-        return Planner(spectrum, lighting, sampling)
-
-    while True:
-        transfer = _transfer(brdf, order, max_q, light.progress)
-        # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
-        above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
-        if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
-            max_q = most_q
-            if above <= limit or order >= MAX_ORDER_F:
-                continue
-        elif order >= MAX_ORDER_F:
-            return factorized()
-        if above <= limit:
-            planner = factorized()
-            if error is not None or not _hides_visible(planner, want):
-                return planner
-            order = 2 * order
-            continue
-        if error is None and want.maps is None and _fills_budget(factorized(), want):
-            if transfer.max_q == most_q:
-                return factorized()
-            max_q = most_q
-            continue
-        # Sharp lobes need far more, and every try costs the time to sample the BRDF.
-        octaves = 2 if above > _SHARP else 1
-        if error is None:
-            octaves = octaves_to_come(transfer, limit)
-            if brdf.is_measured:
-                octaves = min(octaves, _MOST_OCTAVES)
-            # Lobes that need far more degrees need more azimuthal orders, too, at grazing views.
-            max_q = most_q if octaves > 1 else max_q
-        order = min(2**octaves * order, MAX_ORDER_F)
-
-
-def _first_order(brdf: Brdf) -> int:
-    """Return the order F to which transfer functions are computed first."""
-    if brdf.zonal or brdf.center != "reflection":
-        return _FIRST_ORDER
-    return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
-
-
-def _hides_visible(planner: Planner, want: _Wanted) -> bool:
-    """Tell whether the map that a tolerance asks for could carry light beyond the known degrees."""
-    if want.maps is None and _fills_budget(planner, want):
-        return False
-    form = _simplest(planner, want) if want.maps is not None else _tolerated(planner, want)[0]
-    return form.carried == planner.spectrum.transfer.order_f < supported_order(form.size)
-
-
-def _simplest(planner: Planner, want: _Wanted) -> Form:
-    """Return the least functions, with the least order F, that keep the tolerance.
-
-    The texels are chosen by F, and the bytes may be any number.
-    """
-    counts, order_f, _ = planner.for_tolerance(want.tolerance)
-    return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
-
-
-def _tolerated(planner: Planner, want: _Wanted) -> tuple[Form, bool]:
-    """Find the form that the tolerance asks for, and tell whether it is kept.
-
-    The simplest form that keeps the tolerance says how many bytes the map may have, if these are
-    not few anyway. Half of the texels along an edge leave room for four times the functions, which
-    is nearly always better.
-    """
-    simplest = _simplest(planner, want)
-    known = planner.spectrum.transfer.order_f
-    if simplest.bytes > want.max_size or not _is_captured(planner, simplest, known, want):
-        best, _ = planner.within_error(0.0, want.max_size, want.size)
-        form, _ = planner.within_error(_NEARLY * best.total_error, want.max_size, want.size)
-        return form, False
-    if want.size is not None:
-        return simplest, True
-    room = min(max(simplest.bytes, _LEAST_BYTES), want.max_size)
-    form = planner.best_within(room, simplest.size)
-    # Its fewer texels may end before the order F, beyond which this light may have nothing.
-    order = min(supported_order(form.size), known)
-    return (form if _is_captured(planner, form, order, want) else simplest), True
-
-
-def _is_captured(planner: Planner, form: Form, order: int, want: _Wanted) -> bool:
-    """Tell whether the functions of a form miss no more of the BRDF up to an order than asked."""
-    return planner.captured(form.counts, order) >= 1 - want.tolerance
-
-
-def _fills_budget(planner: Planner, want: _Wanted) -> bool:
-    """Tell whether the bytes, and not the known degrees, bound the map that a tolerance asks for.
-
-    More degrees ask for more bytes, never for fewer. They could only help if cubes of the next
-    size, which the best map within the budget did without, were judged by far fewer degrees than
-    they support.
-    """
-    if _simplest(planner, want).bytes <= want.max_size:
-        return False
-    best, _ = planner.within_error(0.0, want.max_size, want.size)
-    larger = [texels for texels in TRIED_SIZES if texels > best.size]
-    rival = larger[0] if larger and want.size is None else best.size
-    return supported_order(rival) <= _FAIRLY * planner.spectrum.transfer.order_f
-
-
-def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
-    """Return the parts of a BRDF's energy at unknown degrees, and in unknown azimuthal orders."""
-    above, aside = (float(each.sum()) for each in own_energies_beyond(transfer))
-    whole = max(float(transfer.total_energy.sum()), 1e-300)
-    return above / whole, aside / whole
-
-
-def _unknown_light(planner: Planner) -> tuple[float, float]:
-    """Return the same parts of the energy of the reflected light."""
-    above, aside = energies_beyond(planner.lighting, planner.spectrum.transfer)
-    whole = max(planner.whole / max(planner.spectrum.visible, 1e-300), 1e-300)
-    return above / whole, aside / whole
-
-
-def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
-    """Compute transfer functions to their orders, or take them from the cache."""
-    accuracy = _ACCURACY[brdf.is_measured]
-    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
-
-
-def _planned(brdf: Brdf, planner: Planner, want: _Wanted) -> _Term:
-    """Choose the form of a term's map."""
-    _, order_f, _ = planner.for_tolerance(want.tolerance)
-    is_met = True
-    if want.error is not None:
-        form, is_met = _within_error(planner, want.error, want)
-    elif want.maps is not None:
-        form = planner.with_maps(want.maps, _simplest(planner, want).size)
-    else:
-        form, is_met = _tolerated(planner, want)
-    form = planner.form(form.counts, form.size, is_exact=True)
-    order_f = min(order_f, supported_order(form.size))
-    captured = planner.captured(form.counts, form.carried)
-    return _Term(brdf, planner, form, captured, order_f, is_met)
-
-
-def _within_error(planner: Planner, error: float, want: _Wanted) -> tuple[Form, bool]:
-    """Find the least form that keeps an error with its tables, too, which the search leaves out."""
-    allowed = error
-    for _ in range(_TRIES):
-        form, is_met = planner.within_error(allowed, want.max_size, want.size)
-        found = planner.form(form.counts, form.size, is_exact=True).total_error
-        if not is_met or found <= error:
-            break
-        allowed *= 0.999 * error / found
-    return form, is_met
-
-
-def _lobe(term: _Term, sampling: Sampling) -> Lobe:
-    """Make the cubes and the tables of a term."""
-    spectrum, counts = term.planner.spectrum, term.form.counts
-    bundles = bundle_functions(counts)
-    return Lobe(
-        np.concatenate([_cubes(term, each, sampling) for each in bundles.values()], axis=2),
-        bundle_degrees(counts),
-        np.concatenate(
-            [
-                spectrum.table(q, k, k + 1)
-                for same in bundles.values()
-                for bundle in same
-                for q, k in enumerate(bundle)
-            ]
-        ),
-        term.brdf.center,
-        spectrum.albedo_table(),
-    )
-
-
-def _cubes(term: _Term, bundles: Sequence[tuple[int, ...]], sampling: Sampling) -> Array:
-    """Make the cubes of all bundles of a degree, shape (6N, N, cubes, 3), one after the other."""
-    spectrum, form = term.planner.spectrum, term.form
-    kept = spectrum.bundle_parts(bundles, form.carried)
-    kept *= form.band.factors[:, None, None, None]
-    series = bundle_coefficients(term.planner.lighting.coefficients, kept)
-    flat = series.swapaxes(1, 2).reshape(len(series), -1)
-    planes = synthesize_cube(flat, form.size, sampling, np.float32)
-    return planes.reshape(-1, 3, 6 * form.size, form.size).transpose(2, 3, 0, 1)
-
-
-def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sampling) -> float:
-    """Return the RMS of the light of all terms, relative to the sum of the RMS of each.
-
-    It is 1 where all are bright in the same places. Small maps of the first function of each term
-    tell it well enough.
-    """
-    if len(parts) == 1:
-        return 1.0
-    info = MapInfo(0, 0, 0.0, 1.0, 0.0)
-    small = []
-    for part, planner in zip(parts, planners, strict=True):
-        form = planner.with_maps(1, _SMALL)
-        lobe = _lobe(_Term(part, planner, form, 0.0, 0, True), sampling)
-        small.append(PrincipalMap((lobe,), info, sampling))
-    strengths, together = brightness(small)
-    separate = float(strengths.sum())
-    return together / separate if separate > 0 else 1.0
-
-
-def _info(
-    probe: Probe, brdf: Brdf, terms: Sequence[_Term], tolerance: float, coherence: float
-) -> MapInfo:
-    """Return the record of the map, with the errors of the terms combined."""
-    strengths = np.sqrt([term.energy for term in terms])
-    whole = float(strengths.sum()) * coherence
-    energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
-    captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
-    order_p = max(len(term.form.counts) - 1 for term in terms)
-    orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
-    return replace(
-        provenance(probe, brdf, orders),
-        predicted_error=joint_error(strengths, [term.form.error for term in terms], whole),
-        filter_error=joint_error(strengths, [term.form.filter_error for term in terms], whole),
-        carried=max(term.form.carried for term in terms),
-    )
+    needed *= proposals.broad
+    step = 10 ** max(len(str(needed)) - 2, 0)
+    return f"; it takes `max_size` {bytes_text(-(-needed // step) * step)}"

@@ -5,8 +5,9 @@ smaller one: a lower order P, and smaller cubes. Both are errors of the reflecte
 known before the map is made, so that the best pair of the two can be chosen. What is lost is said.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.orders import Orders, choose_orders, least_orders
+from shrm_cli.plan.search import Row, fewest_bytes
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import (
@@ -57,7 +59,7 @@ class Choice:
     @property
     def bytes(self) -> int:
         """The bytes of its cubes in half precision, before they are packed."""
-        return stored_bytes(self.size, (self.orders.order_p + 1) ** 2)
+        return _bytes_of_p(self.size, self.orders.order_p)
 
 
 @dataclass(frozen=True)
@@ -294,32 +296,74 @@ def within_error(
     coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
     lighting = light.to_order(coefficients.order_f)
 
-    def total(p: int, texels: int) -> float:
-        return total_error(*map_errors(lighting, coefficients, p, texels, sampling))
+    found = least_choice(lighting, coefficients, error, tolerance, max_size, size, sampling)
+    if found is None:
+        raise nothing_fits(size)
+    return found[0].choice, coefficients, found[1]
 
-    found: list[tuple[bool, float, Choice]] = []
-    for texels in TRIED_SIZES if size is None else (size,):
-        carried = min(supported_order(texels), coefficients.order_f)
-        most = min(largest_p(carried, texels, max_size), coefficients.order_p)
-        if most < 0:
-            continue
-        last = total(most, texels)
-        low, high = 0, most  # the error falls with P
-        while low < high and last <= error:
-            middle = (low + high) // 2
-            met = total(middle, texels) <= error
-            low, high = (low, middle) if met else (middle + 1, high)
-        p = low if last <= error else most
+
+@dataclass(frozen=True)
+class Tried:
+    """Orders and a size of an SHRM, and the total error of its map."""
+
+    choice: Choice
+    total_error: float
+
+    @property
+    def bytes(self) -> int:
+        """Those of the choice."""
+        return self.choice.bytes
+
+
+def least_choice(
+    lighting: Lighting,
+    coefficients: BrdfCoefficients,
+    error: float,
+    tolerance: float,
+    max_size: int,
+    size: int | None = None,
+    sampling: Sampling = "center",
+) -> tuple[Tried, bool] | None:
+    """Choose the SHRM of the fewest bytes that keeps an error, from known coefficients.
+
+    Parameters
+    ----------
+    lighting : Lighting
+        The light, to at least the order of the coefficients.
+    coefficients : BrdfCoefficients
+    error, max_size, size, sampling
+        The same as for `within_error`.
+    tolerance : float
+        The fraction of the BRDF's energy that F, which is only stated, may miss.
+
+    Returns
+    -------
+    tried : Tried
+        The best one that fits, where none keeps the error.
+    is_met : bool
+        Whether the error is kept. None stands for both where no map fits.
+    """
+
+    def tried(texels: int, carried: int, p: int) -> Tried:
         orders = least_orders(coefficients, tolerance, order_p=p)
         f = min(orders.order_f, carried)
         captured = float(coefficients.captured()[carried, p])
         choice = Choice(Orders(f, p, 1 - captured, captured), texels)
-        # The fewest bytes of those that keep the error, else the least error.
-        found.append((last > error, choice.bytes if last <= error else last, choice))
-    if not found:
-        raise nothing_fits(size)
-    is_missed, _, choice = min(found, key=lambda each: each[:2])
-    return choice, coefficients, not is_missed
+        errors = map_errors(lighting, coefficients, p, texels, sampling)
+        return Tried(choice, total_error(*errors))
+
+    def rows() -> Iterator[Row[Tried]]:
+        for texels in TRIED_SIZES if size is None else (size,):
+            carried = min(supported_order(texels), coefficients.order_f)
+            most = min(largest_p(carried, texels, max_size), coefficients.order_p)
+            yield Row(most + 1, partial(_bytes_of_p, texels), partial(tried, texels, carried))
+
+    return fewest_bytes(rows(), error)
+
+
+def _bytes_of_p(size: int, order_p: int) -> int:
+    """Return the bytes of an SHRM of an order P."""
+    return stored_bytes(size, (order_p + 1) ** 2)
 
 
 def halved(

@@ -1,0 +1,222 @@
+"""A map that could be made: the form of each of its terms, its errors, and how it is made."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.maps.coupling import bundle_coefficients
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.joint import brightness, joint_error
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.principal.plan import Planner
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
+from shrm_cli.maps.principal.terms import (
+    Term,
+    Wanted,
+    planned,
+    planner_of,
+    shared_error,
+    shared_maps,
+    terms_of,
+)
+from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.shrm.prefilter import Notes
+from shrm_cli.maps.size import total_error
+from shrm_cli.orders import Orders
+from shrm_cli.probe.lighting import Projection
+from shrm_cli.probe.probe import Probe
+from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.vocabulary import Sampling
+
+Array = NDArray[np.floating]
+
+_SMALL = 16
+"""The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """The form of each term of a map, and what the map would be.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+    wanted : tuple of Wanted
+        What was asked of each term.
+    info : MapInfo
+        The record of the map, with its errors.
+    sampling : {"center", "border"}
+    notes : Notes
+        How centers were chosen.
+    """
+
+    terms: tuple[Term, ...]
+    wanted: tuple[Wanted, ...]
+    info: MapInfo
+    sampling: Sampling
+    notes: Notes
+
+    @property
+    def bytes(self) -> int:
+        """The bytes of the cubes in half precision, before they are packed."""
+        return sum(term.form.bytes for term in self.terms)
+
+    @property
+    def look_ups(self) -> int:
+        """The number of RGB cubes."""
+        return sum(term.form.cubes for term in self.terms)
+
+    @property
+    def total_error(self) -> float:
+        """The relative RMS error, with bilinear look-ups and half precision."""
+        return total_error(self.info.predicted_error, self.info.filter_error)
+
+    def wrong_share(self) -> float | None:
+        """Predict the share of what is visible whose luminance is wrong by more than 5 %."""
+        # Only a whole summary needs this module, which `--quiet` runs do without.
+        from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
+
+        is_whole = len(self.terms) == 1
+        return (
+            predicted_wrong_share(self.terms[0].planner, self.terms[0].form) if is_whole else None
+        )
+
+    def make(self, warnings: Sequence[str] = ()) -> Prefiltered:
+        """Make the map, with remarks about the BRDF's sampling before other warnings."""
+        lobes = tuple(_lobe(term, self.sampling) for term in self.terms)
+        made = PrincipalMap(lobes, self.info, self.sampling)
+        remarks = filter(None, (term.planner.spectrum.transfer.remark for term in self.terms))
+        facts, further = {"error_bound": None}, {"predicted_wrong_share": self.wrong_share}
+        return Prefiltered(made, facts, self.notes, (*remarks, *warnings), further)
+
+
+class Proposals:
+    """The maps of a probe and a BRDF that could be made.
+
+    Parameters
+    ----------
+    light : Projection
+    brdf : Brdf
+    asked : Wanted
+        What is asked of the whole map.
+    center : str, optional
+        As `shrm_cli.prefilter.prefilter` takes it.
+    sampling : {"center", "border"}
+    divide : bool
+        Whether to divide by the directional albedo.
+    """
+
+    def __init__(
+        self,
+        light: Projection,
+        brdf: Brdf,
+        asked: Wanted,
+        center: str | None = None,
+        sampling: Sampling = "center",
+        divide: bool = False,
+    ) -> None:
+        self.light, self.brdf, self.asked = light, brdf, asked
+        self.sampling = sampling
+        self.parts, self.notes = terms_of(brdf, center, divide)
+        self.planners = [planner_of(light, part, asked, divide, sampling) for part in self.parts]
+
+    @property
+    def broad(self) -> int:
+        """The number of terms that share the bytes; those of a single cube take next to nothing."""
+        return max(sum(len(planner.choices) > 1 for planner in self.planners), 1)
+
+    @cached_property
+    def _coherence(self) -> float:
+        return _coherence(self.parts, self.planners, self.sampling)
+
+    def propose(self, error: float | None = None) -> Proposal:
+        """Choose the form of every term.
+
+        Parameters
+        ----------
+        error : float, optional
+            The error of the light that the map may have; the one that is asked for by default.
+        """
+        error = self.asked.error if error is None else error
+        each = replace(self.asked, error=error, max_size=self.asked.max_size // self.broad)
+        wanted = [each for _ in self.parts]
+        if error is not None:
+            wanted = shared_error(self.planners, wanted, error * self._coherence)
+        if self.asked.maps is not None:
+            wanted = shared_maps(self.planners, wanted, self.asked.maps)
+        terms = [planned(*each) for each in zip(self.parts, self.planners, wanted, strict=True)]
+        info = _info(self.light.probe, self.brdf, terms, self.asked.tolerance, self._coherence)
+        return Proposal(tuple(terms), tuple(wanted), info, self.sampling, self.notes)
+
+
+def _lobe(term: Term, sampling: Sampling) -> Lobe:
+    """Make the cubes and the tables of a term."""
+    spectrum, counts = term.planner.spectrum, term.form.counts
+    bundles = bundle_functions(counts)
+    return Lobe(
+        np.concatenate([_cubes(term, each, sampling) for each in bundles.values()], axis=2),
+        bundle_degrees(counts),
+        np.concatenate(
+            [
+                spectrum.table(q, k, k + 1)
+                for same in bundles.values()
+                for bundle in same
+                for q, k in enumerate(bundle)
+            ]
+        ),
+        term.brdf.center,
+        spectrum.albedo_table(),
+    )
+
+
+def _cubes(term: Term, bundles: Sequence[tuple[int, ...]], sampling: Sampling) -> Array:
+    """Make the cubes of all bundles of a degree, shape (6N, N, cubes, 3), one after the other."""
+    spectrum, form = term.planner.spectrum, term.form
+    kept = spectrum.bundle_parts(bundles, form.carried)
+    kept *= form.band.factors[:, None, None, None]
+    series = bundle_coefficients(term.planner.lighting.coefficients, kept)
+    flat = series.swapaxes(1, 2).reshape(len(series), -1)
+    planes = synthesize_cube(flat, form.size, sampling, np.float32)
+    return planes.reshape(-1, 3, 6 * form.size, form.size).transpose(2, 3, 0, 1)
+
+
+def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sampling) -> float:
+    """Return the RMS of the light of all terms, relative to the sum of the RMS of each.
+
+    It is 1 where all are bright in the same places. Small maps of the first function of each term
+    tell it well enough.
+    """
+    if len(parts) == 1:
+        return 1.0
+    info = MapInfo(0, 0, 0.0, 1.0, 0.0)
+    small = []
+    for part, planner in zip(parts, planners, strict=True):
+        form = planner.with_maps(1, _SMALL)
+        lobe = _lobe(Term(part, planner, form, 0.0, 0, True), sampling)
+        small.append(PrincipalMap((lobe,), info, sampling))
+    strengths, together = brightness(small)
+    separate = float(strengths.sum())
+    return together / separate if separate > 0 else 1.0
+
+
+def _info(
+    probe: Probe, brdf: Brdf, terms: Sequence[Term], tolerance: float, coherence: float
+) -> MapInfo:
+    """Return the record of the map, with the errors of the terms combined."""
+    strengths = np.sqrt([term.energy for term in terms])
+    whole = float(strengths.sum()) * coherence
+    energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
+    captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
+    order_p = max(len(term.form.counts) - 1 for term in terms)
+    orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
+    return replace(
+        provenance(probe, brdf, orders),
+        predicted_error=joint_error(strengths, [term.form.error for term in terms], whole),
+        filter_error=joint_error(strengths, [term.form.filter_error for term in terms], whole),
+        carried=max(term.form.carried for term in terms),
+    )

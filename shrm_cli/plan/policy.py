@@ -1,0 +1,31 @@
+"""The thresholds by which maps are chosen, each with what it was measured by.
+
+A threshold that no test notices when it is changed does not belong here.
+"""
+
+# ---- what is asked of a picture, where nobody asks for anything else -----------------------------
+
+ERROR = 0.05
+"""The relative RMS error of the reflected light, bilinear look-ups and half precision included."""
+WRONG_SHARE = 0.05
+"""The share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`."""
+NEGATIVE_SHARE = 1e-3
+"""The share of negative luminance that nobody needs to be told of."""
+
+# ---- the search ----------------------------------------------------------------------------------
+
+FINER = 2**-0.5
+"""The ratio of the errors that are tried one after the other, until what is seen is good. The bytes
+of glossy maps double with each, so that hardly half of them can be too many."""
+LEAST_ERROR = 0.004
+"""The least error that is tried. About the truth that `shrm compare` sums up is no closer."""
+SIMPLE_BYTES = 10**6
+"""An SHRM of no more bytes than this is taken wherever it keeps what is asked: its shader is the
+shortest, and readers of other programs know it. Beyond, only if no other form takes fewer."""
+NEARLY_AS_GOOD = 1.1
+"""How many times the least error a map of fewer cubes may have, as shaders look up every cube."""
+NEARLY_BEST = 1.05
+"""How many times the least error a smaller map may have, where no map meets the tolerance."""
+MISSED = 1.1
+"""How many times the least share of wrong pixels a smaller map may have, where no map keeps what is
+asked: the last megabytes of a lamp in a sharp lobe change little that is seen."""

@@ -1,0 +1,195 @@
+"""The one search: of candidates that are known by bytes and errors, the fewest bytes that suffice.
+
+A form of maps offers its candidates in rows. In a row the cubes have one size, and each candidate
+has more of them than the one before it, and less error. So the first of a row that keeps an error
+is found by halving.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Generic, Protocol, TypeVar
+
+from shrm_cli.plan import policy
+
+
+class Sized(Protocol):
+    """What the search knows of a candidate."""
+
+    @property
+    def bytes(self) -> int:
+        """The bytes of its cubes in half precision, before they are packed."""
+
+    @property
+    def total_error(self) -> float:
+        """Its relative RMS error, with those of bilinear look-ups and of half precision."""
+
+
+C = TypeVar("C", bound=Sized)
+M = TypeVar("M")
+
+
+@dataclass(frozen=True)
+class Row(Generic[C]):
+    """Candidates of one size, from the fewest bytes to the most that are allowed.
+
+    Attributes
+    ----------
+    count : int
+        The number of candidates.
+    bytes_of : callable
+        Returns the most bytes that a candidate takes, by its index; it rises.
+    candidate : callable
+        Returns a candidate by its index. Its error falls with the index.
+    """
+
+    count: int
+    bytes_of: Callable[[int], int]
+    candidate: Callable[[int], C]
+
+
+def fewest_bytes(rows: Iterable[Row[C]], error: float) -> tuple[C, bool] | None:
+    """Find the candidate of the fewest bytes that keeps an error; else that of the least error.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+    error : float
+        The total error that may be made.
+
+    Returns
+    -------
+    candidate : C
+    is_met : bool
+        Whether it keeps the error.
+        None stands for both where the rows are empty.
+    """
+    best: C | None = None
+    found: C | None = None
+    for row in rows:
+        last = row.count - 1
+        while found is not None and last >= 0 and row.bytes_of(last) >= found.bytes:
+            last -= 1
+        if last < 0:
+            continue
+        most = row.candidate(last)
+        if best is None or most.total_error < best.total_error:
+            best = most
+        if most.total_error > error:
+            continue
+        low, high = 0, last
+        while low < high:
+            middle = (low + high) // 2
+            is_met = row.candidate(middle).total_error <= error
+            low, high = (low, middle) if is_met else (middle + 1, high)
+        found = row.candidate(low)
+    if found is not None:
+        return found, True
+    return None if best is None else (best, False)
+
+
+def least_errors(rows: Iterable[Row[C]]) -> list[C]:
+    """Return the candidate of the least error of each row that has any."""
+    return [row.candidate(row.count - 1) for row in rows if row.count]
+
+
+# ---- what is seen --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What the picture made with a map has to keep.
+
+    Attributes
+    ----------
+    error : float
+        The relative RMS error of the reflected light.
+    wrong_share : float, optional
+        The share of what is visible whose luminance may be wrong by more than 5 %; None where
+        only the error counts.
+    """
+
+    error: float = policy.ERROR
+    wrong_share: float | None = policy.WRONG_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate(Generic[M]):
+    """A map that could be made.
+
+    Attributes
+    ----------
+    form : str
+        Its representation.
+    bytes : int
+        The bytes of its cubes in half precision, before they are packed.
+    look_ups : int
+        The number of RGB cubes, each of which a shader looks up.
+    total_error : float
+        The relative RMS error, with those of bilinear look-ups and of half precision.
+    find_wrong_share : callable
+        Predicts the share of what is visible whose luminance is wrong; None where it is not known.
+    make : callable
+        Makes the map.
+    """
+
+    form: str
+    bytes: int
+    look_ups: int
+    total_error: float
+    find_wrong_share: Callable[[], float | None] = field(repr=False)
+    make: Callable[[], M] = field(repr=False)
+
+    @cached_property
+    def wrong_share(self) -> float | None:
+        """The predicted share of what is visible whose luminance is wrong."""
+        return self.find_wrong_share()
+
+    def keeps(self, goal: Goal) -> bool:
+        """Tell whether the map keeps what is asked; a share that is not known is no obstacle."""
+        if self.total_error > goal.error * (1 + 1e-9):
+            return False
+        return goal.wrong_share is None or (self.wrong_share or 0.0) <= goal.wrong_share
+
+
+Propose = Callable[[float], Candidate[Any]]
+"""Returns a form's map of the fewest bytes that keeps an error, or its best one."""
+
+
+def rising(propose: Propose, goal: Goal) -> Iterator[Candidate[Any]]:
+    """Yield a form's candidates of ever less error, from the fewest bytes that keep the goal's on.
+
+    They end where bytes, or the degrees that are known, allow no less error.
+    """
+    error = goal.error
+    while True:
+        found = propose(error)
+        yield found
+        if found.total_error > error or error <= policy.LEAST_ERROR:
+            return
+        error = max(min(error, found.total_error) * policy.FINER, policy.LEAST_ERROR)
+
+
+def first_kept(propose: Propose, goal: Goal) -> tuple[list[Candidate[Any]], bool]:
+    """Return the candidates of a form up to the first that keeps a goal, and whether one does."""
+    tried: list[Candidate[Any]] = []
+    for candidate in rising(propose, goal):
+        tried.append(candidate)
+        if candidate.keeps(goal):
+            return tried, True
+    return tried, False
+
+
+def least_wrong(tried: Iterable[Candidate[Any]]) -> Candidate[Any]:
+    """Return the candidate of the fewest bytes that is nearly as good as any, where none is good.
+
+    The share of wrong pixels counts where it is known of all, and the error otherwise.
+    """
+    tried = list(tried)
+    shares = [each.wrong_share for each in tried]
+    values = [each.total_error for each in tried]
+    if all(share is not None for share in shares):
+        values = [float(share or 0.0) for share in shares]
+    limit = policy.MISSED * min(values)
+    good = [each for each, value in zip(tried, values, strict=True) if not value > limit]
+    return min(good or tried, key=lambda each: each.bytes)
