@@ -121,9 +121,19 @@ class Proposals:
         divide: bool = False,
     ) -> None:
         self.light, self.brdf, self.asked = light, brdf, asked
-        self.sampling = sampling
+        self.sampling, self.divide = sampling, divide
         self.parts, self.notes = terms_of(brdf, center, divide)
-        self.planners = [planner_of(light, part, asked, divide, sampling) for part in self.parts]
+        self.planners: list[Planner] = []
+        self._know(asked.error)
+
+    def _know(self, error: float | None) -> None:
+        """Factorize the terms as far as an error of the light needs it."""
+        want = replace(self.asked, error=error)
+        known = self.planners or [None] * len(self.parts)
+        self.planners = [
+            planner_of(self.light, part, want, self.divide, self.sampling, each)
+            for part, each in zip(self.parts, known, strict=True)
+        ]
 
     @property
     def broad(self) -> int:
@@ -142,7 +152,10 @@ class Proposals:
         error : float, optional
             The error of the light that the map may have; the one that is asked for by default.
         """
-        error = self.asked.error if error is None else error
+        if error is None:
+            error = self.asked.error
+        else:
+            self._know(error)
         each = replace(self.asked, error=error, max_size=self.asked.max_size // self.broad)
         wanted = [each for _ in self.parts]
         if error is not None:

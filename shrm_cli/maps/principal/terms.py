@@ -140,13 +140,35 @@ def shared_maps(planners: Sequence[Planner], wanted: Sequence[Wanted], maps: int
 
 
 def planner_of(
-    light: Projection, brdf: Brdf, want: Wanted, divide: bool, sampling: Sampling
+    light: Projection,
+    brdf: Brdf,
+    want: Wanted,
+    divide: bool,
+    sampling: Sampling,
+    known: Planner | None = None,
 ) -> Planner:
-    """Factorize a BRDF for a probe, to an order that suffices for what is asked."""
+    """Factorize a BRDF for a probe, to an order that suffices for what is asked.
+
+    Parameters
+    ----------
+    light : Projection
+    brdf : Brdf
+    want : Wanted
+    divide : bool
+        Whether to factorize the BRDF divided by its directional albedo.
+    sampling : {"center", "border"}
+    known : Planner, optional
+        What this function returned for a larger error.
+    """
     most_q = 0 if brdf.zonal else MAX_Q
     order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
     tolerance, error = want.tolerance, want.error
     limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+    if known is not None:
+        if max(_unknown_light(known)) <= limit:
+            return known
+        transfer = known.spectrum.transfer
+        order, max_q = transfer.order_f, transfer.max_q
 
     def factorized() -> Planner:
         lighting = light.to_order(order)

@@ -13,9 +13,9 @@ from shrm_cli.maps.band import Band
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal import functions
-from shrm_cli.maps.principal import prefilter as principal_prefilter
-from shrm_cli.maps.principal.prefilter import _transfer as transfer_functions
+from shrm_cli.maps.principal import terms as principal_terms
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.principal.terms import _transfer as transfer_functions
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -304,14 +304,14 @@ def test_no_degrees_are_computed_for_cubes_that_the_bytes_rule_out(room, monkeyp
     found = {}
     for is_bounded in (True, False):
         if not is_bounded:
-            monkeypatch.setattr(principal_prefilter, "_fills_budget", lambda *_: False)
+            monkeypatch.setattr(principal_terms, "_fills_budget", lambda *_: False)
         orders = []
 
         def noted(brdf, order, *more, orders=orders):
             orders.append(order)
             return transfer_functions(brdf, order, *more)
 
-        monkeypatch.setattr(principal_prefilter, "_transfer", noted)
+        monkeypatch.setattr(principal_terms, "_transfer", noted)
         made = prefilter(room, "ggx:roughness=0.3", to="principal", max_size=400_000)
         found[is_bounded] = max(orders), made
     (few, map_of_few), (many, map_of_many) = found[True], found[False]
@@ -328,7 +328,7 @@ def test_all_azimuthal_orders_are_known_where_bytes_bound_a_map(room, monkeypatc
     """Plastic at grazing views has more of them than are computed first, and they are an error."""
     asked = {"brdf": "ggx:roughness=0.3,f0=0.04", "to": "principal", "max_size": 1_200_000}
     bounded = prefilter(room, **asked)
-    monkeypatch.setattr(principal_prefilter, "_fills_budget", lambda *_: False)
+    monkeypatch.setattr(principal_terms, "_fills_budget", lambda *_: False)
     expected = prefilter(room, **asked).info.predicted_error
     assert bounded.info.predicted_error == pytest.approx(expected, rel=0.02)
 
