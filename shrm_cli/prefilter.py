@@ -6,7 +6,7 @@ decided here and in the folders of the representations, and nowhere else.
 
 import inspect
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,16 +20,17 @@ from shrm_cli.maps.options import DEFAULTS, SHARED, Representation, listing, own
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress, Rising
-from shrm_cli.vocabulary import REPRESENTATIONS, Domain, Frame, Sampling
+from shrm_cli.vocabulary import AUTO, REPRESENTATIONS, Domain, Frame, Sampling
 
 
 def prefilter(
     probe: AnyProbe,
     brdf: Brdf | str | None = None,
     *,
-    to: str = "shrm",
+    to: str = AUTO,
     eps: float | None = None,
     error: float | None = None,
+    seen: float | None = None,
     order_f: int | None = None,
     order_p: int | None = None,
     center: str | None = None,
@@ -54,7 +55,9 @@ def prefilter(
         file. Irradiance, split sums and SH exponentials are made without one.
     to : str
         The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
-        ``principal``, ``irradiance``, ``splitsum`` and ``she``.
+        ``principal``, ``irradiance``, ``splitsum`` and ``she``; or ``auto``, the default: the form
+        of the fewest bytes whose picture is right. With arguments that only SHRMs obey, such as
+        `eps`, orders or `frame`, that is an SHRM.
     eps : float, optional
         The fraction of the BRDF's energy that may be missed, in (0, 1), by default
         `vocabulary.DEFAULT_EPS`. The orders F and P are chosen from it; of ``principal``, the
@@ -62,7 +65,10 @@ def prefilter(
     error : float, optional
         The relative RMS error of the reflected light of this probe that the map may have, with
         bilinear look-ups and half precision, in (0, 1). The map of the fewest bytes is made that
-        keeps it. For ``shrm`` and ``principal``, instead of `eps`.
+        keeps it. For ``auto``, ``shrm`` and ``principal``, instead of `eps`.
+    seen : float, optional
+        The share of what is visible that may be wrong by more than 5 %, as it is predicted, in
+        (0, 1). For ``auto``.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     center : {"auto", "reflection", "normal", "tangent"}, optional
@@ -113,9 +119,9 @@ def prefilter(
         too large.
     """
     given = {
-        "brdf": brdf, "eps": eps, "error": error, "order_f": order_f, "order_p": order_p,
-        "center": center, "domain": domain, "source_height": source_height, "frame": frame,
-        "size": size, "sampling": sampling, "max_size": max_size, **own,
+        "brdf": brdf, "eps": eps, "error": error, "seen": seen, "order_f": order_f,
+        "order_p": order_p, "center": center, "domain": domain, "source_height": source_height,
+        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, **own,
     }  # fmt: skip
     light = as_probe(probe)
     made = prefilter_with_facts(light, to, given, progress)
@@ -144,12 +150,13 @@ def prefilter_with_facts(
     ArgumentError, BrdfError, ProbeError, OrderError, MapError
         For the same reasons as `prefilter`.
     """
+    to = resolved_form(to, given)
     given = checked_arguments(to, given, probe)
-    make = registry.module(to, "prefilter").prefilter
+    make = _maker(to)
     # Maps for a BRDF take one attempt after another at its coefficients.
     is_rising = registry.description(to).needs_brdf and given.get("domain") != "angular"
     work = Rising(progress) if progress is not None and is_rising else progress
-    several = len(registry.module(to, "options").DESCRIPTIONS) > 1
+    several = to != AUTO and len(registry.module(to, "options").DESCRIPTIONS) > 1
     made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=work)
     if isinstance(work, Rising):
         work.end()
@@ -157,6 +164,30 @@ def prefilter_with_facts(
     made = examined(made) if registry.description(to).needs_brdf else made
     info = replace(made.map.info, options=options_of(probe, to, given))
     return replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
+
+
+def resolved_form(to: str, given: Mapping[str, Any]) -> str:
+    """Return the representation that is asked for: with arguments of SHRMs, ``auto`` is one.
+
+    Parameters
+    ----------
+    to : str
+        The representation, or ``auto``.
+    given : mapping of str to value
+        The arguments of `prefilter` by name. One that is None counts as not given.
+    """
+    named = {name for name, value in given.items() if value is not None}
+    return "shrm" if to == AUTO and named - registry.description(AUTO).arguments else to
+
+
+def _maker(to: str) -> Callable[..., Prefiltered]:
+    """Return the function that makes the maps of a representation, or of the best one."""
+    if to == AUTO:
+        from shrm_cli.automatic import prefilter as choose
+
+        return choose
+    make: Callable[..., Prefiltered] = registry.module(to, "prefilter").prefilter
+    return make
 
 
 def checked_arguments(to: str, given: Mapping[str, Any], probe: Probe) -> dict[str, Any]:
@@ -208,7 +239,13 @@ def options_of(probe: Probe, to: str, given: Mapping[str, Any]) -> dict[str, Any
         for name, value in given.items()
         if value is not None and name != "brdf"
     }
-    return {**default_options(to, named), **named, "reading": probe.reading()}
+    automatic: dict[str, Any] = {}
+    if to == AUTO:
+        from shrm_cli.automatic import goal_of
+
+        goal = goal_of(given.get("error"), given.get("seen"))
+        automatic = {"to": AUTO, "error": goal.error, "seen": goal.wrong_share}
+    return {**automatic, **default_options(to, named), **named, "reading": probe.reading()}
 
 
 def default_options(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
@@ -224,7 +261,7 @@ def default_options(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
         The arguments that are given. An error is asked for instead of a tolerance.
     """
     obeyed = registry.description(to).arguments - ({"eps"} if "error" in named else set())
-    own = inspect.signature(registry.module(to, "prefilter").prefilter).parameters
+    own = inspect.signature(_maker(to)).parameters
     found = {name: each.default for name, each in own.items()} | DEFAULTS
     return {
         name: list(value) if isinstance(value, tuple) else value
@@ -248,10 +285,10 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
     ArgumentError
         If the representation is unknown, does not obey an argument, or lacks a BRDF.
     """
-    if to not in REPRESENTATIONS:
+    if to not in (AUTO, *REPRESENTATIONS):
         raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
     known = registry.descriptions()
-    chosen, given = known[to], set(given)
+    chosen, given = registry.description(to), set(given)
     for name in sorted(given - chosen.arguments):
         raise _not_for(name, chosen, known)
     if chosen.needs_brdf and "brdf" not in given:

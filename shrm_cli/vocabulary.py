@@ -58,6 +58,9 @@ REPRESENTATIONS: dict[str, str] = {
 """Each representation's name, as ``--to`` takes it, and the module of `shrm_cli.maps` that defines
 its class."""
 
+AUTO = "auto"
+"""What ``--to`` takes in place of a representation: the one whose picture is right in few bytes."""
+
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""
 

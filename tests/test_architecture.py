@@ -44,6 +44,7 @@ STOPS = [
     {"plan"},
     {"maps"},
     {"transfer", "lights"},
+    {"automatic"},
     {"prefilter", "naming"},
     {"batch", "export"},
     {"render"},

@@ -18,8 +18,8 @@ from shrm_cli.files.remote import matching
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem, unsound
-from shrm_cli.prefilter import check_arguments, checked_options
-from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
+from shrm_cli.prefilter import check_arguments, checked_options, resolved_form
+from shrm_cli.vocabulary import AUTO, CONTAINERS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
 FIELDS = ("probe", "folder", "brdf", "to")
@@ -39,7 +39,7 @@ class Entry:
     brdfs : tuple of str
         Specifications.
     to : tuple of str
-        Representations.
+        Representations. ``auto`` stands for an SHRM where the arguments are those of one.
     output : str
         The name of the outputs, in which ``{probe}`` stands for the name of the probe's file
         without its suffix, ``{folder}`` for its folders below those that the pattern names,
@@ -58,13 +58,17 @@ class Entry:
 
     probes: tuple[str, ...]
     brdfs: tuple[str, ...] = ()
-    to: tuple[str, ...] = ("shrm",)
+    to: tuple[str, ...] = (AUTO,)
     output: str = DEFAULT_OUTPUT
     arguments: Mapping[str, Any] = field(default_factory=dict)
     own: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     reading: Mapping[str, Any] = field(default_factory=dict)
     precision: Precision = "auto"
     runs_code: bool = False
+
+    def __post_init__(self) -> None:
+        resolved = tuple(resolved_form(to, self.arguments) for to in self.to)
+        object.__setattr__(self, "to", resolved)
 
     def recipes(self) -> list[Recipe]:
         """Return what is made of each probe.
@@ -142,10 +146,10 @@ class Entry:
 
     def _refuse_idle(self) -> None:
         """Refuse arguments and BRDFs that nothing is made with."""
-        known = registry.descriptions()
+        known = {AUTO: registry.description(AUTO), **registry.descriptions()}
         for to in (*self.to, *self.own):
             if to not in known:
-                raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
+                raise ArgumentError("to", f"{to!r} is none of {', '.join(known)}")
         for to in self.own:
             if to not in self.to:
                 raise ArgumentError("to", f"does not name {to}, which has options of its own")

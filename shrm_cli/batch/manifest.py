@@ -32,7 +32,7 @@ from shrm_cli.maps.options import listing
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.vocabulary import PRECISIONS, REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, PRECISIONS, REPRESENTATIONS
 
 _MOST_BYTES = 2**24
 _MOST_ENTRIES = 10_000
@@ -107,7 +107,7 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     others = {
         key: value for key, value in found.items() if key not in (*_LISTS, *_TEXTS, "reading")
     }
-    own = {key: value for key, value in others.items() if key in REPRESENTATIONS}
+    own = {key: value for key, value in others.items() if key in (AUTO, *REPRESENTATIONS)}
     for key, value in own.items():
         if not isinstance(value, dict):
             raise ProbeError(f"{name}: '{key}' is no table; write [{key}]")
@@ -119,7 +119,7 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     entry = Entry(
         texts["probes"],
         texts.get("brdfs", ()),
-        texts.get("to", ("shrm",)),
+        texts.get("to", (AUTO,)),
         found.get("output", DEFAULT_OUTPUT),
         arguments,
         own,

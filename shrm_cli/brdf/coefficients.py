@@ -29,6 +29,7 @@ from shrm_cli.vocabulary import MAX_ORDER_P
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.sums import Sum
+    from shrm_cli.brdf.transfer import TransferFunctions
 
 Array = NDArray[np.floating]
 
@@ -67,6 +68,21 @@ class BrdfCoefficients:
             raise ValueError(f"coefficients of shape {self.values.shape}")
         if self.degree_energy.shape != (order_f + 1, 3) or self.total_energy.shape != (3,):
             raise ValueError("energies and coefficients have different shapes")
+
+    @classmethod
+    def of(cls, transfer: TransferFunctions, order_p: int, is_zonal: bool) -> BrdfCoefficients:
+        """Expand transfer functions over theta_o, up to an order P (eq. 5.23)."""
+        values = transfer.projected(order_p)
+        # Of a zonal BRDF the energy of each l is in one coefficient, to the last bit.
+        degree_energy = values[:, 0, 0] ** 2 if is_zonal else transfer.degree_energy
+        return cls(
+            values,
+            transfer.total_energy,
+            degree_energy,
+            transfer.samples,
+            transfer.accuracy,
+            transfer.asked,
+        )
 
     @property
     def order_f(self) -> int:
@@ -181,17 +197,7 @@ def compute_coefficients(
     if isinstance(brdf, Sum):
         return _summed(brdf, order_f, order_p, accuracy, progress)
     transfer = compute_transfer(brdf, order_f, order_p, accuracy, progress)
-    values = transfer.projected(order_p)
-    # Of a zonal BRDF the energy of each l is in one coefficient, to the last bit.
-    degree_energy = values[:, 0, 0] ** 2 if brdf.zonal else transfer.degree_energy
-    return BrdfCoefficients(
-        values,
-        transfer.total_energy,
-        degree_energy,
-        transfer.samples,
-        transfer.accuracy,
-        transfer.asked,
-    )
+    return BrdfCoefficients.of(transfer, order_p, brdf.zonal)
 
 
 def _summed(

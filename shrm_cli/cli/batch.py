@@ -32,7 +32,7 @@ from shrm_cli.cli.threads import limit_libraries
 from shrm_cli.cli.ticker import ticking
 from shrm_cli.cli.usage import flags, given_options
 from shrm_cli.maps.options import counted
-from shrm_cli.vocabulary import REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -80,8 +80,9 @@ class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
     help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
 )  # fmt: skip
 @click.option(
-    "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=["shrm"],
-    show_default=True, help="A representation to write. May be repeated.",
+    "--to", type=click.Choice([AUTO, *REPRESENTATIONS]), multiple=True, default=[AUTO],
+    show_default=True, help="A representation to write, as `shrm prefilter` takes it. May be "
+    "repeated.",
 )  # fmt: skip
 @click.option(
     "-o", "--output", metavar="NAME",

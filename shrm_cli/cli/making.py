@@ -43,7 +43,7 @@ def making_options(
         "--map-sampling", type=samplings, help=f"The same, of the written {cubes} alone."
     )
     options = [
-        shared_options("eps", "error", "order_f", "order_p", "center"),
+        shared_options("eps", "error", "seen", "order_f", "order_p", "center"),
         representation_options(wanted),
         shared_options("domain", "source_height", "frame", "size", "max_size"),
         precision_option, both, of_probes, of_maps,

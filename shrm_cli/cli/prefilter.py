@@ -26,11 +26,10 @@ from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, rena
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
+from shrm_cli.vocabulary import AUTO, CONTAINERS, REPRESENTATIONS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
-    from shrm_cli.maps.options import Representation
     from shrm_cli.maps.prefiltered import Prefiltered
 
 _OWN_BRDFS = listing(
@@ -44,7 +43,7 @@ _OWN_OPTIONS = {
 }
 MAKING_HEADINGS = {
     "What to make": ["brdf", "to"],
-    "How exact": ["eps", "error", "order_f", "order_p", "max_size", "center"],
+    "How exact": ["eps", "error", "seen", "order_f", "order_p", "max_size", "center"],
     "Form of the map": [
         "size", "frame", "map_sampling", "domain", "source_height", "precision",
     ],
@@ -63,8 +62,9 @@ _HEADINGS = {
 @click.argument("probe", metavar="PROBE", type=click.Path())
 @optional_brdf_option
 @click.option(
-    "--to", type=click.Choice(list(REPRESENTATIONS)), default="shrm", show_default=True,
-    help=f"Representation to write; {_OWN_BRDFS} have their BRDF.",
+    "--to", type=click.Choice([AUTO, *REPRESENTATIONS]), default=AUTO, show_default=True,
+    help="Representation to write; auto is the one of the fewest bytes whose picture is right, and "
+    f"an SHRM with --eps or orders. {_OWN_BRDFS} have their BRDF.",
 )  # fmt: skip
 @making_options("probe", "cube")
 @click.option(
@@ -90,9 +90,13 @@ def prefilter(
 ) -> None:
     """Prefilter the light probe PROBE for a BRDF.
 
-    The orders F and P are the least that keep the BRDF's energy within --eps; the error that
-    they make in the reflected light is predicted and printed. In the angular domain --eps is
-    the part of the BRDF's lobe that may be left out.
+    What is made by default is the map of the fewest bytes whose picture is right: at most 5 % of
+    the pixels are predicted to be wrong by more than 5 %, with an RMS error of 5 % of the light.
+    A line says which form that is and why.
+
+    With --eps it is an SHRM: the orders F and P are the least that keep the BRDF's energy within
+    it; the error that they make in the reflected light is predicted and printed. In the angular
+    domain --eps is the part of the BRDF's lobe that may be left out.
 
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
@@ -104,28 +108,33 @@ def prefilter(
       shrm prefilter probe.exr --to irradiance --window auto --shader glsl
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
+    from shrm_cli.automatic import FORMS
     from shrm_cli.maps.file import store
-    from shrm_cli.prefilter import check_arguments, prefilter_with_facts
+    from shrm_cli.prefilter import check_arguments, prefilter_with_facts, resolved_form
     from shrm_cli.probe.probe import open_probe
 
-    chosen = registry.description(to)
     read_as = make_read_options(probe_sampling or sampling, values)
-    refuse_inapplicable(_rules_of_printing(to))
     prints = {name: values.pop(name) for name in _PRINTS}
+    to = resolved_form(to, values)
+    chosen = registry.description(to)
+    refuse_inapplicable(_rules_of_printing(to))
     given = {"brdf": brdf, **values}
     if map_sampling or (sampling and "sampling" in chosen.arguments):
         given["sampling"] = map_sampling or sampling
     with renamed(**({"sampling": "map_sampling"} if map_sampling else {})):
         check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as)
-    target = output or _default_name(probe, brdf, to)
-    check_outputs([target], specs=[brdf], suffixes=CONTAINERS)
+    # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
+    names = [_default_name(probe, brdf, each) for each in (FORMS if to == AUTO else [to])]
+    check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)
     if not (output or force):
-        keep_other_map(target, to, source, given, precision)
+        for name in names:
+            keep_other_map(name, to, source, given, precision)
     printed = {}
     is_told = as_json or not quiet
     with progress_bar("prefiltering", quiet) as progress:
         made = prefilter_with_facts(source, to, given, progress)
+        target = output or _default_name(probe, brdf, made.map.representation)
         if prints["shader"] is not None:
             from shrm_cli.maps.shader.code import look_up_code
 
@@ -141,7 +150,7 @@ def prefilter(
     warnings += [f"{target}: {line}" for line in made.warnings]
     for text in [] if as_json else printed.values():
         echo(text.rstrip("\n"))
-    lines = _report(chosen, made, result) if is_told else []
+    lines = _report(made, result) if is_told else []
     conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
 
 
@@ -157,6 +166,9 @@ def _rules_of_printing(to: str) -> dict[str, Applies]:
     known = registry.descriptions()
     rules = {}
     for name in _PRINTS:
+        if to == AUTO:
+            rules[name] = Applies(True, "")
+            continue
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
         rules[name] = Applies(to in of, f"with --to {listing(of, 'or')}")
     if rules["textures"].holds:
@@ -169,9 +181,9 @@ def _default_name(probe: str, brdf: str | None, to: str) -> str:
     return f"{'.'.join(labels)}.exr"
 
 
-def _report(chosen: Representation, made: Prefiltered, result: dict[str, Any]) -> list[str]:
+def _report(made: Prefiltered, result: dict[str, Any]) -> list[str]:
     """Return lines about the map, which its representation words, and how it was made."""
-    what, *lines = registry.module(chosen.name, "report").report(result)
+    what, *lines = registry.module(made.map.representation, "report").report(result)
     stored = [result["precision"], f"{result['bytes']:,} bytes"]
     if result["storage_error"] >= 5e-4:
         lines.append(f"and            {result['storage_error']:.2%} from half precision")

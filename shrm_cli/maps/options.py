@@ -12,6 +12,7 @@ from typing import Any
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.vocabulary import (
+    AUTO,
     CENTERS,
     DEFAULT_EPS,
     DEFAULT_MAX_SIZE,
@@ -214,6 +215,13 @@ SHARED = {
             "fraction",
             metavar="X",
         ),
+        Option(
+            "seen",
+            "Share of what is visible that may be wrong by more than 5 %, as predicted; it chooses "
+            "the map of the fewest bytes.",
+            "fraction",
+            metavar="X",
+        ),
         Option("order_f", "Order F to use instead.", "integer", limits=(0, MAX_ORDER_F)),
         Option("order_p", "Order P to use instead.", "integer", limits=(0, MAX_ORDER_P)),
         Option(
@@ -300,9 +308,16 @@ WINDOW = Option(
 CUBE_ARGUMENTS = frozenset(("size", "sampling"))
 """The arguments that representations which hold cubes share."""
 
-BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error"}
+BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error", "seen"}
 """The arguments that representations which are made for a BRDF share."""
 
+AUTOMATIC = Representation(
+    AUTO,
+    "the form that the picture needs",
+    frozenset(("brdf", "error", "seen", "center", "max_size")) | CUBE_ARGUMENTS,
+    (SHADER, TEXTURES),
+)
+"""What is asked for where the form is not: its arguments are those of every form that may be it."""
 
 _MOST_BYTES = 2.0**63
 """No machine has as many, and numbers beyond it are infinite or longer than Python converts."""

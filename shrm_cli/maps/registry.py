@@ -7,7 +7,7 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from shrm_cli.vocabulary import REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -40,7 +40,14 @@ def map_class(representation: str) -> "type[Map]":
 
 
 def description(representation: str) -> "Representation":
-    """Return the description of a representation and its options, without loading numpy."""
+    """Return the description of a representation and its options, without loading numpy.
+
+    ``auto`` has one too, though it is none.
+    """
+    if representation == AUTO:
+        from shrm_cli.maps.options import AUTOMATIC
+
+        return AUTOMATIC
     found: Representation = module(representation, "options").DESCRIPTIONS[representation]
     return found
 

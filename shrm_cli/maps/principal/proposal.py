@@ -129,7 +129,7 @@ class Proposals:
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
         want = replace(self.asked, error=error)
-        known = self.planners or [None] * len(self.parts)
+        known: Sequence[Planner | None] = self.planners or [None] * len(self.parts)
         self.planners = [
             planner_of(self.light, part, want, self.divide, self.sampling, each)
             for part, each in zip(self.parts, known, strict=True)

@@ -1,0 +1,202 @@
+"""`to` auto: the form of the fewest bytes whose picture is right, and one line that says why.
+
+What is asked is what is seen: few pixels may be wrong, the light's RMS error is small, and nothing
+visible is negative. An SHRM is made wherever it keeps that in few bytes, because its shader is the
+simplest; a map of principal functions otherwise, which keeps it in the fewest bytes of all.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.sums import split
+from shrm_cli.maps import registry
+from shrm_cli.maps.negative import negative_share
+from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.principal.proposal import Proposals
+from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.shrm.proposal import ShrmProposals
+from shrm_cli.maps.size import total_error
+from shrm_cli.plan import policy
+from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong, rising
+from shrm_cli.probe.lighting import Projection
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
+from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Sampling
+
+FORMS = ("shrm", "principal")
+"""What `auto` may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What is asked for, and the light."""
+
+    light: Projection
+    brdf: Brdf
+    goal: Goal
+    max_size: int
+    center: str | None
+    size: int | None
+    sampling: Sampling
+
+    @property
+    def text(self) -> str:
+        """The goal in words."""
+        share = self.goal.wrong_share
+        error = f"an RMS error of {self.goal.error:.2g}"
+        return error if share is None else f"{error} and {share:.0%} of wrong pixels"
+
+
+def goal_of(error: float | None, seen: float | None) -> Goal:
+    """Return what a map has to keep, where one of the two or none is asked for.
+
+    Whoever asks for an error of the light alone gets the bytes that it takes, and no more.
+    """
+    if error is not None and seen is None:
+        return Goal(error, None)
+    return Goal(
+        policy.ERROR if error is None else error, policy.WRONG_SHARE if seen is None else seen
+    )
+
+
+def prefilter(
+    probe: Probe,
+    brdf: Brdf,
+    error: float | None = None,
+    seen: float | None = None,
+    max_size: int = DEFAULT_MAX_SIZE,
+    center: str | None = None,
+    size: int | None = None,
+    sampling: Sampling = "center",
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Choose a form and make its map; the arguments are those of `shrm_cli.prefilter.prefilter`.
+
+    Returns
+    -------
+    Prefiltered
+        With a note that says which form was taken and why. Where no form keeps what is asked for,
+        the best one, and a warning that says by how much and what would.
+
+    Raises
+    ------
+    ArgumentError, ProbeError, BrdfError
+    """
+    light = Projection(probe, progress)
+    asked = _Asked(light, brdf, goal_of(error, seen), max_size, center, size, sampling)
+    made = _of_single_cubes(asked) if all(term.zonal for term in split(brdf)) else None
+    return made or _of_functions(asked)
+
+
+def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
+    """Make the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
+
+    Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
+    """
+    given = {"center": asked.center, "size": asked.size, "sampling": asked.sampling}
+    made: Prefiltered = registry.module("shrm", "prefilter").prefilter(
+        asked.light.probe, asked.brdf, eps=DEFAULT_EPS, max_size=asked.max_size, **given
+    )
+    info = made.map.info
+    total = total_error(info.predicted_error, info.filter_error)
+    share = made.further.get("predicted_wrong_share", lambda: None)()
+    candidate = Candidate("shrm", 0, 0, total, lambda: share, lambda: made)
+    if made.warnings or not candidate.keeps(asked.goal) or _is_dark(made):
+        return None
+    return _noted(made, f"SHRM, which keeps {asked.text}")
+
+
+def _of_functions(asked: _Asked) -> Prefiltered:
+    """Make a map of principal functions, or an SHRM where it does as well."""
+    goal = asked.goal
+    wanted = Wanted(DEFAULT_EPS, goal.error, None, asked.max_size, asked.size)
+    proposals = Proposals(asked.light, asked.brdf, wanted, asked.center, asked.sampling)
+
+    def propose(error: float) -> Candidate[Prefiltered]:
+        found = proposals.propose(error)
+        return Candidate(
+            "principal", found.bytes, found.look_ups, found.total_error, found.wrong_share,
+            found.make,
+        )  # fmt: skip
+
+    tried: list[Candidate[Prefiltered]] = []
+    for candidate in _up_to(tried, rising(propose, goal)):
+        if not candidate.keeps(goal):
+            continue
+        shrm = _instead(asked, proposals, candidate)
+        if shrm is not None:
+            return shrm
+        made = candidate.make()
+        if not _is_dark(made):
+            return _noted(made, f"principal: {_why_no_shrm(asked, proposals)}")
+    best = least_wrong(tried)
+    made = best.make()
+    missed = _missed(asked, best, made)
+    return replace(
+        _noted(made, f"principal: {_why_no_shrm(asked, proposals)}"),
+        warnings=(*made.warnings, missed),
+    )
+
+
+def _up_to(
+    tried: list[Candidate[Prefiltered]], candidates: Iterator[Candidate[Prefiltered]]
+) -> Iterator[Candidate[Prefiltered]]:
+    """Yield candidates, and keep what was yielded in a list."""
+    for candidate in candidates:
+        tried.append(candidate)
+        yield candidate
+
+
+def _instead(
+    asked: _Asked, proposals: Proposals, kept: Candidate[Prefiltered]
+) -> Prefiltered | None:
+    """Make the SHRM that keeps the goal in few bytes, if there is one."""
+    if len(proposals.parts) > 1:
+        return None  # each term would want an SHRM of its own, with a shader of many look-ups
+    most = min(max(kept.bytes, policy.SIMPLE_BYTES), asked.max_size)
+    tried, is_kept = first_kept(_shrms(asked, proposals).proposing(most), asked.goal)
+    if not is_kept:
+        return None
+    made = tried[-1].make()
+    if _is_dark(made):
+        return None
+    return _noted(made, f"SHRM, which keeps {asked.text} in {bytes_text(tried[-1].bytes)}")
+
+
+def _shrms(asked: _Asked, proposals: Proposals) -> ShrmProposals:
+    """Return the SHRMs of a BRDF of a single term, whose transfer functions are known."""
+    transfer = proposals.planners[0].spectrum.transfer
+    return ShrmProposals.of(asked.light, proposals.parts[0], transfer, asked.size, asked.sampling)
+
+
+def _why_no_shrm(asked: _Asked, proposals: Proposals) -> str:
+    """Say what an SHRM of all the bytes would be like."""
+    if len(proposals.parts) > 1:
+        return "an SHRM would hold every term with harmonics of its own"
+    best = _shrms(asked, proposals).least(0.0, asked.max_size)
+    if best is None:
+        return "no SHRM fits"
+    return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
+
+
+def _is_dark(made: Prefiltered) -> bool:
+    """Tell whether anything visible is negative."""
+    return negative_share(made.map) > policy.NEGATIVE_SHARE
+
+
+def _missed(asked: _Asked, best: Candidate[Prefiltered], made: Prefiltered) -> str:
+    """Say what the best map misses of the goal, and what would keep it."""
+    share = best.wrong_share
+    seen = "" if share is None else f", {share:.0%} of pixels wrong by more than 5%"
+    return (
+        f"no form keeps {asked.text} in {bytes_text(asked.max_size)}: {best.total_error:.1%} RMS "
+        f"error{seen} predicted; take lamps out by `shrm sun` and prefilter its light file, dim "
+        "them by `clamp`, or raise `max_size`"
+    )
+
+
+def _noted(made: Prefiltered, why: str) -> Prefiltered:
+    """Add the note about the form, before all others."""
+    return replace(made, notes=(("form", why), *made.notes))

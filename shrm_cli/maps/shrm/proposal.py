@@ -1,0 +1,95 @@
+"""SHRMs that could be made, known by bytes and errors from a BRDF's transfer functions.
+
+Transfer functions hold every degree p of the view, so that whoever has them for another form knows
+the errors of SHRMs without sampling the BRDF again.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.transfer import TransferFunctions
+from shrm_cli.maps.expansion import carry
+from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.shrm.budget import Tried, least_choice
+from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.wrong_share import predicted_wrong_share
+from shrm_cli.plan.search import Candidate
+from shrm_cli.probe.lighting import Projection
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P, Sampling
+
+
+@dataclass(frozen=True, eq=False)
+class ShrmProposals:
+    """The SHRMs of a probe and a BRDF of a single term.
+
+    Attributes
+    ----------
+    light : Projection
+    brdf : Brdf
+    coefficients : BrdfCoefficients
+    size : int, optional
+        Texels along a face's edge, where they are given.
+    sampling : {"center", "border"}
+    """
+
+    light: Projection
+    brdf: Brdf
+    coefficients: BrdfCoefficients
+    size: int | None = None
+    sampling: Sampling = "center"
+
+    @classmethod
+    def of(
+        cls,
+        light: Projection,
+        brdf: Brdf,
+        transfer: TransferFunctions,
+        size: int | None = None,
+        sampling: Sampling = "center",
+    ) -> "ShrmProposals":
+        """Expand transfer functions into coefficients of the largest P that maps have."""
+        order_p = 0 if brdf.zonal else min(MAX_ORDER_P, 2 * len(transfer.theta_o) // 3)
+        return cls(light, brdf, BrdfCoefficients.of(transfer, order_p, brdf.zonal), size, sampling)
+
+    def least(self, error: float, max_size: int) -> Tried | None:
+        """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits."""
+        lighting = self.light.to_order(self.coefficients.order_f)
+        found = least_choice(
+            lighting, self.coefficients, error, DEFAULT_EPS, max_size, self.size, self.sampling
+        )
+        return None if found is None else found[0]
+
+    def proposing(self, max_size: int) -> Callable[[float], Candidate[Prefiltered]]:
+        """Return a function that proposes a map for an error, within a number of bytes.
+
+        Raises
+        ------
+        ArgumentError
+            By that function, if no map fits.
+        """
+
+        def propose(error: float) -> Candidate[Prefiltered]:
+            tried = self.least(error, max_size)
+            assert tried is not None  # other forms fitted, whose cubes are no smaller
+            return self._candidate(tried, max_size)
+
+        return propose
+
+    def _candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
+        choice, coefficients = tried.choice, self.coefficients
+
+        def wrong_share() -> float | None:
+            return predicted_wrong_share(
+                carry(self.light, self.brdf, choice.orders, coefficients, choice.size)
+            )
+
+        def make() -> Prefiltered:
+            return prefilter_shrm(
+                self.light, self.brdf, choice.orders.tolerance, size=choice.size,
+                sampling=self.sampling, max_size=max_size, chosen=(choice, coefficients),
+            )  # fmt: skip
+
+        look_ups = (choice.orders.order_p + 1) ** 2
+        return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)
