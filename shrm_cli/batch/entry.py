@@ -3,22 +3,24 @@
 import glob
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
 from shrm_cli.addresses import is_remote, shown
-from shrm_cli.batch.job import Job, Recipe
+from shrm_cli.batch.job import Chunk, Job, Recipe
 from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
+from shrm_cli.files.inputs import is_input
 from shrm_cli.files.origin import is_output
 from shrm_cli.files.remote import matching
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.prefilter import check_arguments, checked_options
+from shrm_cli.probe.probe import face_paths
 from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
@@ -275,11 +277,7 @@ def checked(jobs: list[Job]) -> list[Job]:
     OutputError
         If two jobs have one output, an output is an input, or has a suffix that no map has.
     """
-    inputs = {_identity(job.probe) for job in jobs}
-    specs = {job.recipe.brdf for job in jobs}
-    inputs |= {
-        _identity(str(path)) for spec in specs if spec is not None for path in named_files(spec)
-    }
+    inputs = _inputs((job.probe for job in jobs), jobs)
     made: dict[str, Job] = {}
     for job in jobs:
         place = _identity(job.output)
@@ -298,6 +296,43 @@ def checked(jobs: list[Job]) -> list[Job]:
             raise OutputError(_twice(job, made[place]))
         made[place] = job
     return jobs
+
+
+def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
+    """Check that what a batch writes besides its outputs is none of these, and none of its inputs.
+
+    Parameters
+    ----------
+    others : iterable of str
+        Paths or URLs of logs, pages, collections and files of farms.
+    chunks : sequence of Chunk
+
+    Raises
+    ------
+    OutputError
+        If one is an input, an output, or another one of them.
+    """
+    jobs = [job for chunk in chunks for job in chunk.jobs]
+    inputs = _inputs((chunk.probe for chunk in chunks), jobs)
+    made = {_identity(job.output) for job in jobs}
+    for other in others:
+        place = _identity(other)
+        if place in inputs or is_input(other):
+            raise OutputError(f"{shown(other)}: would overwrite the input; name another output")
+        if place in made:
+            raise OutputError(
+                f"{shown(other)}: is another output of this run; name each differently"
+            )
+        made.add(place)
+
+
+def _inputs(probes: Iterable[str], jobs: Iterable[Job]) -> set[str]:
+    """Return the places of probes, the six of faces too, and of the files of BRDFs."""
+    specs = {job.recipe.brdf for job in jobs}
+    found = {str(path) for spec in specs if spec is not None for path in named_files(spec)}
+    for probe in probes:
+        found |= {probe, *(face_paths(probe) if "%" in probe and not is_remote(probe) else ())}
+    return set(map(_identity, found))
 
 
 def _identity(name: str) -> str:
