@@ -13,6 +13,7 @@ from shrm_cli.batch.job import Chunk, Job, Recipe
 from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
+from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.inputs import is_input
 from shrm_cli.files.origin import is_output
 from shrm_cli.files.remote import matching
@@ -120,17 +121,18 @@ class Entry:
         return [job for job in found if job.probe not in made]
 
     def _matched_outputs(self, jobs: list[Job]) -> set[str]:
-        """Return the URLs that patterns match and that are outputs of other probes among them.
+        """Return what patterns match and what is the output of another probe among them.
 
-        Of a listing from elsewhere nothing is known but names.
+        Of a listing from elsewhere nothing is known but names, nor of what is cut off so soon that
+        it does not say what it is.
         """
-        of = {job.output: job.probe for job in jobs}
+        of = {_plain(job.output): job.probe for job in jobs}
         return {
             job.probe
             for job in jobs
-            if is_remote(job.probe)
-            and job.probe not in self.probes
-            and of.get(job.probe, job.probe) != job.probe
+            if job.probe not in self.probes
+            and of.get(_plain(job.probe), job.probe) != job.probe
+            and (is_remote(job.probe) or holds_nothing(job.probe))
         }
 
     def _arguments(self, to: str) -> dict[str, Any]:
@@ -333,6 +335,10 @@ def _inputs(probes: Iterable[str], jobs: Iterable[Job]) -> set[str]:
     for probe in probes:
         found |= {probe, *(face_paths(probe) if "%" in probe and not is_remote(probe) else ())}
     return set(map(_identity, found))
+
+
+def _plain(name: str) -> str:
+    return name if is_remote(name) else os.path.normpath(name)
 
 
 def _identity(name: str) -> str:

@@ -204,6 +204,21 @@ def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
     assert_refused(run("batch", "*.irradiance.exr", "--to", "she"), 1, "no probe, only 5 files")
 
 
+@pytest.mark.parametrize("left", [0, 100])
+def test_an_output_that_is_cut_off_is_no_probe(folder, here, monkeypatch, left):
+    """Nothing in it says that it was an output, and its name does."""
+    monkeypatch.chdir(folder / "probes")
+    command = ("batch", "./*.exr", "--to", "irradiance")
+    assert run(*command).code == 0
+    path = folder / "probes/p1.irradiance.exr"
+    path.write_bytes(path.read_bytes()[:left])
+    result = run(*command)
+    assert (result.code, result.out.split(", 9,")[0][:34]) == (
+        0,
+        "5 outputs: 1 made, 4 there already",
+    )
+
+
 def test_farms_take_probes_beside_their_outputs(folder, here, monkeypatch):
     """Each task matches the pattern anew, among the outputs of those before it."""
     monkeypatch.chdir(folder / "probes")
