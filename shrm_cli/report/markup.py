@@ -49,9 +49,7 @@ def tag(name: str, *parts: Part, **attributes: str) -> Html:
     """
     kind, _, of_class = name.partition(".")
     given = ({"class": of_class.replace(".", " ")} if of_class else {}) | attributes
-    words = "".join(
-        f' {key.replace("_", "-")}="{_escaped(value)}"' for key, value in given.items()
-    )
+    words = "".join(f' {key.replace("_", "-")}="{_escaped(value)}"' for key, value in given.items())
     if kind in _VOID:
         return Html(f"<{kind}{words}>")
     return Html(f"<{kind}{words}>{joined(*parts)}</{kind}>")
