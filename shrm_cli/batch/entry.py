@@ -3,22 +3,25 @@
 import glob
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
 from shrm_cli.addresses import is_remote, shown
-from shrm_cli.batch.job import Job, Recipe
+from shrm_cli.batch.job import Chunk, Job, Recipe
 from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
+from shrm_cli.files.exr_header import holds_nothing
+from shrm_cli.files.inputs import is_input
 from shrm_cli.files.origin import is_output
 from shrm_cli.files.remote import matching
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.prefilter import check_arguments, checked_options, resolved_form
+from shrm_cli.probe.probe import face_paths
 from shrm_cli.vocabulary import AUTO, CONTAINERS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
@@ -122,17 +125,18 @@ class Entry:
         return [job for job in found if job.probe not in made]
 
     def _matched_outputs(self, jobs: list[Job]) -> set[str]:
-        """Return the URLs that patterns match and that are outputs of other probes among them.
+        """Return what patterns match and what is the output of another probe among them.
 
-        Of a listing from elsewhere nothing is known but names.
+        Of a listing from elsewhere nothing is known but names, nor of what is cut off so soon that
+        it does not say what it is.
         """
-        of = {job.output: job.probe for job in jobs}
+        of = {_plain(job.output): job.probe for job in jobs}
         return {
             job.probe
             for job in jobs
-            if is_remote(job.probe)
-            and job.probe not in self.probes
-            and of.get(job.probe, job.probe) != job.probe
+            if job.probe not in self.probes
+            and of.get(_plain(job.probe), job.probe) != job.probe
+            and (is_remote(job.probe) or holds_nothing(job.probe))
         }
 
     def _arguments(self, to: str) -> dict[str, Any]:
@@ -279,11 +283,7 @@ def checked(jobs: list[Job]) -> list[Job]:
     OutputError
         If two jobs have one output, an output is an input, or has a suffix that no map has.
     """
-    inputs = {_identity(job.probe) for job in jobs}
-    specs = {job.recipe.brdf for job in jobs}
-    inputs |= {
-        _identity(str(path)) for spec in specs if spec is not None for path in named_files(spec)
-    }
+    inputs = _inputs((job.probe for job in jobs), jobs)
     made: dict[str, Job] = {}
     for job in jobs:
         place = _identity(job.output)
@@ -302,6 +302,47 @@ def checked(jobs: list[Job]) -> list[Job]:
             raise OutputError(_twice(job, made[place]))
         made[place] = job
     return jobs
+
+
+def check_others(others: Iterable[str], chunks: Sequence[Chunk]) -> None:
+    """Check that what a batch writes besides its outputs is none of these, and none of its inputs.
+
+    Parameters
+    ----------
+    others : iterable of str
+        Paths or URLs of logs, pages, collections and files of farms.
+    chunks : sequence of Chunk
+
+    Raises
+    ------
+    OutputError
+        If one is an input, an output, or another one of them.
+    """
+    jobs = [job for chunk in chunks for job in chunk.jobs]
+    inputs = _inputs((chunk.probe for chunk in chunks), jobs)
+    made = {_identity(job.output) for job in jobs}
+    for other in others:
+        place = _identity(other)
+        if place in inputs or is_input(other):
+            raise OutputError(f"{shown(other)}: would overwrite the input; name another output")
+        if place in made:
+            raise OutputError(
+                f"{shown(other)}: is another output of this run; name each differently"
+            )
+        made.add(place)
+
+
+def _inputs(probes: Iterable[str], jobs: Iterable[Job]) -> set[str]:
+    """Return the places of probes, the six of faces too, and of the files of BRDFs."""
+    specs = {job.recipe.brdf for job in jobs}
+    found = {str(path) for spec in specs if spec is not None for path in named_files(spec)}
+    for probe in probes:
+        found |= {probe, *(face_paths(probe) if "%" in probe and not is_remote(probe) else ())}
+    return set(map(_identity, found))
+
+
+def _plain(name: str) -> str:
+    return name if is_remote(name) else os.path.normpath(name)
 
 
 def _identity(name: str) -> str:

@@ -14,6 +14,8 @@ from shrm_cli.addresses import shown_values
 from shrm_cli.batch.work import NOT_THERE, Record, Result
 from shrm_cli.errors import OutputError
 
+_BEGINNING = b'{"time": "'
+"""How the first line of a log begins."""
 _MOST_REASONS = 100
 """The most reasons that are counted; they name options, which could all differ."""
 _MOST_FAILURES = 1000
@@ -112,6 +114,8 @@ def opened_log(path: str | os.PathLike[str], jobs: int) -> Iterator[Log]:
     try:
         if os.path.exists(path) and not os.path.isfile(path):
             raise OutputError(f"{path}: not a regular file; name another `log`")
+        if os.path.exists(path) and not _is_log(path):
+            raise OutputError(f"{path}: exists, and is no log of a batch; name another `log`")
         with open(path, "a", encoding="utf-8", errors="backslashreplace") as stream:
             if _lacks_line_end(path):
                 stream.write("\n")
@@ -122,6 +126,12 @@ def opened_log(path: str | os.PathLike[str], jobs: int) -> Iterator[Log]:
         raise OutputError(
             f"{path}: cannot be written ({error.strerror}); make room or name another `log`"
         ) from error
+
+
+def _is_log(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins as logs do, as far as it goes."""
+    with open(path, "rb") as stream:
+        return _BEGINNING.startswith(stream.read(len(_BEGINNING)))
 
 
 def _lacks_line_end(path: str | os.PathLike[str]) -> bool:

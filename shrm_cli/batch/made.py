@@ -14,6 +14,7 @@ from typing import Any
 
 from shrm_cli.automatic import FORMS
 from shrm_cli.errors import MapError
+from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.origin import says_map
 from shrm_cli.files.parts import peek
 from shrm_cli.files.seal import condition
@@ -111,10 +112,9 @@ def difference(
 
 def _unreadable(path: str | os.PathLike[str]) -> Difference:
     """Say what a file is that cannot be read as a map: damaged, or something else."""
-    if os.path.isfile(path):  # opening a pipe would wait for its writer
-        is_empty = os.path.getsize(path) == 0
-        if is_empty or (says_map(path) and condition(path) != "intact"):
-            return Difference(_DAMAGED)
+    is_file = os.path.isfile(path)  # opening a pipe would wait for its writer
+    if is_file and (holds_nothing(path) or (says_map(path) and condition(path) != "intact")):
+        return Difference(_DAMAGED)
     return Difference("it is no map that can be read", is_ours=False)
 
 

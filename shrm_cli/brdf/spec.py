@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shrm_cli.addresses import shown
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.discovery import is_built_in
 from shrm_cli.brdf.library import built_in_names, find_model, model_names
@@ -146,9 +147,9 @@ def file_label(spec: str) -> str:
     """A specification within a file name.
 
     ``phong:exponent=32`` is ``phong-exponent-32``, ``measured/paint.brdf`` is ``paint``, and
-    ``mine.py:Mine:k=2`` is ``Mine-k-2``.
+    ``mine.py:Mine:k=2`` is ``Mine-k-2``. Of a URL, which names none, it has no password either.
     """
-    text, term = spec.strip(), _python_term(spec)
+    text, term = shown(spec.strip()), _python_term(spec)
     if term is not None and (_is_one_file(spec) or not is_sum(spec)):
         text = term.label
     elif names_file(spec) and not is_sum(spec):

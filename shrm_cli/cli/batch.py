@@ -14,7 +14,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.contact import SUFFIXES as PAGES
 from shrm_cli.cli.contact import write_contacts
-from shrm_cli.cli.farm import farm_options, named_parts, write_farm_files
+from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.gather import gather_options, gathering_of, write_gathered
 from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.making import making_options
@@ -149,10 +149,12 @@ def batch(
       shrm batch 'probes/*.exr' --collect light.npz --collect-order 3
       shrm batch bake.toml --scheduler tcp://host:8786
     """
-    from shrm_cli.batch.entry import checked
+    from shrm_cli.batch.entry import check_others, checked
     from shrm_cli.batch.job import by_probe
     from shrm_cli.batch.work import Terms
 
+    if commands or openjd:
+        refuse_for_farms()
     gathering = gathering_of(collect, collect_order, collect_what, collect_window)
     entries = _entries(probes, values, makes_none=collect is not None)
     left_out: list[str] = []
@@ -160,6 +162,8 @@ def batch(
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
     if left_out and not quiet:
         echo(_not_probes(left_out), err=True)
+    written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
+    check_others([each for each in written if each is not None], chunks)
     if commands or openjd:
         words = click.get_current_context().meta["shrm.words"]
         write_farm_files(words, commands, openjd, len(chunks), chunk)

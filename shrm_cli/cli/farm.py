@@ -10,13 +10,22 @@ import click
 from shrm_cli.addresses import has_secret
 from shrm_cli.cli.options import with_options
 from shrm_cli.cli.terminal import echo, echo_message
+from shrm_cli.cli.usage import given_options
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_TAKES_VALUE = ("--commands", "--openjd", "--chunk")
+_OWN = ("--commands", "--openjd", "--chunk")
+"""The options that ask for files of a farm, which its command lines leave out."""
+_FOR_ALL = {
+    "share": "which a farm's command lines say themselves",
+    "dry_run": "with which a farm's command lines would make nothing",
+    "collect": "which each command line of a farm would write anew; gather in a run of its own",
+    "contact_page": "which each command line of a farm would write anew; use `shrm contact`",
+}
+"""Options that the command lines cannot have, and why."""
 
 
 class _Part(click.ParamType[tuple[int, int, int]]):
@@ -51,6 +60,21 @@ def farm_options(command: Command) -> Command:
         ),
     ]  # fmt: skip
     return with_options(command, options)
+
+
+def refuse_for_farms() -> None:
+    """Refuse options that hold for a whole run, beside those that divide it.
+
+    Raises
+    ------
+    click.UsageError
+        If one is given.
+    """
+    given = given_options()
+    for name in _FOR_ALL.keys() & given.keys():
+        raise click.UsageError(
+            f"leave out {given[name]}, {_FOR_ALL[name]}", click.get_current_context()
+        )
 
 
 def write_farm_files(
@@ -103,12 +127,22 @@ def named_parts(chunks: list[Chunk], share: tuple[int, int, int] | None) -> list
 
 
 def _without_own(words: Sequence[str]) -> list[str]:
-    """Return the words of a command line without the options that ask for files of a farm."""
-    end = list(words).index("--") if "--" in words else len(words)
-    found, skips = [], False
-    for word in words[:end]:
-        if skips or word.split("=")[0] in _TAKES_VALUE:
-            skips = not skips and "=" not in word
-            continue
-        found.append(word)
-    return [*found, *words[end:]]
+    """Return the words of a command line without the options that ask for files of a farm.
+
+    A word behind an option that takes a value is that value, whatever it looks like.
+    """
+    options = {
+        name: not (option.is_flag or option.count)
+        for option in click.get_current_context().command.params
+        if isinstance(option, click.Option)
+        for name in option.opts
+    }
+    found: list[str] = []
+    rest = list(words)
+    while rest and rest[0] != "--":
+        name, has_value, _ = rest[0].partition("=")
+        count = 1 + (options.get(name, False) and not has_value)
+        if name not in _OWN:
+            found += rest[:count]
+        del rest[:count]
+    return [*found, *rest]

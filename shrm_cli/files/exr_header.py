@@ -33,6 +33,8 @@ _BEGIN = 2 * len(MAGIC)
 _MULTI_PART = 0x1000
 _MOST_NAME = 256
 _BEGINNING = 64  # bytes of a value
+_MOST_CUT = 2**16
+"""The most bytes of a header that is cut off: what is longer may hold pixels, whatever it says."""
 _CHANNEL = 16  # bytes of a channel behind its name
 
 
@@ -73,6 +75,31 @@ def ends_whole(path: str | os.PathLike[str]) -> bool:
     ):
         return _end_of_chunks(data) == len(data)
     return False
+
+
+def holds_nothing(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file has no byte but zeros, or ends within the headers of an OpenEXR file.
+
+    Full disks and power cuts leave such files, of which no pixel can be had.
+
+    Parameters
+    ----------
+    path : path-like
+        A regular file of any format. Zeros at its end count for nothing. Of one that cannot be
+        read nothing is known.
+    """
+    try:
+        with open(path, "rb") as stream:
+            begun = stream.read(_MOST_CUT).rstrip(b"\0")
+            if any(block.strip(b"\0") for block in iter(lambda: stream.read(_MOST_CUT), b"")):
+                return False
+    except OSError:
+        return False
+    if len(begun) <= len(MAGIC):
+        return MAGIC.startswith(begun)
+    with suppress(IndexError, struct.error, ValueError):
+        return begun[: len(MAGIC)] == MAGIC and _end_of_headers(begun) > len(begun)
+    return True
 
 
 def beginnings(path: str | os.PathLike[str]) -> dict[str, bytes]:
@@ -119,12 +146,7 @@ def header_attributes(data: mmap.mmap) -> Iterator[tuple[bytes, bytes, int, int]
 
 def _end_of_chunks(data: mmap.mmap) -> int:
     """Return the place behind the last chunk, or 0 where the tables of chunks have holes."""
-    has_parts, at = _has_parts(data), _BEGIN
-    while at == _BEGIN or (has_parts and data[at] != 0):
-        for _, _, begin, size in _attributes(data, at):
-            at = begin + size
-        at += 1
-    at += has_parts
+    has_parts, at = _has_parts(data), _end_of_headers(data)
     # The tables of all parts follow each other, and behind them is the first chunk.
     (first,) = struct.unpack_from("<Q", data, at)
     table = struct.unpack_from(f"<{(first - at) // 8}Q", data, at)
@@ -135,7 +157,17 @@ def _end_of_chunks(data: mmap.mmap) -> int:
     return int(begin + 4 + size)
 
 
-def _has_parts(data: mmap.mmap) -> bool:
+def _end_of_headers(data: mmap.mmap | bytes) -> int:
+    """Return the place behind the headers of all parts."""
+    has_parts, at = _has_parts(data), _BEGIN
+    while at == _BEGIN or (has_parts and data[at] != 0):
+        for _, _, begin, size in _attributes(data, at):
+            at = begin + size
+        at += 1
+    return at + has_parts
+
+
+def _has_parts(data: mmap.mmap | bytes) -> bool:
     """Whether a file has several parts, with a zero behind the last one's header."""
     (flags,) = struct.unpack_from("<I", data, len(MAGIC))
     return bool(flags & _MULTI_PART)
@@ -165,7 +197,7 @@ def _excess(data: mmap.mmap) -> str:
     return ""
 
 
-def _attributes(data: mmap.mmap, at: int) -> Iterator[tuple[bytes, bytes, int, int]]:
+def _attributes(data: mmap.mmap | bytes, at: int) -> Iterator[tuple[bytes, bytes, int, int]]:
     """Name, type, place and size of each attribute of the header that begins at a place."""
     while data[at] != 0:
         name, at = _word(data, at)
@@ -178,7 +210,7 @@ def _attributes(data: mmap.mmap, at: int) -> Iterator[tuple[bytes, bytes, int, i
         at += size
 
 
-def _word(data: mmap.mmap, at: int) -> tuple[bytes, int]:
+def _word(data: mmap.mmap | bytes, at: int) -> tuple[bytes, int]:
     """The text that begins at a place, and the place behind the zero that ends it."""
     end = data.find(b"\0", at, at + _MOST_NAME)
     if end < 0:

@@ -1,10 +1,14 @@
-"""HTML put together of elements. All text is escaped, whatever the names of files hold."""
+"""HTML put together of elements. All text is escaped, whatever the names of files hold.
+
+Nor does any of it let anybody in: a page is sent to others, with the command that made it.
+"""
 
 import html
 from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib import resources
 
+from shrm_cli.addresses import shown
 from shrm_cli.files.html_page import html_page
 
 _VOID = {"img"}
@@ -25,7 +29,7 @@ def joined(*parts: Part) -> Html:
         if isinstance(part, Html):
             texts.append(part)
         elif isinstance(part, str):
-            texts.append(html.escape(part))
+            texts.append(_escaped(part))
         else:
             texts.append(joined(*part))
     return Html("".join(texts))
@@ -45,9 +49,7 @@ def tag(name: str, *parts: Part, **attributes: str) -> Html:
     """
     kind, _, of_class = name.partition(".")
     given = ({"class": of_class.replace(".", " ")} if of_class else {}) | attributes
-    words = "".join(
-        f' {key.replace("_", "-")}="{html.escape(value)}"' for key, value in given.items()
-    )
+    words = "".join(f' {key.replace("_", "-")}="{_escaped(value)}"' for key, value in given.items())
     if kind in _VOID:
         return Html(f"<{kind}{words}>")
     return Html(f"<{kind}{words}>{joined(*parts)}</{kind}>")
@@ -87,6 +89,10 @@ def figure(picture: Html, *caption: Part) -> Html:
 def details(summary: str, *parts: Part) -> Html:
     """Return what is shown when somebody asks for it."""
     return tag("details", tag("summary", summary), *parts)
+
+
+def _escaped(text: str) -> str:
+    return html.escape(shown(text))
 
 
 @cache

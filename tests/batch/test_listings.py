@@ -169,6 +169,8 @@ def test_no_secret_of_an_address_is_told_or_kept(signed, tmp_path):
         ["batch", "src/*.exr", "--to", "irradiance", "--scheduler", f"tls://me:{SECRET}@h:1"],
         ["prefilter", urls[0], "--brdf", "phong"],
         ["prefilter", "src/p0.exr", "--brdf", urls[0]],
+        ["batch", "src/p0.exr", "--brdf", urls[0], "--jobs", "1"],
+        ["report", "src/p0.exr", "--brdf", urls[0], "-o", "brdf.html"],
         ["prefilter", "src/p0.exr", "--brdf", "phong", "-o", urls[0]],
         ["info", urls[0]],
         ["compare", urls[0], "--probe", urls[1]],
@@ -185,7 +187,8 @@ def test_no_secret_of_an_address_is_told_or_kept(signed, tmp_path):
         assert done.out + done.err
     assert [code for _, code, _, _ in told if code == 0] == []
     made = [path for path in tmp_path.rglob("*") if path.is_file()]
-    assert {"sky.irradiance.exr", "light.npz", "c.html", "batch.jsonl"} <= {p.name for p in made}
+    pages = {"c.html", "brdf.html"}
+    assert {"sky.irradiance.exr", "light.npz", "batch.jsonl", *pages} <= {p.name for p in made}
     for path in made:
         assert SECRET.encode() not in path.read_bytes(), path
         assert SECRET not in path.name

@@ -181,6 +181,7 @@ def other_probe(path):
     ("put", "why"),
     [
         (lambda path: path.write_text("my notes"), "it is no map that can be read"),
+        (lambda path: path.write_bytes(b"my\0\0"), "it is no map that can be read"),
         (lambda path: write_exr(path, noise(8, 16)), "it is no map that can be read"),
         (other_form, "it is a map of representation irradiance"),
         (other_probe, "another probe made it"),
@@ -204,12 +205,15 @@ def test_what_is_no_earlier_output_is_kept(made, put, why):
     assert path.read_bytes() == whole
 
 
-@pytest.mark.parametrize("left", [0, 1200, 2600, -1])
-def test_what_was_cut_off_anywhere_behind_its_name_is_made_again(made, left):
-    """Even where the header cannot be read to its end, as long as it says what it is."""
+@pytest.mark.parametrize("zeros", [False, True])
+@pytest.mark.parametrize("left", [0, 2, 8, 100, 345, 700, 1200, 2600, -1])
+def test_what_was_cut_off_anywhere_is_made_again(made, left, zeros):
+    """Also within the header, where the file does not say what it is; zeros may follow."""
     path = Path("p0.irradiance.exr")
     whole = path.read_bytes()
-    path.write_bytes(whole[:left])
+    path.write_bytes(whole[:left] + zeros * bytes(len(whole[left:])))
+    if path.read_bytes() == whole:  # the last byte is a zero
+        return
     (record,) = (each for each in records_of(made) if each["to"] == "irradiance")
     assert (record["status"], record.get("why")) == ("made", "it is damaged")
     assert path.read_bytes() == whole

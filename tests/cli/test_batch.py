@@ -204,6 +204,21 @@ def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
     assert_refused(run("batch", "*.irradiance.exr", "--to", "she"), 1, "no probe, only 5 files")
 
 
+@pytest.mark.parametrize("left", [0, 100])
+def test_an_output_that_is_cut_off_is_no_probe(folder, here, monkeypatch, left):
+    """Nothing in it says that it was an output, and its name does."""
+    monkeypatch.chdir(folder / "probes")
+    command = ("batch", "./*.exr", "--to", "irradiance")
+    assert run(*command).code == 0
+    path = folder / "probes/p1.irradiance.exr"
+    path.write_bytes(path.read_bytes()[:left])
+    result = run(*command)
+    assert (result.code, result.out.split(", 9,")[0][:34]) == (
+        0,
+        "5 outputs: 1 made, 4 there already",
+    )
+
+
 def test_farms_take_probes_beside_their_outputs(folder, here, monkeypatch):
     """Each task matches the pattern anew, among the outputs of those before it."""
     monkeypatch.chdir(folder / "probes")
@@ -254,6 +269,65 @@ def test_a_farm_takes_command_lines_that_end_their_options(folder, here, form):
         assert run(*task).code == 0
     found = [line["probe"] for line in log_lines(folder / "batch.jsonl")]
     assert sorted(found) == ["--commands.exr", *(f"probes/p{k}.exr" for k in range(1, 5))]
+
+
+@pytest.mark.parametrize("option", ["--commands", "--openjd", "--log"])
+@pytest.mark.parametrize("name", ["sky.exr", "face_+X.exr", "matte.exr", "bake.toml", "link"])
+def test_what_a_batch_reads_is_not_overwritten(folder, here, option, name):
+    """Not by what it writes besides maps either: the probe, a face, a table and a manifest."""
+    for probe in ("sky", *(f"face_{face}" for face in ("+X", "-X", "+Y", "-Y", "+Z", "-Z"))):
+        write_exr(f"{probe}.exr", np.ones((8, 8 if "_" in probe else 16, 3), np.float32))
+    assert run("brdf", "lambertian", "--save", "matte.exr").code == 0
+    (folder / "bake.toml").write_text('probes = ["sky.exr"]\nto = "irradiance"\n')
+    (folder / "link").symlink_to("sky.exr")
+    words = ["sky.exr", "face_%.exr", "--brdf", "matte.exr"]
+    before = (folder / name).read_bytes()
+    result = run("batch", *(["bake.toml"] if name == "bake.toml" else words), option, name)
+    assert_refused(result, 1, f"{name}: would overwrite the input; name another output")
+    assert (folder / name).read_bytes() == before
+
+
+def test_no_two_files_of_a_run_are_one(folder, here):
+    made = run(*IRRADIANCE, "--log", "out/p0.exr")
+    assert_refused(made, 1, "out/p0.exr: is another output of this run; name each differently")
+    both = run(*IRRADIANCE, "--contact", "a.html", "--log", "./a.html")
+    assert_refused(both, 1, "is another output of this run")
+    assert not (folder / "out").exists()
+
+
+def test_a_log_is_appended_to_logs_alone(folder, here):
+    (folder / "mine").write_text("my notes\n")
+    refused = run(*IRRADIANCE, "--log", "mine")
+    assert_refused(refused, 1, "mine: exists, and is no log of a batch; name another --log")
+    assert (folder / "mine").read_text() == "my notes\n"
+    for begun in ("", '{"ti'):  # as after a full disk
+        (folder / "log").write_text(begun)
+        assert run(*IRRADIANCE, "--log", "log").code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--share", "1/2"], "--share"),
+        (["--dry-run"], "--dry-run"),
+        (["--collect", "light.npz"], "--collect"),
+        (["--contact", "page.html"], "--contact"),
+    ],
+)
+def test_command_lines_of_farms_say_nothing_that_holds_for_a_whole_run(folder, words, said):
+    """Each would have made the same share, nothing, or the one file of all again."""
+    result = run(*IRRADIANCE, *words, "--commands", "lines.txt")
+    assert_refused(result, 2, f"leave out {said}, ")
+    assert not (folder / "lines.txt").exists()
+
+
+def test_values_of_options_are_no_options_of_farms(folder):
+    words = ["--log", "--", "--brdf", "--chunk", "--to", "irradiance", "--to", "shrm"]
+    result = run("batch", "probes/*.exr", *words, "--commands", "lines.txt", "--chunk=5")
+    assert (result.code, result.err) == (0, "")
+    assert shlex.split((folder / "lines.txt").read_text()) == [
+        "shrm", "batch", "--share", "1/1", "probes/*.exr", *words,
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
