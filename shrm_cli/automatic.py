@@ -25,9 +25,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Sampling
 
-FORMS = ("shrm", "principal")
-"""What `auto` may be."""
-
 
 @dataclass(frozen=True, eq=False)
 class _Asked:

@@ -60,6 +60,8 @@ its class."""
 
 AUTO = "auto"
 """What ``--to`` takes in place of a representation: the one whose picture is right in few bytes."""
+AUTO_FORMS = ("shrm", "principal")
+"""The representations that ``auto`` may be."""
 
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from shrm_cli.automatic import FORMS
 from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import holds_nothing
 from shrm_cli.files.origin import says_map
@@ -22,7 +21,7 @@ from shrm_cli.maps.file import Recorded, check_amount, recorded
 from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
 from shrm_cli.prefilter import checked_arguments, default_options, options_of
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import AUTO, Precision
+from shrm_cli.vocabulary import AUTO, AUTO_FORMS, Precision
 
 _DAMAGED = "it is damaged"
 
@@ -85,7 +84,7 @@ def difference(
     found = recorded(path)
     if found is None:
         return _unreadable(path)
-    if found.representation not in ({to} if to != AUTO else FORMS):
+    if found.representation not in ({to} if to != AUTO else AUTO_FORMS):
         return Difference(f"it is a map of representation {found.representation}", is_ours=False)
     changed = change_of(path)
     if changed is not None:

@@ -26,7 +26,7 @@ from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, rena
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.vocabulary import AUTO, CONTAINERS, REPRESENTATIONS, Precision
+from shrm_cli.vocabulary import AUTO, AUTO_FORMS, CONTAINERS, REPRESENTATIONS, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.files.parts import Storage
@@ -108,7 +108,6 @@ def prefilter(
       shrm prefilter probe.exr --to irradiance --window auto --shader glsl
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
-    from shrm_cli.automatic import FORMS
     from shrm_cli.maps.file import store
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts, resolved_form
     from shrm_cli.probe.probe import open_probe
@@ -125,7 +124,7 @@ def prefilter(
         check_arguments(to, [name for name, value in given.items() if value is not None])
     source = open_probe(probe, read_as)
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
-    names = [_default_name(probe, brdf, each) for each in (FORMS if to == AUTO else [to])]
+    names = [_default_name(probe, brdf, each) for each in (AUTO_FORMS if to == AUTO else [to])]
     check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)
     if not (output or force):
         for name in names:

@@ -51,13 +51,15 @@ def _prefilter_rows(folder: Path) -> Iterator[Row]:
     probe = folder / "probe.exr"
     _write_probe(probe, 1024, np.float32)
     cases = (
-        ("phong:exponent=32", 1.5, 15),
-        ("lambertian", 1.5, 15),
+        ("phong:exponent=32 --to shrm", 1.5, 15),
+        ("lambertian --to shrm", 1.5, 15),
         ("microfacet --to principal", 2.0, 15),
+        ("ggx:roughness=0.4 --to shrm", None, 3),
+        ("ggx:roughness=0.1 --to shrm", None, 3),
+        ("ggx:roughness=0.4 --to shrm --no-cache", None, 3),
+        ("ggx:roughness=0.1 --to shrm --no-cache", None, 3),
         ("ggx:roughness=0.4", None, 3),
-        ("ggx:roughness=0.1", None, 3),
         ("ggx:roughness=0.4 --no-cache", None, 3),
-        ("ggx:roughness=0.1 --no-cache", None, 3),
     )
     for made, bar, pairs in cases:
         target, planes = folder / "map.exr", folder / "planes.npy"
@@ -82,10 +84,11 @@ def _library_row(folder: Path) -> Row:
     probe = folder / "small.exr"
     _write_probe(probe, 512, np.float32)
     brdf = "phong:exponent=32"
-    command = [*_SHRM, "prefilter", str(probe), "--brdf", brdf, "-o", str(folder / "one.exr")]
+    command = [*_SHRM, "prefilter", str(probe), "--brdf", brdf, "--to", "shrm"]
+    command += ["-o", str(folder / "one.exr")]
     return measure(
         f"shrm_cli.prefilter 512x256 {brdf}",
-        lambda: prefilter(str(probe), brdf),
+        lambda: prefilter(str(probe), brdf, to="shrm"),
         lambda: _run([*command, "--quiet"]),
         note="the map in memory; against a whole command that writes it",
         pairs=15,

@@ -59,7 +59,8 @@ class _Run:
 
     def __init__(self, tree: Path, way: str, probe: Path) -> None:
         self.target = tree / "map.exr"
-        self.command = [*_SHRM, "prefilter", str(probe), "--brdf", _MADE, "-o", str(self.target)]
+        self.command = [*_SHRM, "prefilter", str(probe), "--brdf", _MADE, "--eps", "0.03"]
+        self.command += ["-o", str(self.target)]
         self.tree, self.environment = tree, _environment(way, tree)
 
     def __call__(self) -> None:

@@ -33,7 +33,8 @@ def folder(tmp_path, monkeypatch):
     light = polynomial_light(oracles.latlong_pixels(64, 32)).astype(np.float32)
     write_exr(tmp_path / "probe.exr", light)
     monkeypatch.chdir(tmp_path)
-    done("prefilter", "probe.exr", "--brdf", "microfacet", "-o", "m.shrm.exr", "--size", "16")
+    done("prefilter", "probe.exr", "--brdf", "microfacet", "--to", "shrm", "-o", "m.shrm.exr",
+         "--size", "16")  # fmt: skip
     return tmp_path
 
 

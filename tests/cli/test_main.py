@@ -300,7 +300,10 @@ def tell():
     print("loaded", len(full), file=sys.stderr)
 atexit.register(tell)
 {MAIN}"""
-    command = "prefilter", str(probe), "--brdf", "microfacet:sigma=0.1", "-o", str(target)
+    command = (
+        "prefilter", str(probe), "--brdf", "microfacet:sigma=0.1", "--eps", "0.03",
+        "-o", str(target),
+    )  # fmt: skip
     for _ in range(2):
         result = process(*command, code=code)
     assert result.code == 0

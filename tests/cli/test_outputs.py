@@ -57,7 +57,7 @@ def test_long_names_that_begin_alike_are_told_apart():
 
 # ---- files that exist --------------------------------------------------------------------------
 
-PREFILTER = ["prefilter", "probe.exr", "--brdf", "phong"]
+PREFILTER = ["prefilter", "probe.exr", "--brdf", "phong", "--to", "shrm"]
 REFERENCE = ["reference", "probe.exr", "--brdf", "phong", "--size", "16", "--source-height", "4"]
 CASES = {
     "tolerance": (PREFILTER, ["--eps", "0.1"], "--eps 0.03 there, 0.1 here"),
@@ -178,6 +178,6 @@ def test_maps_of_the_library_are_recognised(folder):
     prefilter("probe.exr", "phong", eps=0.03).save("probe.phong.shrm.exr")
     done(*PREFILTER)
     done(*PREFILTER, "--eps", "0.03")
-    prefilter("probe.exr", "phong").save("again.exr")
+    prefilter("probe.exr", "phong", to="shrm").save("again.exr")
     assert (folder / "again.exr").read_bytes() == (folder / "probe.phong.shrm.exr").read_bytes()
     assert_refused(run(*PREFILTER, "--size", "16"), 1, "--size by default there, 16 here")

@@ -289,5 +289,5 @@ def test_batches_have_contact_sheets(folder):
                  "all.html", "--quiet")  # fmt: skip
     assert result.code == 1
     _, page = read("all.html")
-    assert [each["href"] for each in page.all("a")] == ["./probe.phong.shrm.exr"]
-    assert "note.phong.shrm.exr" in page.texts
+    assert [each["href"] for each in page.all("a")] == ["./probe.phong.auto.exr"]
+    assert "note.phong.auto.exr" in page.texts

@@ -27,7 +27,6 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.orders import Orders, choose_orders, least_orders
-from shrm_cli.plan.search import Row, fewest_bytes
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import (
@@ -343,6 +342,7 @@ def least_choice(
     is_met : bool
         Whether the error is kept. None stands for both where no map fits.
     """
+    from shrm_cli.plan.search import Row, fewest_bytes  # plain runs search nothing
 
     def tried(texels: int, carried: int, p: int) -> Tried:
         orders = least_orders(coefficients, tolerance, order_p=p)
