@@ -5,7 +5,6 @@ visible is negative. An SHRM is made wherever it keeps that in few bytes, becaus
 simplest; a map of principal functions otherwise, which keeps it in the fewest bytes of all.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from shrm_cli.brdf.base import Brdf
@@ -110,40 +109,30 @@ def _of_functions(asked: _Asked) -> Prefiltered:
     goal = asked.goal
     wanted = Wanted(DEFAULT_EPS, goal.error, None, asked.max_size, asked.size)
     proposals = Proposals(asked.light, asked.brdf, wanted, asked.center, asked.sampling)
-
-    def propose(error: float) -> Candidate[Prefiltered]:
-        found = proposals.propose(error)
-        return Candidate(
-            "principal", found.bytes, found.look_ups, found.total_error, found.wrong_share,
-            found.make,
-        )  # fmt: skip
-
     tried: list[Candidate[Prefiltered]] = []
-    for candidate in _up_to(tried, rising(propose, goal)):
+    dark: list[tuple[float, Prefiltered]] = []
+    for candidate in rising(proposals.candidate, goal):
+        tried.append(candidate)
         if not candidate.keeps(goal):
             continue
-        shrm = _instead(asked, proposals, candidate)
-        if shrm is not None:
-            return shrm
+        if not dark:
+            shrm = _instead(asked, proposals, candidate)
+            if shrm is not None:
+                return shrm
         made = candidate.make()
-        if not _is_dark(made):
+        share = negative_share(made.map)
+        if share <= policy.NEGATIVE_SHARE:
             return _noted(made, f"principal: {_why_no_shrm(asked, proposals)}")
+        dark.append((share, made))
+        if len(dark) == policy.TRIED_DARK:
+            break
+    why = f"principal: {_why_no_shrm(asked, proposals)}"
+    if dark:  # what else is asked is kept; the warning about negative light tells the rest
+        least = policy.MISSED * min(share for share, _ in dark)
+        return _noted(next(made for share, made in dark if share <= least), why)
     best = least_wrong(tried)
     made = best.make()
-    missed = _missed(asked, best, made)
-    return replace(
-        _noted(made, f"principal: {_why_no_shrm(asked, proposals)}"),
-        warnings=(*made.warnings, missed),
-    )
-
-
-def _up_to(
-    tried: list[Candidate[Prefiltered]], candidates: Iterator[Candidate[Prefiltered]]
-) -> Iterator[Candidate[Prefiltered]]:
-    """Yield candidates, and keep what was yielded in a list."""
-    for candidate in candidates:
-        tried.append(candidate)
-        yield candidate
+    return replace(_noted(made, why), warnings=(*made.warnings, _missed(asked, best)))
 
 
 def _instead(
@@ -183,14 +172,15 @@ def _is_dark(made: Prefiltered) -> bool:
     return negative_share(made.map) > policy.NEGATIVE_SHARE
 
 
-def _missed(asked: _Asked, best: Candidate[Prefiltered], made: Prefiltered) -> str:
+def _missed(asked: _Asked, best: Candidate[Prefiltered]) -> str:
     """Say what the best map misses of the goal, and what would keep it."""
     share = best.wrong_share
-    seen = "" if share is None else f", {share:.0%} of pixels wrong by more than 5%"
+    seen = "" if share is None else f" and {share:.0%} of pixels wrong by more than 5%"
+    more = ", or raise `max_size`" if 2 * best.bytes > asked.max_size else ""
     return (
-        f"no form keeps {asked.text} in {bytes_text(asked.max_size)}: {best.total_error:.1%} RMS "
-        f"error{seen} predicted; take lamps out by `shrm sun` and prefilter its light file, dim "
-        "them by `clamp`, or raise `max_size`"
+        f"no form keeps {asked.text} in {bytes_text(asked.max_size)}; the one made has "
+        f"{best.total_error:.1%}{seen}, as predicted. Lamps in glossy surfaces need the most: take "
+        f"them out with `shrm sun` and prefilter its light file, dim them by `clamp`{more}"
     )
 
 

@@ -12,6 +12,10 @@ WRONG_SHARE = 0.05
 NEGATIVE_SHARE = 1e-3
 """The share of negative luminance that nobody needs to be told of."""
 
+TRIED_DARK = 3
+"""How many maps are made, each with less error than the one before, because something visible is
+negative in the last. Where a third one is dark, too, so is one of 32 MB: a lamp in a sharp lobe."""
+
 # ---- the search ----------------------------------------------------------------------------------
 
 FINER = 2**-0.5

@@ -28,6 +28,7 @@ from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
+from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -165,6 +166,14 @@ class Proposals:
         terms = [planned(*each) for each in zip(self.parts, self.planners, wanted, strict=True)]
         info = _info(self.light.probe, self.brdf, terms, self.asked.tolerance, self._coherence)
         return Proposal(tuple(terms), tuple(wanted), info, self.sampling, self.notes)
+
+    def candidate(self, error: float) -> Candidate[Prefiltered]:
+        """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
+        found = self.propose(error)
+        return Candidate(
+            "principal", found.bytes, found.look_ups, found.total_error, found.wrong_share,
+            found.make,
+        )  # fmt: skip
 
 
 def _lobe(term: Term, sampling: Sampling) -> Lobe:
