@@ -15,6 +15,7 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.shrm.budget import sufficient_coefficients
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
@@ -152,9 +153,16 @@ def _instead(
 
 
 def _shrms(asked: _Asked, proposals: Proposals) -> ShrmProposals:
-    """Return the SHRMs of a BRDF of a single term, whose transfer functions are known."""
-    transfer = proposals.planners[0].spectrum.transfer
-    return ShrmProposals.of(asked.light, proposals.parts[0], transfer, asked.size, asked.sampling)
+    """Return the SHRMs of a BRDF of a single term, about its own center.
+
+    Principal maps may be about another one, where their transfer functions do not tell.
+    """
+    form = asked.size, asked.sampling
+    part, brdf = proposals.parts[0], asked.brdf
+    if asked.center is not None or part.center == brdf.center:
+        return ShrmProposals.of(asked.light, part, proposals.planners[0].spectrum.transfer, *form)
+    known = sufficient_coefficients(asked.light, brdf, asked.goal.error, asked.max_size, asked.size)
+    return ShrmProposals(asked.light, brdf, known, *form)
 
 
 def _why_no_shrm(asked: _Asked, proposals: Proposals) -> str:

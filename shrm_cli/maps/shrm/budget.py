@@ -288,17 +288,36 @@ def within_error(
     BrdfError, ProbeError
         If the BRDF or the probe cannot be used.
     """
-    # Real light fades towards high degrees, so that a BRDF known to this part of its energy is
-    # known well enough.
-    tolerance = float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
-    most_p = most_order_p(max_size, size)
-    coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+    tolerance = _sufficient_tolerance(error)
+    coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
     found = least_choice(lighting, coefficients, error, tolerance, max_size, size, sampling)
     if found is None:
         raise nothing_fits(size)
     return found[0].choice, coefficients, found[1]
+
+
+def sufficient_coefficients(
+    light: Projection, brdf: Brdf, error: float, max_size: int, size: int | None = None
+) -> BrdfCoefficients:
+    """Compute the coefficients that tell the errors of SHRMs which keep an error or nearly do.
+
+    Parameters
+    ----------
+    light, brdf, error, max_size, size
+        The same as for `within_error`.
+    """
+    tolerance, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
+    return choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+
+
+def _sufficient_tolerance(error: float) -> float:
+    """Return the part of a BRDF's energy that may be unknown for an error of the light.
+
+    Real light fades towards high degrees.
+    """
+    return float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
 
 
 @dataclass(frozen=True)
