@@ -136,8 +136,7 @@ def prefilter(
         # Only a whole summary needs this module, which `--quiet` runs do without.
         from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 
-        is_whole = len(terms) == 1
-        return predicted_wrong_share(terms[0].planner, terms[0].form) if is_whole else None
+        return predicted_wrong_share([(term.planner, term.form) for term in terms])
 
     facts, further = {"error_bound": None}, {"predicted_wrong_share": share}
     return Prefiltered(made, facts, notes, tuple(lines), further)
