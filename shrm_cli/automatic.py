@@ -98,8 +98,8 @@ def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
     )
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
-    share = made.further.get("predicted_wrong_share", lambda: None)()
-    candidate = Candidate("shrm", 0, 0, total, lambda: share, lambda: made)
+    find = made.further["predicted_wrong_share"]
+    candidate = Candidate("shrm", 0, 0, total, find, lambda: made)
     if made.warnings or not candidate.keeps(asked.goal) or _is_dark(made):
         return None
     return _noted(made, f"SHRM, which keeps {asked.text}")
@@ -182,8 +182,7 @@ def _is_dark(made: Prefiltered) -> bool:
 
 def _missed(asked: _Asked, best: Candidate[Prefiltered]) -> str:
     """Say what the best map misses of the goal, and what would keep it."""
-    share = best.wrong_share
-    seen = "" if share is None else f" and {share:.0%} of pixels wrong by more than 5%"
+    seen = f" and {best.wrong_share:.0%} of pixels wrong by more than 5%"
     more = ", or raise `max_size`" if 2 * best.bytes > asked.max_size else ""
     return (
         f"no form keeps {asked.text} in {bytes_text(asked.max_size)}; the one made has "

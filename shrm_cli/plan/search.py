@@ -128,7 +128,7 @@ class Candidate(Generic[M]):
     total_error : float
         The relative RMS error, with those of bilinear look-ups and of half precision.
     find_wrong_share : callable
-        Predicts the share of what is visible whose luminance is wrong; None where it is not known.
+        Predicts the share of what is visible whose luminance is wrong.
     make : callable
         Makes the map.
     """
@@ -137,19 +137,19 @@ class Candidate(Generic[M]):
     bytes: int
     look_ups: int
     total_error: float
-    find_wrong_share: Callable[[], float | None] = field(repr=False)
+    find_wrong_share: Callable[[], float] = field(repr=False)
     make: Callable[[], M] = field(repr=False)
 
     @cached_property
-    def wrong_share(self) -> float | None:
+    def wrong_share(self) -> float:
         """The predicted share of what is visible whose luminance is wrong."""
         return self.find_wrong_share()
 
     def keeps(self, goal: Goal) -> bool:
-        """Tell whether the map keeps what is asked; a share that is not known is no obstacle."""
+        """Tell whether the map keeps what is asked."""
         if self.total_error > goal.error * (1 + 1e-9):
             return False
-        return goal.wrong_share is None or (self.wrong_share or 0.0) <= goal.wrong_share
+        return goal.wrong_share is None or self.wrong_share <= goal.wrong_share
 
 
 Propose = Callable[[float], Candidate[Any]]
@@ -183,13 +183,11 @@ def first_kept(propose: Propose, goal: Goal) -> tuple[list[Candidate[Any]], bool
 def least_wrong(tried: Iterable[Candidate[Any]]) -> Candidate[Any]:
     """Return the candidate of the fewest bytes that is nearly as good as any, where none is good.
 
-    The share of wrong pixels counts where it is known of all, and the error otherwise.
+    What is seen counts, and of what looks alike the error.
     """
     tried = list(tried)
-    shares = [each.wrong_share for each in tried]
-    values = [each.total_error for each in tried]
-    if all(share is not None for share in shares):
-        values = [float(share or 0.0) for share in shares]
-    limit = policy.MISSED * min(values)
-    good = [each for each, value in zip(tried, values, strict=True) if not value > limit]
+    limit = policy.MISSED * min(each.wrong_share for each in tried)
+    alike = [each for each in tried if not each.wrong_share > limit]
+    least = policy.MISSED * min(each.total_error for each in alike)
+    good = [each for each in alike if not each.total_error > least]
     return min(good or tried, key=lambda each: each.bytes)

@@ -288,7 +288,7 @@ def prefilter_shrm(
         # Only a whole summary needs this module, which `--quiet` runs do without.
         from shrm_cli.maps.wrong_share import predicted_wrong_share
 
-        return predicted_wrong_share(expansion) if is_all else None
+        return predicted_wrong_share([expansion]) if is_all else None
 
     facts = {"error_bound": expansion.bound}
     further = {"predicted_wrong_share": share}

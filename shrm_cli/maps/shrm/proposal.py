@@ -80,10 +80,9 @@ class ShrmProposals:
     def _candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
         choice, coefficients = tried.choice, self.coefficients
 
-        def wrong_share() -> float | None:
-            return predicted_wrong_share(
-                carry(self.light, self.brdf, choice.orders, coefficients, choice.size)
-            )
+        def wrong_share() -> float:
+            made = carry(self.light, self.brdf, choice.orders, coefficients, choice.size)
+            return predicted_wrong_share([made])
 
         def make() -> Prefiltered:
             return prefilter_shrm(
