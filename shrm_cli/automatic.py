@@ -131,7 +131,7 @@ def _of_functions(asked: _Asked) -> Prefiltered:
     if dark:  # what else is asked is kept; the warning about negative light tells the rest
         least = policy.MISSED * min(share for share, _ in dark)
         return _noted(next(made for share, made in dark if share <= least), why)
-    best = least_wrong(tried)
+    best = least_wrong(tried, asked.goal)
     made = best.make()
     return replace(_noted(made, why), warnings=(*made.warnings, _missed(asked, best)))
 
@@ -186,7 +186,7 @@ def _missed(asked: _Asked, best: Candidate[Prefiltered]) -> str:
     more = ", or raise `max_size`" if 2 * best.bytes > asked.max_size else ""
     return (
         f"no form keeps {asked.text} in {bytes_text(asked.max_size)}; the one made has "
-        f"{best.total_error:.1%}{seen}, as predicted. Lamps in glossy surfaces need the most: take "
+        f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the most: take "
         f"them out with `shrm sun` and prefilter its light file, dim them by `clamp`{more}"
     )
 

@@ -25,6 +25,9 @@ class Sized(Protocol):
         """Its relative RMS error, with those of bilinear look-ups and of half precision."""
 
 
+_ROUNDING = 1 + 1e-9
+"""How much more than what was asked for counts as the same."""
+
 C = TypeVar("C", bound=Sized)
 M = TypeVar("M")
 
@@ -145,11 +148,17 @@ class Candidate(Generic[M]):
         """The predicted share of what is visible whose luminance is wrong."""
         return self.find_wrong_share()
 
+    def badness(self, goal: Goal) -> float:
+        """Return the larger of both errors, each in units of what the goal allows."""
+        of_error = self.total_error / goal.error
+        if goal.wrong_share is None:
+            return of_error
+        return max(of_error, self.wrong_share / goal.wrong_share)
+
     def keeps(self, goal: Goal) -> bool:
         """Tell whether the map keeps what is asked."""
-        if self.total_error > goal.error * (1 + 1e-9):
-            return False
-        return goal.wrong_share is None or self.wrong_share <= goal.wrong_share
+        # What takes long is found out last.
+        return self.total_error <= goal.error * _ROUNDING and self.badness(goal) <= _ROUNDING
 
 
 Propose = Callable[[float], Candidate[Any]]
@@ -180,14 +189,14 @@ def first_kept(propose: Propose, goal: Goal) -> tuple[list[Candidate[Any]], bool
     return tried, False
 
 
-def least_wrong(tried: Iterable[Candidate[Any]]) -> Candidate[Any]:
+def least_wrong(tried: Iterable[Candidate[Any]], goal: Goal) -> Candidate[Any]:
     """Return the candidate of the fewest bytes that is nearly as good as any, where none is good.
 
-    What is seen counts, and of what looks alike the error.
+    How bad one is tells the largest of what it misses, in units of what may be missed.
     """
     tried = list(tried)
-    limit = policy.MISSED * min(each.wrong_share for each in tried)
-    alike = [each for each in tried if not each.wrong_share > limit]
-    least = policy.MISSED * min(each.total_error for each in alike)
-    good = [each for each in alike if not each.total_error > least]
-    return min(good or tried, key=lambda each: each.bytes)
+    bad = [each.badness(goal) for each in tried]
+    good = [
+        each for each, how in zip(tried, bad, strict=True) if not how > policy.MISSED * min(bad)
+    ]
+    return min(good, key=lambda each: each.bytes)
