@@ -186,8 +186,8 @@ def _missed(asked: _Asked, best: Candidate[Prefiltered]) -> str:
     more = ", or raise `max_size`" if 2 * best.bytes > asked.max_size else ""
     return (
         f"no form keeps {asked.text} in {bytes_text(asked.max_size)}; the one made has "
-        f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the most: take "
-        f"them out with `shrm sun` and prefilter its light file, dim them by `clamp`{more}"
+        f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the "
+        f"most: take them out with `shrm sun` and prefilter its light file, dim them by `clamp`{more}"
     )
 
 
