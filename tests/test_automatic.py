@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from shrm_cli.automatic import goal_of
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps import seen as making
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
+from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from tests import brute_force, oracles
@@ -124,18 +126,18 @@ def test_less_is_asked_and_fewer_bytes_are_made(probe):
 
 
 def test_goals():
-    assert goal_of(None, None).error == policy.ERROR
-    assert goal_of(None, None).wrong_share == policy.WRONG_SHARE
-    assert goal_of(0.2, None).wrong_share is None  # whoever asks for an error alone means it
-    assert (goal_of(None, 0.1).error, goal_of(None, 0.1).wrong_share) == (policy.ERROR, 0.1)
-    assert (goal_of(0.2, 0.1).error, goal_of(0.2, 0.1).wrong_share) == (0.2, 0.1)
+    assert Goal.of(None, None).error == policy.ERROR
+    assert Goal.of(None, None).wrong_share == policy.WRONG_SHARE
+    assert Goal.of(0.2, None).wrong_share is None  # whoever asks for an error alone means it
+    assert (Goal.of(None, 0.1).error, Goal.of(None, 0.1).wrong_share) == (policy.ERROR, 0.1)
+    assert (Goal.of(0.2, 0.1).error, Goal.of(0.2, 0.1).wrong_share) == (0.2, 0.1)
 
 
 def test_where_nothing_holds_the_line_says_what_would(pixels):
     sun = pixels.copy()
     sun[8, 20] = 1e6
     found = made(Probe.from_array(sun), brdf="ggx:roughness=0.1,f0=0.04", max_size=200_000)
-    (line,) = [each for each in found.warnings if each.startswith("no form keeps")]
+    (line,) = [each for each in found.warnings if each.startswith("no map keeps")]
     assert "in 200 kB" in line
     assert "shrm sun" in line
     assert "raise `max_size`" in line
@@ -144,8 +146,6 @@ def test_where_nothing_holds_the_line_says_what_would(pixels):
 
 def test_dark_places_are_given_more(probe, monkeypatch):
     """Where a map is negative, those of less error are tried, and the least dark one is taken."""
-    from shrm_cli import automatic
-
     asked = []
     shares = [0.3, 0.1, 0.2]
 
@@ -153,8 +153,8 @@ def test_dark_places_are_given_more(probe, monkeypatch):
         asked.append(texels(map_))
         return shares[len(asked) - 1]
 
-    monkeypatch.setattr(automatic, "negative_share", share)
-    monkeypatch.setattr(automatic, "_instead", lambda *_: None)
+    monkeypatch.setattr(making, "negative_share", share)
+    monkeypatch.setattr(policy, "SIMPLE_BYTES", 0)
     found = made(probe, brdf=MICROFACET).map
     assert len(asked) == policy.TRIED_DARK
     assert asked == sorted(asked)
@@ -200,3 +200,26 @@ def test_batches_choose_too_and_know_what_they_chose(folder):
     assert other.err.count("--max-size 500000 there, 400000 here") == 2, other
     assert run(*command, "--eps", "0.1").code == 0
     assert (folder / "probe.lambertian.shrm.exr").exists()
+
+
+def test_forms_that_are_named_keep_what_is_seen_too(pixels, probe):
+    rho_hat = brute_force.microfacet(0.4)
+    sizes = {}
+    for form in ("shrm", "principal"):
+        rough = prefilter(probe, MICROFACET, to=form, error=0.2)
+        fine = prefilter(probe, MICROFACET, to=form, seen=0.05)
+        assert measured(pixels, rho_hat, rough)[1] > 0.1
+        assert measured(pixels, rho_hat, fine)[1] < 0.065
+        sizes[form] = texels(fine)
+    assert sizes["principal"] < sizes["shrm"]
+
+
+@pytest.mark.parametrize(
+    ("form", "given"),
+    [("shrm", {"eps": 0.1}), ("shrm", {"frame": "local"}), ("shrm", {"compress": 2}),
+     ("principal", {"maps": 4})],
+)  # fmt: skip
+def test_what_says_the_opposite_is_refused(probe, form, given):
+    (name,) = given
+    with pytest.raises(ArgumentError, match=f"`?{name}`? does not apply with `seen`"):
+        prefilter(probe, MICROFACET, to=form, seen=0.05, **given)

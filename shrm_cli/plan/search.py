@@ -115,6 +115,18 @@ class Goal:
     error: float = policy.ERROR
     wrong_share: float | None = policy.WRONG_SHARE
 
+    @classmethod
+    def of(cls, error: float | None, seen: float | None) -> "Goal":
+        """Return what a map has to keep, where one of the two or none is asked for.
+
+        Whoever asks for an error of the light alone gets the bytes that it takes, and no more.
+        """
+        if error is not None and seen is None:
+            return cls(error, None)
+        return cls(
+            policy.ERROR if error is None else error, policy.WRONG_SHARE if seen is None else seen
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Generic[M]):

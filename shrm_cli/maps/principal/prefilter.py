@@ -8,6 +8,8 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.principal.terms import Wanted, kept_form
+from shrm_cli.maps.seen import kept_or_best
+from shrm_cli.plan.search import Goal
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -27,6 +29,7 @@ def prefilter(
     size: int | None = None,
     sampling: Sampling = "center",
     error: float | None = None,
+    seen: float | None = None,
     maps: int | None = None,
     divide: bool = False,
     max_size: int = DEFAULT_MAX_SIZE,
@@ -40,9 +43,13 @@ def prefilter(
     """
     if error is not None and maps is not None:
         raise ArgumentError("maps", "does not apply with `error`, which chooses them")
-    asked = Wanted(eps, error, maps, max_size, size)
-    light = Projection(probe, progress)
-    proposals = Proposals(light, brdf, asked, center, sampling, divide)
+    if seen is not None and maps is not None:
+        raise ArgumentError("maps", "does not apply with `seen`, which chooses them")
+    goal = None if seen is None else Goal.of(error, seen)
+    asked = Wanted(eps, error if goal is None else goal.error, maps, max_size, size)
+    proposals = Proposals(Projection(probe, progress), brdf, asked, center, sampling, divide)
+    if goal is not None:
+        return kept_or_best(proposals.candidate, goal, max_size)
     proposal = proposals.propose()
     unmet = _unmet(proposal, error, max_size)
     if unmet and error is not None:

@@ -47,6 +47,7 @@ def prefilter(
     brdf: Brdf,
     eps: float | None = None,
     error: float | None = None,
+    seen: float | None = None,
     order_f: int | None = None,
     order_p: int | None = None,
     center: str | None = None,
@@ -77,10 +78,14 @@ def prefilter(
         )
     if source_height is not None:
         raise ArgumentError("source_height", "applies with `domain` angular")
-    if error is not None:
+    asking = "error" if seen is None else "seen"
+    if error is not None or seen is not None:
         given = {"eps": eps, "order_f": order_f, "order_p": order_p, "split": split}
         for name in (name for name, value in given.items() if value is not None):
-            raise ArgumentError(name, "does not apply with `error`, which chooses the orders")
+            raise ArgumentError(name, f"does not apply with `{asking}`, which chooses the orders")
+    if seen is not None and (frame, compress) != ("global", None):
+        name = "compress" if frame == "global" else "frame"
+        raise ArgumentError(name, "does not apply with `seen`")
     eps = DEFAULT_EPS if eps is None else eps
     brdf, notes = centered(brdf, eps, center, progress)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
@@ -96,6 +101,15 @@ def prefilter(
             f"applies to sums, and to BRDFs with a diffuse part; {brdf!r} has a single term",
         )
     light = Projection(probe, progress)
+    if seen is not None:
+        # Only maps that are judged by what is seen need these modules.
+        from shrm_cli.maps.seen import kept_or_best
+        from shrm_cli.maps.shrm.proposal import ShrmProposals
+        from shrm_cli.plan.search import Goal
+
+        goal, allowed = Goal.of(error, seen), allowed_bytes(max_size, size)
+        shrms = ShrmProposals.known(light, brdf, goal.error, allowed, size, sampling)
+        return replace(kept_or_best(shrms.proposing(allowed), goal, allowed), notes=notes)
     if error is not None:
         made = _within_error(
             light, brdf, error, size, frame, sampling, compress, allowed_bytes(max_size, size)

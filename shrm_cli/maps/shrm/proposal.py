@@ -12,7 +12,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.expansion import carry
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.shrm.budget import Tried, least_choice
+from shrm_cli.maps.shrm.budget import Tried, least_choice, sufficient_coefficients
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.plan.search import Candidate
@@ -52,6 +52,20 @@ class ShrmProposals:
         """Expand transfer functions into coefficients of the largest P that maps have."""
         order_p = 0 if brdf.zonal else min(MAX_ORDER_P, 2 * len(transfer.theta_o) // 3)
         return cls(light, brdf, BrdfCoefficients.of(transfer, order_p, brdf.zonal), size, sampling)
+
+    @classmethod
+    def known(
+        cls,
+        light: Projection,
+        brdf: Brdf,
+        error: float,
+        max_size: int,
+        size: int | None = None,
+        sampling: Sampling = "center",
+    ) -> "ShrmProposals":
+        """Compute the coefficients that maps of about an error need, within a number of bytes."""
+        coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
+        return cls(light, brdf, coefficients, size, sampling)
 
     def least(self, error: float, max_size: int) -> Tried | None:
         """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits."""
