@@ -77,6 +77,7 @@ def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
     made = shrm_prefilter(
         asked.light.probe, asked.brdf, eps=DEFAULT_EPS, max_size=asked.max_size,
         center=asked.center, size=asked.size, sampling=asked.sampling,
+        progress=asked.light.progress,
     )  # fmt: skip
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
