@@ -490,6 +490,8 @@ def shortfall(
             )
         held = f"P = {kept.order_p} of the more than {coefficients.order_p} {asked}"
     more = f"raise `max_size` to {bytes_text(needed)}" if is_known else "raise `max_size`"
+    if is_known and needed <= max_size:  # the texels that were asked for take them
+        more = "lower `size`"
     return f"{bytes_text(max_size)} hold {held}: {predicted}; {more}{_instead(', or ')}"
 
 

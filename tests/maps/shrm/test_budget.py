@@ -84,6 +84,9 @@ def test_it_says_what_the_bytes_cost(probe):
     assert f"RMS error {info.predicted_error:.1%} predicted" in line
     enough = line.split("raise `max_size` to ")[1].split(",")[0].rstrip()
     assert not [each for each in make(probe, max_size=enough).warnings if "hold" in each]
+    (line,) = make(probe, max_size="2MB", size=192).warnings  # which would hold all of 64 texels
+    assert "2 MB hold P = 0 of the 2" in line
+    assert "; lower `size`, or" in line
 
 
 @pytest.mark.slow
