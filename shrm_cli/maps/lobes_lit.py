@@ -34,7 +34,8 @@ _RINGS, _AROUND = 8, 30
 """The rings of central directions, and the directions on each of them."""
 _VIEWS, _AZIMUTHS = 24, 6
 """The angles of views from a central direction, and the azimuths of each of them. With 12 angles
-a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 are as good as more.
+a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 do as well as
+more.
 """
 _FADING = 0.25
 """The part of the known degrees that fades out where the light goes on beyond them. A principal map
