@@ -2,10 +2,11 @@
 
 About a central direction C the light is a sum over few numbers (eq. 5.9 of Ramamoorthi's thesis),
 
-    B(C, V) = sum over l, q of A_lq(C) rho_hat_lq(theta_o) exp(i q phi_o),
+    B(C, V) = sum over l, q of A_lq(C) (-1)^q rho_hat_lq(theta_o) exp(i q phi_o),
     A_lq(C) = sum over m of L_lm d^l_mq(theta) exp(i m phi),
 
-in which rho_hat_lq is the lobe for the view, with all its degrees p.
+in which rho_hat_lq is the lobe for the view, with all its degrees p, and (-1)^q is there for q > 0
+only.
 
 All views of a direction share its A_lq. The terms of a sum reflect their light at the same point, a
 normal and a view, though each about its own central direction. The mirror direction, the normal and
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.memo import Memo
+from shrm_cli.sphere.directions import bisector, from_angles, local_frame
 from shrm_cli.sphere.harmonics import complex_from_real
 from shrm_cli.sphere.wigner import small_d_degrees
 from shrm_cli.vocabulary import WRONG, Center
@@ -34,8 +36,8 @@ _RINGS, _AROUND = 8, 30
 """The rings of central directions, and the directions on each of them."""
 _VIEWS, _AZIMUTHS = 24, 6
 """The angles of views from a central direction, and the azimuths of each of them. With 12 angles
-a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 are as good
-as more.
+a quarter was missing of 23 % (`charlie`, P = 12) and of 18 % (a measured cloth); 24 do as well as
+more.
 """
 _FADING = 0.25
 """The part of the known degrees that fades out where the light goes on beyond them. A principal map
@@ -103,14 +105,16 @@ class Lobes:
         order, spins = self.order, np.arange(-self.max_q, self.max_q + 1)
         # The normal lies between the mirror direction and the view.
         turned = small_d_degrees(order, theta_o if is_normal else -theta_o / 2, self.max_q)
-        signs = np.where(spins < 0, (-1.0) ** spins, 1.0)[:, None, None]
-        own = np.stack([self.whole, self.error])[:, np.abs(spins)] * signs[:, None]
+        # Rotations are for harmonics with Condon and Shortley's signs, which lobes do not have.
+        signs = np.where(spins > 0, (-1.0) ** spins, 1.0)[:, None, None, None]
+        own = np.stack([self.whole, self.error])[:, np.abs(spins)] * signs
         result = np.zeros((2, order + 1, order + 1, views, own.shape[-1]))
         for degree, d in turned:
             width = d.shape[1] // 2
             inner = slice(self.max_q - width, self.max_q + width + 1)
             lobes = np.broadcast_to(own[:, inner, degree], (2, d.shape[1], *result.shape[3:]))
             np.einsum("mqv,kqvc->kmvc", d[degree:], lobes, out=result[:, : degree + 1, degree])
+        result *= (-1.0) ** np.arange(order + 1)[:, None, None, None]
         return Lobes(result[0], result[1], "reflection" if is_normal else "normal")
 
     def __add__(self, other: "Lobes") -> "Lobes":
@@ -149,6 +153,24 @@ def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
     left = 1 - (np.arange(count) + 0.5) / count
     theta_o = np.arccos(2 * left**2 - 1)
     return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
+
+
+def points(center: Center) -> tuple[Array, Array]:
+    """Return the points at which lobes about the mirror direction or the normal are `lit`.
+
+    Returns
+    -------
+    normals, views : ndarray, shape (directions, views, azimuths, 3)
+        Unit vectors in world axes.
+    """
+    theta = np.arccos(1 - (2 * np.arange(_RINGS) + 1) / _RINGS)[:, None]
+    phi = _TURNS[:, None] + 2 * np.pi / _AROUND * np.arange(_AROUND)
+    frames = local_frame(theta, phi).reshape(-1, 1, 1, 3, 3)
+    azimuths = 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
+    local = from_angles(sample_views(center)[0][:, None], azimuths)
+    views = np.einsum("...ij,...j->...i", frames, local)
+    centers = np.broadcast_to(frames[..., 2], views.shape)
+    return (bisector(centers, views) if center == "reflection" else centers), views
 
 
 def together(lobes: Iterable[Lobes]) -> list[Lobes]:
@@ -196,9 +218,11 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     both = np.concatenate([lobes.whole, lobes.error], axis=2)
     flat = both.swapaxes(2, 3).reshape(max_q + 1, -1, 2 * views)
     by_q = (local @ flat).reshape(2 * (max_q + 1), -1)
-    # The sum over both signs of q is twice the real part of that over q > 0.
+    # The sum over both signs of q is twice the real part of that over q > 0. Lobes lack Condon and
+    # Shortley's signs, which the light has.
     q, azimuths = np.arange(max_q + 1), 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
-    waves = np.where(q == 0, 1, 2)[:, None] * np.exp(1j * np.outer(q, azimuths))
+    signs = np.where(q == 0, 1, 2) * (-1.0) ** q
+    waves = signs[:, None] * np.exp(1j * np.outer(q, azimuths))
     values = by_q.T @ np.concatenate([waves.real, -waves.imag])
     return values.reshape(-1, 2, views, _AZIMUTHS).swapaxes(0, 1)
 

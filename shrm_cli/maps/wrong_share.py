@@ -18,8 +18,9 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
 from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
+from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion
-from shrm_cli.maps.lobes_lit import Lobes, lit, sample_views, together
+from shrm_cli.maps.lobes_lit import Lobes, lit, points, sample_views, together
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import last_visible, visible_beyond
 from shrm_cli.sphere.harmonics import legendre_table
@@ -39,6 +40,8 @@ _MOST_SAMPLES = 2**19
 _ACCURACY = 5e-4, 0.3
 """The part of the lobes' energy that their sampling may miss: at most this, and in units of the
 squared error of the map. What it does miss is far less than what it is estimated to."""
+_APART = 3
+"""Of so many central directions one is looked up in a map, as light fields take seconds for all."""
 
 
 def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
@@ -56,8 +59,7 @@ def predicted_wrong_share(expansions: Sequence[Expansion]) -> float:
     """
     if all(each.error == 0 for each in expansions):
         return 0.0
-    lighting = max((each.lighting for each in expansions), key=lambda each: each.order)
-    return wrong_share(lighting, [_lobes_of(each) for each in expansions])
+    return wrong_share(_light_of(expansions), [_lobes_of(each) for each in expansions])
 
 
 def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
@@ -78,12 +80,48 @@ def wrong_share(lighting: Lighting, lobes: Sequence[Lobes]) -> float:
     if not any(each.error.any() for each in lobes):
         return 0.0
     groups = together(lobes)
-    light = lighting.coefficients * LUMINANCE
-    whole, error = lit(light, groups)
-    shares = sample_views(groups[0].center, whole.shape[1])[1]
+    return _share(lighting, groups, *lit(lighting.coefficients * LUMINANCE, groups))
+
+
+def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
+    """Return the share of a map that was made from SHRMs, with the errors of its own form.
+
+    Parameters
+    ----------
+    expansions : sequence of Expansion
+        Light and BRDF, for each term of a sum.
+    map_ : Map
+        Its radiance is looked up at the sample points, exactly and not as on a GPU.
+
+    Returns
+    -------
+    float or None
+        In 0 .. 1. It is None about the tangent, which normals and views do not tell.
+    """
+    groups = together(_lobes_of(each) for each in expansions)
+    center = groups[0].center
+    if center == "tangent":
+        return None
+    lighting = _light_of(expansions)
+    whole, _ = lit(lighting.coefficients * LUMINANCE, groups)
+    # Lobes are those of 2 pi times the BRDF.
+    normals, views = (each[::_APART] for each in points(center))
+    shown = 2 * np.pi * map_.radiance(normals, views) @ LUMINANCE
+    return _share(lighting, groups, whole[::_APART], shown - whole[::_APART])
+
+
+def _light_of(expansions: Sequence[Expansion]) -> Lighting:
+    """Return the light that suffices for all terms."""
+    return max((each.lighting for each in expansions), key=lambda each: each.order)
+
+
+def _share(lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array) -> float:
+    """Return the share of points at which the error is too large."""
+    light = lighting.coefficients[:1] * LUMINANCE
+    shares = sample_views(groups[0].center, error.shape[1])[1]
     # Only degree 0 has a mean over all central directions.
     means = sum(each.whole[0, 0] * light[0] for each in groups).sum(axis=-1)
-    limit = WRONG * np.maximum(whole, SEEN_FLOOR * float(means @ shares))
+    limit = WRONG * np.maximum(whole, SEEN_FLOOR * float(np.sum(means * shares)))
     return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
 
 

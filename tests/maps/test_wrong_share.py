@@ -53,7 +53,11 @@ def share(pixels, rho_hat, made):
     ("shrm", "microfacet:sigma=0.3", MICROFACET, {"order_p": 4}, (0.02, 0.3)),
     ("shrm", "phong:exponent=20", brute_force.phong(20), {"order_f": 10}, (0.2, 0.9)),
     ("principal", "microfacet:sigma=0.3", MICROFACET, {"maps": 3}, (0.1, 0.9)),
+    ("shrm", "microfacet:sigma=0.3", MICROFACET, {"compress": 3}, (0.1, 1.0)),
+    ("cabral", "microfacet:sigma=0.3", MICROFACET, {}, (0.1, 1.0)),
+    ("kautz-mccool", "microfacet:sigma=0.3", MICROFACET, {}, (0.1, 1.0)),
     ("shrm", SUM, of_sum, {"split": True, "eps": 0.2}, (0.1, 0.9)),
+    ("shrm", SUM, of_sum, {"split": True, "eps": 0.2, "compress": 2}, (0.1, 0.9)),
     ("principal", SUM, of_sum, {"maps": 3}, (0.02, 0.9)),
 ])  # fmt: skip
 def test_it_is_what_brute_force_counts(light, to, spec, rho_hat, given, range_):
@@ -70,8 +74,8 @@ def test_lobes_that_are_complete_leave_nothing_wrong(light):
 
 
 @pytest.mark.parametrize(("to", "given"), [
-    ("shrm", {"brdf": "microfacet", "compress": 3}),
-    ("cabral", {"brdf": "microfacet"}),
+    ("shrm", {"brdf": "kajiya-kay", "compress": 3}),
+    ("cabral", {"brdf": "microfacet", "domain": "angular", "size": 8}),
 ])  # fmt: skip
 def test_nothing_is_said_where_it_is_not_known(light, to, given):
     made = prefilter_with_facts(Probe.from_array(light), to, given)
@@ -107,7 +111,8 @@ def squared_cosine(center, angles):
     for degree, weight in ((0, 1 / 3), (2, 2 / 3)):
         for q in range(degree + 1):
             # (L.V)^2 = 1/3 + 2/3 P_2, and P_l(L.V) = 4 pi / (2l+1) sum of Y_lq(L)* Y_lq(V).
-            functions = sph_harm_y(degree, q, angles, 0.0).real
+            # Lobes are without the sign of Condon and Shortley.
+            functions = (-1) ** q * sph_harm_y(degree, q, angles, 0.0).real
             values[q, degree, :, 0] = weight * 4 * np.pi / (2 * degree + 1) * functions
     return Lobes(values, values if center == "normal" else 0 * values, center)
 

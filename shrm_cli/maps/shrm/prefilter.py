@@ -247,7 +247,6 @@ def prefilter_shrm(
     dtype: type = np.float64,
     compress: int | float | None = None,
     max_size: int | None = None,
-    form: Form = SHRM_FORM,
     chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
@@ -268,8 +267,6 @@ def prefilter_shrm(
     max_size : int, optional
         The most bytes of the map. By default a map whose orders are chosen takes at most
         `vocabulary.DEFAULT_MAX_SIZE`, and orders that are given are obeyed.
-    form : Form
-        What the map holds that the SHRM is made for. Both have to fit into `max_size`.
     chosen : tuple of Choice and BrdfCoefficients, optional
         What `affordable` returns, where it is known.
 
@@ -287,7 +284,7 @@ def prefilter_shrm(
         the map would be too large.
     """
     expansion, warnings = expand(
-        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
+        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, SHRM_FORM, chosen
     )
     made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
     kept: Map = made
@@ -295,14 +292,14 @@ def prefilter_shrm(
         from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
 
         kept = compressed(made, compress)
-    # Forms other than that of an SHRM add errors of their own, and so does compression.
-    is_all = form is SHRM_FORM and not kept.info.added_error
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import predicted_wrong_share
+        from shrm_cli.maps.wrong_share import predicted_wrong_share, shown_wrong_share
 
-        return predicted_wrong_share([expansion]) if is_all else None
+        if kept.info.added_error:  # compression adds errors of its own
+            return shown_wrong_share([expansion], kept)
+        return predicted_wrong_share([expansion])
 
     facts = {"error_bound": expansion.bound}
     further = {"predicted_wrong_share": share}
@@ -325,8 +322,10 @@ def expand(
 
     Parameters
     ----------
-    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
+    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, chosen
         The same as for `prefilter_shrm`.
+    form : Form
+        What the map holds that the SHRM is made for. Both have to fit into `max_size`.
 
     Returns
     -------
