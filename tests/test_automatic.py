@@ -7,7 +7,6 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import seen as making
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from tests import brute_force, oracles
@@ -123,14 +122,6 @@ def test_less_is_asked_and_fewer_bytes_are_made(probe):
     assert rough[0] < by_default[0] < exact[0]
     assert exact[1] <= 0.01 < rough[1] <= 0.2
     assert seen[0] <= by_default[0]
-
-
-def test_goals():
-    assert Goal.of(None, None).error == policy.ERROR
-    assert Goal.of(None, None).wrong_share == policy.WRONG_SHARE
-    assert Goal.of(0.2, None).wrong_share is None  # whoever asks for an error alone means it
-    assert (Goal.of(None, 0.1).error, Goal.of(None, 0.1).wrong_share) == (policy.ERROR, 0.1)
-    assert (Goal.of(0.2, 0.1).error, Goal.of(0.2, 0.1).wrong_share) == (0.2, 0.1)
 
 
 def test_where_nothing_holds_the_line_says_what_would(pixels):

@@ -130,3 +130,27 @@ def test_where_none_is_good_the_least_wrong_is_taken(wrong, errors, expected):
         for size, error, share in zip([10, 20, 30], errors, wrong, strict=True)
     ]
     assert least_wrong(tried, Goal(0.05, 0.05)).bytes == expected
+
+
+def test_goals():
+    assert Goal.of(None, None) == Goal(policy.ERROR, policy.WRONG_SHARE)
+    assert Goal.of(0.2, None) == Goal(0.2, None)  # whoever asks for an error alone means it
+    assert Goal.of(None, 0.1) == Goal(policy.ERROR, 0.1)
+    assert Goal.of(0.2, 0.1) == Goal(0.2, 0.1)
+
+
+def test_both_errors_are_judged():
+    """Each in units of what is allowed; what takes long is not found out in vain."""
+
+    def unknown():
+        raise AssertionError
+
+    assert not Candidate("made", 1, 1, 0.051, unknown, int).keeps(Goal(0.05, 0.1))
+    assert Candidate("made", 1, 1, 0.05, unknown, int).keeps(Goal(0.05, None))
+    seen = Candidate("made", 1, 1, 0.02, lambda: 0.04, int)
+    assert seen.badness(Goal(0.05, 0.1)) == pytest.approx(0.4)
+    assert seen.badness(Goal(0.04, 0.1)) == pytest.approx(0.5)
+    assert seen.badness(Goal(0.04, None)) == pytest.approx(0.5)
+    assert seen.badness(Goal(0.05, 0.02)) == pytest.approx(2)
+    assert not seen.keeps(Goal(0.05, 0.02))
+    assert seen.wrong_share is seen.wrong_share
