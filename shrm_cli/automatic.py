@@ -92,21 +92,25 @@ def _of_functions(asked: _Asked) -> Prefiltered:
     """Make a map of principal functions, or an SHRM where it does as well."""
     wanted = Wanted(DEFAULT_EPS, asked.goal.error, None, asked.max_size, asked.size)
     proposals = Proposals(asked.light, asked.brdf, wanted, asked.center, asked.sampling)
-    instead = partial(_instead, asked, proposals)
+    instead = partial(_simple_shrm, asked, proposals)
     made = kept_or_best(proposals.candidate, asked.goal, asked.max_size, instead)
     if made.map.representation == "shrm":
         return made
-    return _noted(made, f"principal: {_why_no_shrm(asked, proposals)}")
+    return _noted(made, f"principal: {_why_no_shrm(asked, proposals, made)}")
 
 
-def _instead(
+def _simple_shrm(
     asked: _Asked, proposals: Proposals, kept: Candidate[Prefiltered]
 ) -> Prefiltered | None:
-    """Make the SHRM that keeps the goal in few bytes, if there is one."""
+    """Make the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
     if len(proposals.parts) > 1:
         return None  # each term would want an SHRM of its own, with a shader of many look-ups
-    most = min(max(kept.bytes, policy.SIMPLE_BYTES), asked.max_size)
-    tried, is_kept = first_kept(_shrms(asked, proposals).proposing(most), asked.goal)
+    # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
+    times = 1 if asked.goal.wrong_share is None else policy.SIMPLE_TIMES
+    most, shrms = min(times * kept.bytes, asked.max_size), _shrms(asked, proposals)
+    if not shrms.fits(most):
+        return None
+    tried, is_kept = first_kept(shrms.proposing(most, policy.SIMPLE_ORDER_P), asked.goal)
     if not is_kept:
         return None
     made = tried[-1].make()
@@ -128,13 +132,16 @@ def _shrms(asked: _Asked, proposals: Proposals) -> ShrmProposals:
     return ShrmProposals.known(asked.light, brdf, asked.goal.error, asked.max_size, *form)
 
 
-def _why_no_shrm(asked: _Asked, proposals: Proposals) -> str:
-    """Say what an SHRM of all the bytes would be like."""
+def _why_no_shrm(asked: _Asked, proposals: Proposals, made: Prefiltered) -> str:
+    """Say what an SHRM of the same error takes, or what one of all the bytes would be like."""
     if len(proposals.parts) > 1:
         return "an SHRM would hold every term with harmonics of its own"
-    best = _shrms(asked, proposals).least(0.0, asked.max_size)
+    error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
+    best = _shrms(asked, proposals).least(error, asked.max_size)
     if best is None:
         return "no SHRM fits"
+    if best.total_error <= error:
+        return f"an SHRM of its error takes {bytes_text(best.bytes)}"
     return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
 
 

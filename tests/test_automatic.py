@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import seen as making
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
@@ -97,19 +98,21 @@ def test_an_shrm_is_taken_where_it_keeps_what_is_asked_in_few_bytes(probe, monke
     heading, why = found.notes[0]
     assert heading == "form"
     assert why.startswith("SHRM, which keeps")
-    monkeypatch.setattr(policy, "SIMPLE_BYTES", 0)  # unless another form takes fewer
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)  # unless another form takes fewer
     found = made(probe, brdf=MICROFACET)
     assert found.map.representation == "principal"
 
 
 def test_the_line_tells_what_an_shrm_would_be_like(probe, monkeypatch):
-    monkeypatch.setattr(policy, "SIMPLE_BYTES", 0)
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=SKIN)
     assert found.map.representation == "principal"
     why = dict(found.notes)["form"]
-    share = float(why.split("would have ")[1].split("%")[0]) / 100
-    shrm = prefilter_with_facts(probe, "shrm", {"brdf": SKIN, "error": 0.001}).map
-    assert stated_error(shrm) == pytest.approx(share, rel=0.05)
+    assert why.startswith("principal: an SHRM of its error takes ")
+    asked = {"brdf": SKIN, "error": stated_error(found.map)}
+    shrm = prefilter_with_facts(probe, "shrm", asked).map
+    assert why.endswith(bytes_text(6 * 6 * texels(shrm)))
+    assert texels(shrm) > 2 * texels(found.map)
 
 
 def test_less_is_asked_and_fewer_bytes_are_made(probe):
@@ -118,10 +121,11 @@ def test_less_is_asked_and_fewer_bytes_are_made(probe):
         return texels(found), stated_error(found)
 
     by_default, exact = size(), size(error=0.01)
-    rough, seen = size(error=0.2), size(seen=0.5)
+    rough = size(error=0.2)
     assert rough[0] < by_default[0] < exact[0]
     assert exact[1] <= 0.01 < rough[1] <= 0.2
-    assert seen[0] <= by_default[0]
+    loose, strict = (prefilter(probe, SKIN, to="principal", seen=share) for share in (0.3, 0.01))
+    assert texels(loose) < texels(strict)
 
 
 def test_where_nothing_holds_the_line_says_what_would(pixels):
@@ -145,7 +149,7 @@ def test_dark_places_are_given_more(probe, monkeypatch):
         return shares[len(asked) - 1]
 
     monkeypatch.setattr(making, "negative_share", share)
-    monkeypatch.setattr(policy, "SIMPLE_BYTES", 0)
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=MICROFACET).map
     assert len(asked) == policy.TRIED_DARK
     assert asked == sorted(asked)
@@ -166,10 +170,10 @@ def test_what_only_shrms_obey_means_one(probe, form, given):
 
 
 def test_the_command_names_files_by_what_it_made(folder, monkeypatch):
-    monkeypatch.setattr(policy, "SIMPLE_BYTES", 0)
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     done("prefilter", "probe.exr", "--brdf", "lambertian")
     out = done("prefilter", "probe.exr", "--brdf", SKIN, "--max-size", "2MB")
-    assert "form           principal: an SHRM of" in out
+    assert "form           principal: an SHRM of its error takes" in out
     assert (folder / "probe.lambertian.shrm.exr").exists()
     target = folder / "probe.lafortune-fit-skin.principal.exr"
     made = target.read_bytes()

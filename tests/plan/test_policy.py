@@ -14,13 +14,14 @@ PROMISES = {
     "ERROR": (r"RMS error of the light of at\s+most (\d+) %", 100),
     "WRONG_SHARE": (r"at most (\d+) % of\s+\[wrong pixels\]", 100),
     "NEGATIVE_SHARE": (r"at most a (thousandth) of what is visible negative", 1),
-    "SIMPLE_BYTES": (r"an SHRM of at most (\d+) MB", 1e-6),
+    "SIMPLE_TIMES": (r"at most\s+(four) times the bytes", 1),
+    "SIMPLE_ORDER_P": (r"25 coefficients \(P = (\d+)\)", 1),
     "FINER": (r"steps of a factor of ([\d.]+)", 1),
     "LEAST_ERROR": (r"down to ([\d.]+) %", 100),
     "TRIED_DARK": (r"(three) maps at\s+most", 1),
     "MISSED": (r"within (\d+) % of the least", 100),
 }
-WORDS = {"thousandth": 1e-3, "three": 3}
+WORDS = {"thousandth": 1e-3, "three": 3, "four": 4}
 
 
 @pytest.mark.parametrize("name", PROMISES)

@@ -341,6 +341,7 @@ def least_choice(
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
+    most_p: int = MAX_ORDER_P,
 ) -> tuple[Tried, bool] | None:
     """Choose the SHRM of the fewest bytes that keeps an error, from known coefficients.
 
@@ -353,6 +354,8 @@ def least_choice(
         The same as for `within_error`.
     tolerance : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
+    most_p : int
+        The largest P in any case.
 
     Returns
     -------
@@ -374,7 +377,7 @@ def least_choice(
     def rows() -> Iterator[Row[Tried]]:
         for texels in TRIED_SIZES if size is None else (size,):
             carried = min(supported_order(texels), coefficients.order_f)
-            most = min(largest_p(carried, texels, max_size), coefficients.order_p)
+            most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
             yield Row(most + 1, partial(_bytes_of_p, texels), partial(tried, texels, carried))
 
     return fewest_bytes(rows(), error)

@@ -14,6 +14,7 @@ from shrm_cli.maps.expansion import carry
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.shrm.budget import Tried, least_choice, sufficient_coefficients
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
 from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
@@ -67,16 +68,23 @@ class ShrmProposals:
         coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
         return cls(light, brdf, coefficients, size, sampling)
 
-    def least(self, error: float, max_size: int) -> Tried | None:
+    def least(self, error: float, max_size: int, most_p: int = MAX_ORDER_P) -> Tried | None:
         """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits."""
         lighting = self.light.to_order(self.coefficients.order_f)
         found = least_choice(
-            lighting, self.coefficients, error, DEFAULT_EPS, max_size, self.size, self.sampling
-        )
+            lighting, self.coefficients, error, DEFAULT_EPS, max_size, self.size, self.sampling,
+            most_p,
+        )  # fmt: skip
         return None if found is None else found[0]
 
-    def proposing(self, max_size: int) -> Callable[[float], Candidate[Prefiltered]]:
-        """Return a function that proposes a map for an error, within a number of bytes.
+    def fits(self, max_size: int) -> bool:
+        """Tell whether any map fits into a number of bytes."""
+        return stored_bytes(TRIED_SIZES[0] if self.size is None else self.size, 1) <= max_size
+
+    def proposing(
+        self, max_size: int, most_p: int = MAX_ORDER_P
+    ) -> Callable[[float], Candidate[Prefiltered]]:
+        """Return a function that proposes a map for an error, within a number of bytes and to a P.
 
         Raises
         ------
@@ -85,8 +93,9 @@ class ShrmProposals:
         """
 
         def propose(error: float) -> Candidate[Prefiltered]:
-            tried = self.least(error, max_size)
-            assert tried is not None  # other forms fitted, whose cubes are no smaller
+            tried = self.least(error, max_size, most_p)
+            if tried is None:
+                raise nothing_fits(self.size)
             return self._candidate(tried, max_size)
 
         return propose
