@@ -65,7 +65,7 @@ def kept_or_best(
 
 def goal_text(goal: Goal) -> str:
     """Return a goal in words."""
-    error = f"an RMS error of {goal.error:.2g}"
+    error = f"an RMS error of {100 * goal.error:.3g}%"
     return error if goal.wrong_share is None else f"{error} and {goal.wrong_share:.0%} wrong pixels"
 
 
