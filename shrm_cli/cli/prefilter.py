@@ -105,7 +105,7 @@ def prefilter(
       shrm prefilter probe.exr --brdf ggx:roughness=0.4,f0=gold
       shrm prefilter probe.exr --brdf "0.9*lambertian+0.1*phong" --eps 0.01
       shrm prefilter probe.exr --brdf paint.binary --error 0.05 --to principal
-      shrm prefilter probe.exr --to irradiance --window auto --shader glsl
+      shrm prefilter probe.exr --to irradiance --shader glsl
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import store
