@@ -52,7 +52,7 @@ def test_broad_lobes_get_more_than_a_handful_of_functions(room):
 def test_rough_surfaces_are_about_the_normal(room, spec):
     """On spheres their maps are better there than about the mirror direction."""
     given = {"brdf": spec, "to": "principal", "eps": 1e-3, "max_size": 150_000}
-    with pytest.warns(ShrmWarning, match="150 kB hold no map"):
+    with pytest.warns(ShrmWarning, match="150 kB before packing hold"):
         found = [prefilter(room, center=center, **given) for center in (None, "reflection")]
     made, other = found
     assert (made.center, other.center) == ("normal", "reflection")
