@@ -1,5 +1,6 @@
 """The library's `prefilter`: the same maps as the command's, its refusals and its warnings."""
 
+import re
 import warnings
 
 import numpy as np

@@ -16,7 +16,7 @@ def wrong_light(error: float, why: str, remedy: str) -> str:
 
 def unkept_error(asked: float, error: float, max_size: int, remedy: str) -> str:
     """Return the line about the best map within some bytes, which misses the error asked for."""
-    within = f"not by `error` {asked:g}, in the best map of {bytes_text(max_size)} before packing"
+    within = f"over `error` {asked:g}, in the best map of {bytes_text(max_size)} before packing"
     return wrong_light(error, within, remedy)
 
 

@@ -87,9 +87,9 @@ def test_it_says_what_the_bytes_cost(probe):
 def test_what_nobody_sees_is_not_said(probe):
     """Energy of the BRDF that the map misses, where the probe has hardly any light for it."""
     pixels = 1 + 0.1 * probe.image() / probe.image().max()
-    dull = make(Probe.from_array(pixels), max_size="40kB")
-    assert dull.map.info.captured < 0.97
-    assert dull.map.info.predicted_error < 0.05
+    dull = make(Probe.from_array(pixels), brdf="ggx:roughness=0.5", max_size="40kB")
+    assert dull.map.info.captured < 0.9
+    assert dull.map.info.predicted_error < 0.02
     assert not dull.warnings
 
 
