@@ -40,9 +40,7 @@ def test_an_error_that_does_not_fit_names_the_bytes_that_keep_it(spec):
         best = prefilter(probe, spec, to="principal", error=error, max_size=most)
     assert error_of(best) > error
     (line,) = (str(each.message) for each in told if "over `error`" in str(each.message))
-    amount, unit = re.search(
-        r"100 kB before packing; raise `max_size` to ([\d.]+) (\w+)$", line
-    ).groups()
+    amount, unit = re.search(r"packing; raise `max_size` to ([\d.]+) (\w+)$", line).groups()
     needed = float(amount) * UNITS[unit]
     assert most < needed < 10**7
     kept = prefilter(probe, spec, to="principal", error=error, max_size=f"{amount}{unit}")

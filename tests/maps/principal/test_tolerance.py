@@ -59,9 +59,8 @@ def test_rough_surfaces_are_about_the_normal(room, spec):
     made, other = found
     # The tolerance takes more bytes, which is said only of light that is seen to be wrong.
     wrong = [each for each in found if each.info.predicted_error > 0.05]
-    assert len([each for each in told if "150 kB before packing" in str(each.message)]) == len(
-        wrong
-    )
+    said = [each for each in told if "150 kB before packing" in str(each.message)]
+    assert len(said) == len(wrong)
     assert (made.center, other.center) == ("normal", "reflection")
     assert made.cube_count < other.cube_count
     rng = np.random.default_rng(3)
