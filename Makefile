@@ -10,7 +10,7 @@ SHRM := $(BIN)/shrm
 PROBES ?= probes/*.exr
 BRDFS ?= microfacet:sigma=0.1 microfacet:sigma=0.3 phong:exponent=32 lambertian
 EPS ?= 0.03
-# make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--window auto": what engines load
+# make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--form zh3": what engines load
 FORMS ?=
 # The tests run in as many processes as there are processors; PYTEST_FLAGS="-x -k name" in one.
 PYTEST_FLAGS ?= -n auto

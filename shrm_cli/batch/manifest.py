@@ -9,7 +9,7 @@ A small one; `docs/batch.md` has every key::
     eps = 0.02
 
     [irradiance]
-    window = "auto"
+    form = "zh3"
 
     [[entry]]
     probes = ["night/*.exr"]

@@ -130,7 +130,7 @@ def maps(name, probe):
     if name == "shrm":
         return [prefilter(probe, each, eps=TOLERANCE) for each in surfaces]
     if name == "principal":
-        with pytest.warns(ShrmWarning, match="hold no map that misses only"):
+        with pytest.warns(ShrmWarning, match="before packing hold too little"):
             return [
                 prefilter(probe, each, to=name, eps=TOLERANCE, max_size=SMALL) for each in surfaces
             ]

@@ -15,8 +15,8 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carry
-from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.remarks import unkept_error, wrong_light
 from shrm_cli.maps.shrm.budget import (
     SHRM_FORM,
     Choice,
@@ -31,6 +31,7 @@ from shrm_cli.maps.shrm.budget import (
 from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import choose_center, choose_orders
+from shrm_cli.plan import policy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
@@ -162,10 +163,7 @@ def _within_error(
         return made
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
-    line = (
-        f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}: the best map "
-        f"has {total:.1%}; take `to` principal, or raise `max_size`"
-    )
+    line = unkept_error(error, total, max_size, "take `to` auto")
     return replace(made, warnings=(*made.warnings, line))
 
 
@@ -227,11 +225,9 @@ def order_warnings(
     info, lines = made.map.info, []
     if order_p is not None and order_p > info.order_p:
         lines.append(f"{brdf.name} does not depend on the view, so P = 0 only")
-    if info.captured < 1 - tolerance:
-        lines.append(
-            f"the orders asked for capture {info.captured:.2%} of the BRDF's energy, less than "
-            f"`eps` {tolerance:g} wants"
-        )
+    if info.captured < 1 - tolerance and info.predicted_error > policy.ERROR:
+        why = f"for F = {info.order_f} and P = {info.order_p} are too few orders of {brdf!r}"
+        lines.append(wrong_light(info.predicted_error, why, "leave them to `eps`"))
     return tuple(lines)
 
 
