@@ -17,6 +17,7 @@ from shrm_cli.reflected import (
     filtered_parts,
     predicted_error,
     visible_beyond,
+    visible_beyond_p,
     visible_order,
 )
 from shrm_cli.sphere.harmonics import degrees
@@ -155,6 +156,18 @@ def test_visible_part_is_the_rms_of_the_missing_degrees():
     assert found[kept] == pytest.approx(rms / mean, rel=1e-6)
     assert found[-1] == 0
     assert (np.diff(found) <= 0).all()
+
+
+def test_the_worst_channel_is_what_is_visible():
+    """Each channel alone, as grey light."""
+    coefficients = compute_coefficients(parse_spec("microfacet:sigma=0.3"), 30, 4)
+    power = np.array([[4.0], [1.0]]).repeat([1, 30], axis=0) * [1.0, 0.1, 0.3]
+    power[0] = [4.0, 0.1, 9.0]
+    grey = [lit(power[:, [channel] * 3]) for channel in range(3)]
+    alone = [visible_beyond(each, coefficients, 2) for each in grey]
+    np.testing.assert_allclose(visible_beyond(lit(power), coefficients, 2), np.max(alone, axis=0))
+    views = [visible_beyond_p(each, coefficients, 2) for each in grey]
+    assert visible_beyond_p(lit(power), coefficients, 2) == pytest.approx(max(views))
 
 
 def test_nothing_is_visible_beyond_the_visible_order():

@@ -7,6 +7,7 @@ for programs that read plain images.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -162,7 +163,7 @@ def convert_map(job: Conversion, given: dict[str, Any]) -> Converted:
         "predicted_error": made.info.predicted_error,
         "added_error": made.info.added_error,
         "fit_residual": made.info.fit_residual,
-        "storage_error": max(stored.error, made.info.storage_error),
+        "storage_error": math.hypot(stored.error, made.info.storage_error),
         "precision": stored.pixel_type,
     }
     return Converted(result, _map_report(result), notes)

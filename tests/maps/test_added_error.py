@@ -67,6 +67,4 @@ def test_a_window_adds_its_error_to_that_of_a_form():
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     before, after = form.irradiance(normals), both.irradiance(normals)
     change = np.sqrt(np.sum((after - before) ** 2) / np.sum(before**2))
-    assert both.info.added_error == pytest.approx(
-        np.hypot(form.info.added_error, change), rel=0.02
-    )
+    assert both.info.added_error == pytest.approx(np.hypot(form.info.added_error, change), rel=0.02)

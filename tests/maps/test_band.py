@@ -68,7 +68,10 @@ def test_views_that_fade_out_do_not_ring(monkeypatch):
     directions = latlong_directions(64, 32)
     lamp_light = np.where(directions @ np.array([0.6, 0.48, 0.64]) > 0.97, 60.0, 0.2)
     probe = Probe.from_array(np.repeat(lamp_light[..., None], 3, axis=2), layout="latlong")
-    brdf, options = parse_spec("charlie:roughness=0.1"), {"size": 12, "max_size": "4MB"}
+    brdf, options = (
+        parse_spec("charlie:roughness=0.1"),
+        {"to": "shrm", "size": 12, "max_size": "4MB"},
+    )
     ball, light = sphere((0.6, 0.0, 0.8), 16), light_of([probe], 32)
     truth = seen.lit(brdf, ball.normals, ball.views, light)
     fading = prefilter(probe, brdf, to="shrm", **options)

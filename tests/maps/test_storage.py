@@ -10,6 +10,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.files.image import write_images
 from shrm_cli.files.parts import choose_storage
 from shrm_cli.maps.file import open_map, store
+from shrm_cli.maps.size import total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe, open_probe
 from tests.cli.helpers import done, run
@@ -75,6 +76,30 @@ def test_half_that_was_asked_for_states_its_cost(tmp_path):
     lost = np.linalg.norm(planes[1] - planes[0]) / np.linalg.norm(planes[0])
     assert stored.error == pytest.approx(lost, rel=1e-3)
     assert back.info.storage_error == pytest.approx(lost, rel=1e-3)
+
+
+def test_errors_of_storing_twice_add_up(tmp_path, monkeypatch):
+    """In the file and in what `shrm convert` says of it."""
+    monkeypatch.chdir(tmp_path)
+    probe = Probe.from_array(scenes.latlong(32) * np.float32(1e-7), "latlong")
+    first = store("a.exr", prefilter(probe, "microfacet:sigma=0.3", to="shrm", size=16), "half")
+    second = store("b.exr", open_map("a.exr").resampled(12), "half")
+    assert first.error > second.error > 0.2 * first.error
+    expected = pytest.approx(np.hypot(first.error, second.error), rel=1e-6)
+    assert open_map("b.exr").info.storage_error == expected
+    asked = ("--to", "shrm", "--size", "12", "--precision", "half", "--json", "-o", "c.exr")
+    assert json.loads(done("convert", "a.exr", *asked))["storage_error"] == expected
+
+
+def test_half_of_any_size_has_the_error_that_is_counted_on(rng):
+    """It is combined with the others as what is independent of them."""
+    exact = np.exp(rng.uniform(-4, 4, 10**6))
+    rounded = exact.astype(np.float16) / exact
+    measured = np.sqrt(np.mean((rounded - 1) ** 2))
+    assert total_error(0, 0) == pytest.approx(measured, rel=0.05)
+    errors = 3e-4, 4e-4
+    sums = sum(rng.normal(0, each, len(exact)) for each in errors)
+    assert total_error(*errors) == pytest.approx(np.sqrt(np.mean((rounded - 1 + sums) ** 2)), 0.01)
 
 
 def test_commands(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from shrm_cli import settings
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text, parse_bytes
+from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from tests import oracles
@@ -84,7 +85,7 @@ def test_it_says_what_the_bytes_cost(probe):
     assert not [each for each in make(probe, max_size=enough).warnings if "hold" in each]
     (line,) = make(probe, max_size="2MB", size=192).warnings  # which would hold all of 64 texels
     assert "2 MB hold P = 0 of the 2" in line
-    assert "; lower `size`, or" in line
+    assert line.endswith("; lower `size`")
 
 
 def test_what_nobody_sees_is_not_said(probe):
@@ -94,6 +95,48 @@ def test_what_nobody_sees_is_not_said(probe):
     assert dull.map.info.captured < 0.9
     assert dull.map.info.predicted_error < 0.02
     assert not dull.warnings
+
+
+def error_of(made):
+    """The error of orders and of bilinear look-ups, as the map that was made has them."""
+    return np.hypot(made.map.info.predicted_error, made.map.info.filter_error)
+
+
+def every_map(probe, brdf, most):
+    """Errors of the maps of fewer bytes than `most`, of which each is made."""
+    pairs = [(n, p) for n in TRIED_SIZES for p in range(40) if 36 * n**2 * (p + 1) ** 2 < most]
+    return [error_of(make(probe, brdf=brdf, size=n, order_p=p)) for n, p in pairs]
+
+
+@pytest.mark.parametrize(("brdf", "error", "order_p"), [
+    ("phong:exponent=30", 0.01, 0), ("microfacet:sigma=0.3", 0.03, 3),
+    ("microfacet:sigma=0.15", 0.1, 2), ("microfacet:sigma=0.3", 0.01, 8),
+])  # fmt: skip
+def test_no_map_of_fewer_bytes_keeps_the_error(probe, brdf, error, order_p):
+    """Against making all of them."""
+    made = make(probe, brdf=brdf, error=error)
+    assert not made.warnings
+    assert made.map.info.order_p == order_p
+    assert error_of(made) <= error
+    assert all(each > error for each in every_map(probe, brdf, half_bytes(made.map)))
+
+
+def test_where_no_map_keeps_the_error_the_best_is_made(probe):
+    made = make(probe, brdf="microfacet:sigma=0.3", error=0.01, max_size=100_000)
+    assert any(f"the best map has {error_of(made):.1%}" in line for line in made.warnings)
+    assert half_bytes(made.map) <= 100_000
+    least = min(every_map(probe, "microfacet:sigma=0.3", 100_001))
+    assert 0.01 < error_of(made) == pytest.approx(least, rel=1e-3)
+
+
+@pytest.mark.parametrize(("brdf", "most"), [
+    ("phong:exponent=30", 12_000), ("phong:exponent=200", 100_000), (GLOSSY, 200_000),
+])  # fmt: skip
+def test_within_few_bytes_look_ups_count(probe, brdf, most):
+    """Against making all that fit. A tolerance asks for orders only, and small cubes hold them."""
+    made = make(probe, brdf=brdf, max_size=most)
+    assert made.map.size > TRIED_SIZES[0]
+    assert error_of(made) < 1.01 * min(every_map(probe, brdf, most + 1))
 
 
 @pytest.mark.slow

@@ -1,13 +1,16 @@
 """The error that `shrm` promises is the error that it makes, on real probes and shipped ones."""
 
+import math
+
 import numpy as np
 import OpenEXR
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.probe.probe import open_probe
+from shrm_cli.probe.probe import Probe, open_probe
 from tests import brute_force
 from tests.cli.helpers import ROOT
 
@@ -75,3 +78,26 @@ def errors(tmp_path, title, image, sigma):
     predicted = prefiltered.map.info.predicted_error
     print(f"{title}: predicted {predicted:.4f}, measured {measured:.4f}")
     return measured, predicted, prefiltered.facts["error_bound"]
+
+
+@pytest.mark.parametrize("beyond", [0.3, 0.6, 1.0, 2.0])
+@pytest.mark.parametrize("degree", [37, 61])
+def test_what_is_predicted_is_known_and_not_only_estimated(degree, beyond):
+    """Light of three degrees, the last of which Lambert's law has nothing of (eq. 4.12)."""
+    powers = {0: 4.0**2, 28: 0.5**2, degree: beyond**2}
+    up = np.cos((np.arange(128) + 0.5) / 128 * np.pi)
+    series = np.zeros(degree + 1)
+    for each, power in powers.items():
+        series[each] = np.sqrt(power)
+    light = np.broadcast_to(np.polynomial.legendre.legval(up, series)[:, None, None], (128, 256, 3))
+    made = prefilter(Probe.from_array(light.astype(np.float32)), "lambertian", order_f=24)
+    energies = {n: lambert(n) ** 2 * power / (2 * n + 1) for n, power in powers.items()}
+    expected = np.sqrt((energies[28] + energies[degree]) / sum(energies.values()))
+    assert made.info.predicted_error == pytest.approx(expected, rel=0.01)
+
+
+def lambert(degree):
+    """A_l of eq. 4.12, but for a factor that is common to all even degrees."""
+    if degree % 2:
+        return 0.0
+    return math.comb(degree, degree // 2) / 2.0**degree / ((degree + 2) * (degree - 1))

@@ -12,8 +12,10 @@ from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
 from shrm_cli.orders import choose_center
+from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.reflected import predicted_error
 from tests import brute_force, oracles
 from tests.cli.helpers import polynomial_light, write_exr
 from tests.maps.scenes import EXPLICIT
@@ -75,6 +77,40 @@ def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
         measured = np.sqrt(np.sum(shares * (found - truth) ** 2) / np.sum(shares * truth**2))
         print(f"{made.center}: predicted {made.info.predicted_error:.4f}, measured {measured:.4f}")
         assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
+
+
+def test_terms_end_no_sooner_than_the_whole(smooth):
+    """Diffuse and Phong lobes, whose degrees are integrals of Legendre polynomials.
+
+    What small maps carry beyond F would hide that F is too low.
+    """
+    spec = "0.5*lambertian:albedo=1+0.5*phong:exponent=64"
+    plan = plan_terms(Projection(smooth), parse_sum(spec, parse_spec), 0.03)
+    light = Projection(smooth).to_order(plan.whole.coefficients.order_f)
+    power = [np.sum(light.coefficients[n**2 : (n + 1) ** 2] ** 2) for n in range(60)]
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    legendre = np.polynomial.legendre.legvander(nodes, 59)
+    above = np.maximum(nodes, 0)
+    missing = strengths = 0.0
+    for term, lobe in zip(plan.terms, [above / np.pi, 65 / (2 * np.pi) * above**64], strict=True):
+        energies = power * (weights * lobe @ legendre) ** 2
+        missing += energies[term.choice.orders.order_f + 1 :].sum()
+        strengths += np.sqrt(energies.sum())
+    orders = plan.whole.choice.orders
+    allowed = predicted_error(light, plan.whole.coefficients, orders.order_f, orders.order_p)
+    assert np.sqrt(missing) / strengths <= allowed
+
+
+def test_terms_of_more_coefficients_stay_one_map(smooth):
+    spec = "0.5*lambertian+0.5*microfacet:sigma=0.3"
+    free, split = (prefilter(smooth, spec, to="shrm", split=each) for each in (None, True))
+    counts = [
+        [(e.info.order_f + 1) ** 2 * (e.info.order_p + 1) ** 2 for e in maps]
+        for maps in ([free], split.terms)
+    ]
+    assert len(counts[1]) == 2
+    assert counts[0][0] < sum(counts[1]) < 2 * counts[0][0]
+    assert not hasattr(free, "terms")
 
 
 def test_files_hold_all_terms(smooth, tmp_path):

@@ -1,0 +1,87 @@
+"""Maps that are nearly as good take fewer cubes or bytes, against trying all forms."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.principal.plan import Planner
+from shrm_cli.maps.principal.terms import Wanted, kept_form, planned
+from shrm_cli.maps.size import TRIED_SIZES
+from shrm_cli.probe.lighting import Projection
+from shrm_cli.probe.probe import Probe
+from tests.maps.principal.test_principal import SPECS, lit_room, spectrum_of
+
+METAL = parse_spec(SPECS["metal"])
+
+
+@pytest.fixture(scope="module")
+def planner():
+    room = Probe.from_array(lit_room())
+    return Planner(spectrum_of(room, METAL, False), Projection(room).to_order(64))
+
+
+def forms_of(planner, size, most):
+    """All forms of a size within a number of bytes, the one of the most functions last."""
+    return [
+        planner.form(counts, size)
+        for cubes, counts in enumerate(planner.choices, 1)
+        if 36 * size**2 * cubes <= most
+    ]
+
+
+@pytest.mark.parametrize(
+    ("most", "is_smaller"),
+    [(12_000, True), (132_123, False), (142_409, True), (165_443, True), (438_410, False)],
+)
+def test_a_tenth_more_error_is_worth_fewer_cubes(planner, most, is_smaller):
+    """At twice that, and at none, other maps would be made."""
+    largest = [forms_of(planner, size, most) for size in TRIED_SIZES if size <= 64]
+    forms = [each[-1] for each in largest if each]
+    least = min(forms, key=lambda form: form.total_error)
+    made = planner.best_within(most, 64)
+    assert made.total_error <= 1.1 * least.total_error
+    assert (made.cubes < least.cubes) == is_smaller
+    better = [form for form in forms if form.cubes < made.cubes]
+    assert all(form.total_error > 1.1 * least.total_error for form in better)
+
+
+@pytest.mark.parametrize("most", [100_000, 200_000])
+def test_a_twentieth_more_error_is_worth_fewer_bytes_where_a_tolerance_is_missed(planner, most):
+    forms = [form for size in TRIED_SIZES for form in forms_of(planner, size, most)]
+    allowed = 1.05 * min(form.total_error for form in forms)
+    term = planned(METAL, planner, Wanted(1e-4, None, None, most, None))
+    assert not term.is_met
+    kept = min((f for f in forms if f.total_error <= allowed), key=lambda form: form.bytes)
+    assert (term.form.counts, term.form.size) == (kept.counts, kept.size)
+
+
+@dataclass(frozen=True)
+class Made:
+    """A form whose error is larger than the search knows."""
+
+    counts: int
+    total_error: float
+    size: int = 16
+
+
+class Optimist:
+    """Knows the errors of a few forms without their tables only."""
+
+    KNOWN, EXACT = (1.0, 0.9, 0.8, 0.5), (1.1, 1.08, 0.99, 0.6)
+
+    def within_error(self, error, max_size, size):
+        index = next(k for k, each in enumerate(self.KNOWN) if each <= error)
+        return Made(index, self.KNOWN[index]), True
+
+    def form(self, counts, size, is_exact):
+        assert is_exact
+        return Made(counts, self.EXACT[counts])
+
+
+def test_an_error_is_kept_with_tables_by_asking_for_less_again_and_again():
+    """At 1 the first form is found, 10 % worse than that; at .91 the second, 8 % worse still."""
+    form, is_met = kept_form(Optimist(), 1.0, Wanted(0.03, 1.0, None, 10**6, None))
+    assert is_met
+    assert form.counts == np.argmax(np.less_equal(Optimist.EXACT, 1.0))
