@@ -162,7 +162,7 @@ def of_exponential(header, values, table, normals, views, roughness, f0):
 @pytest.mark.parametrize("law", ["lobe", "paper"])
 def test_exponential(tmp_path, tables, scene, law):
     path, (normals, views, *_) = tmp_path / "x.exr", scene
-    done("prefilter", PROBE, "--to", "she", "--law", law, "-o", path)
+    done("prefilter", PROBE, "--to", "she", "--law", law, "-o", path, "--quiet")
     ((header, channels),) = parts_of(path)
     for roughness in (0.5, 0.8):
         expected = open_map(path).shaded(roughness, COLOURS).radiance(normals, views)
@@ -209,7 +209,7 @@ def test_exponentials_of_surfaces_that_face_the_viewer(tmp_path, tables, facing,
     Where the table is clamped, in the last half texel, the light is blurred a little more.
     """
     path, (_, normals, views, _) = tmp_path / "x.exr", facing
-    done("prefilter", PROBE, "--to", "she", "--law", law, "-o", path)
+    done("prefilter", PROBE, "--to", "she", "--law", law, "-o", path, "--quiet")
     ((header, channels),) = parts_of(path)
     values, shown = rgb(channels)[0, :, 1], open_map(path)
     for roughness in (0.02, 0.1, 0.45, 1.0):

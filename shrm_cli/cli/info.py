@@ -143,18 +143,14 @@ def _in_words(values: dict[str, Any]) -> dict[str, str]:
     """Return what the statistics of a probe say to people, with units."""
     stops, white = values["stops"], values["white_balance"]
     azimuth, elevation = values["light_from"]["azimuth_elevation"]
-    names = {"over_green": "R, G, B over green ", "xy": "xy ", "kelvin": "", "duv": "duv "}
-    balance = [
-        f"{before}{_text(white[name])}{' K' if name == 'kelvin' else ''}"
-        for name, before in names.items()
-        if white[name] is not None
-    ]
+    names = {"over_green": "R, G, B over green", "xy": "xy", "kelvin": "kelvin", "duv": "duv"}
+    balance = [f"{before} {_text(white[name])}" for name, before in names.items()]
     return {
         **{key: f"{_text(values[key])} of radiance" for key in _RADIANCES},
         "stops": f"{stops['1%_to_99.9%']:.3g} between what 1 % and 99.9 % of the sphere are below, "
         f"{stops['least_to_most']:.3g} in all",
         "irradiance": f"{_text(values['irradiance'])}\nradiance x sr, by the axis of the normal",
-        "white_balance": "; ".join(balance) or "none",
+        "white_balance": "; ".join(balance),
         "light_from": f"azimuth {azimuth:.1f}, elevation {elevation:.1f} degrees, directionality "
         f"{values['light_from']['directionality']:.2f} (0 from everywhere, 1 from one point)",
         "lamps": "\n".join(map(_lamp_line, values["lamps"])) or "none",

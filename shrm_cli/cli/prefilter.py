@@ -29,6 +29,8 @@ from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import AUTO, AUTO_FORMS, CONTAINERS, REPRESENTATIONS, Precision
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from shrm_cli.files.parts import Storage
     from shrm_cli.maps.prefiltered import Prefiltered
 
@@ -95,8 +97,9 @@ def prefilter(
     A line says which form that is and why.
 
     With --eps it is an SHRM: the orders F and P are the least that keep the BRDF's energy within
-    it; the error that they make in the reflected light is predicted and printed. In the angular
-    domain --eps is the part of the BRDF's lobe that may be left out.
+    it; the error that they make in the reflected light is predicted and printed, and a warning says
+    which part of the picture is wrong where that is too much. In the angular domain --eps is the
+    part of the BRDF's lobe that may be left out.
 
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
     (splitsum) and an SH exponential (she) are of GGX.
@@ -109,7 +112,8 @@ def prefilter(
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import store
-    from shrm_cli.maps.remarks import with_wrong_share
+    from shrm_cli.maps.prefiltered import with_wrong_share
+    from shrm_cli.plan import policy
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts, resolved_form
     from shrm_cli.probe.probe import open_probe
 
@@ -147,8 +151,10 @@ def prefilter(
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
+    remarks: Sequence[str] = made.warnings
     share = summary.get("predicted_wrong_share") if to == "shrm" else None
-    remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error)
+    if share is not None and share > policy.WRONG_SHARE:
+        remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error)
     warnings += [f"{target}: {line}" for line in remarks]
     for text in [] if as_json else printed.values():
         echo(text.rstrip("\n"))

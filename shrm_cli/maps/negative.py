@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.plan.policy import NEGATIVE_SHARE
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE
 
@@ -19,8 +20,6 @@ Array = NDArray[np.floating]
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
-LARGEST_SHARE = 1e-3
-"""The share of negative luminance that nobody needs to be told of."""
 
 
 def negative_share(map_: Map) -> float:
@@ -63,7 +62,7 @@ def examined(made: Prefiltered) -> Prefiltered:
 
 def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
     """Return a line about the negative share of a map, and what helps, if anybody would see it."""
-    if share <= LARGEST_SHARE:
+    if share <= NEGATIVE_SHARE:
         return ()
     return (
         f"{share:.1%} of what is visible is black, mostly beside lamps, for it is negative there; "

@@ -1,13 +1,19 @@
 """A map that was just made, with facts about its making that its file does not keep.
 
+Where its picture is wrong, the functions here say what, by how much, and one thing that helps.
+
 Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import bytes_text
+
+_WRONG = "the reflected light is wrong by"
+"""How all lines about the error of the light begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +52,36 @@ class Prefiltered:
         """Return the numbers that users and scripts ask for, by the names used in JSON."""
         found = {name: find() for name, find in self.further.items()}
         return {**self.map.summary(), **self.facts, **found, **self.map.info.origin()}
+
+
+def wrong_light(error: float, why: str, remedy: str) -> str:
+    """Return the line about a map whose relative RMS error is seen."""
+    return f"{_WRONG} {error:.1%} (RMS), {why}; {remedy}"
+
+
+def unkept_error(asked: float, error: float, max_size: int, remedy: str) -> str:
+    """Return the line about the best map within some bytes, which misses the error asked for."""
+    within = f"over `error` {asked:g}, in the best map of {bytes_text(max_size)} before packing"
+    return wrong_light(error, within, remedy)
+
+
+def with_wrong_share(lines: Sequence[str], share: float, error: float) -> list[str]:
+    """Add to the warnings of an SHRM which part of the picture is wrong.
+
+    Whoever asks for an SHRM gets one, but not in silence. One line says it: that about the light's
+    error is left out.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The warnings.
+    share : float
+        The share of what is visible that is predicted to be wrong by more than `vocabulary.WRONG`.
+    error : float
+        The predicted relative RMS error.
+    """
+    said = (
+        f"{share:.0%} of the picture is predicted to be wrong by more than 5 %, its light by "
+        f"{error:.1%} (RMS); `to` auto, without `eps` or orders, chooses the form that it needs"
+    )
+    return [*(line for line in lines if not line.startswith(_WRONG)), said]

@@ -121,11 +121,13 @@ def test_the_brightest_lamps_are_lines(folder):
     image[16, 32] = image[40, 90] = 9e4
     write_exr("lamps.exr", image)
     text = done("info", "lamps.exr")
-    places = [line.split("azimuth")[1].split(",")[0] for line in text.splitlines() if "deg" in line]
+    places = [
+        line.split("azimuth")[1].split(",")[0] for line in text.splitlines() if "radius" in line
+    ]
     assert sorted(float(place) for place in places) == pytest.approx([-74.5, 88.6], abs=0.1)
 
 
-@pytest.mark.parametrize(("level", "radius"), [(9e4, 0.5), (9e3, 0.5), (90, 0.5), (9e3, 8)])
+@pytest.mark.parametrize(("level", "radius"), [(9e4, 0.5), (9e3, 0.5), (90, 0.5), (9e3, 3)])
 def test_small_lamps_that_hold_much_of_the_light_are_worth_advice(folder, level, radius):
     """The share by hand: what is brighter than the ground, over everything."""
     directions = oracles.latlong_pixels(512, 256)
@@ -155,7 +157,7 @@ def test_numbers_of_a_probe_have_units(folder):
     assert "in all" in pairs["stops"]
     assert " degrees, directionality 0." in pairs["light from"]
     assert "radiance x sr" in text
-    assert " K; duv " in pairs["white balance"]
+    assert "; kelvin " in pairs["white balance"]
 
 
 def test_probe_for_people(folder):
@@ -439,7 +441,7 @@ def test_light_without_green_has_no_balance_over_it(tmp_path):
     image = np.zeros((16, 32, 3), np.float32)
     image[..., 2] = 1
     write_exr(tmp_path / "blue.exr", image)
-    assert "over green none, xy 0.15, 0.06" in done("info", tmp_path / "blue.exr")
+    assert "over green none; xy 0.15, 0.06" in done("info", tmp_path / "blue.exr")
     found = json.loads(done("info", tmp_path / "blue.exr", "--json"))
     assert found["white_balance"]["over_green"] is None
 

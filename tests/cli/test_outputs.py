@@ -67,7 +67,7 @@ CASES = {
     "clamp": (PREFILTER, ["--clamp", "2"], "how the probe is read"),
     "window": (
         ["prefilter", "probe.exr", "--to", "irradiance"], ["--window", "hann"],
-        '--window "none" there, "hann" here',
+        '--window "auto" there, "hann" here',
     ),
     "split sum": (
         ["prefilter", "probe.exr", "--to", "splitsum"], ["--levels", "3"],

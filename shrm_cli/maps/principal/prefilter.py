@@ -5,10 +5,9 @@ from dataclasses import replace
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.principal.terms import Wanted, kept_form
-from shrm_cli.maps.remarks import unkept_error, wrong_light
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
-from shrm_cli.maps.negative import LARGEST_SHARE, visible_pairs
+from shrm_cli.maps.negative import visible_pairs
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.plan.policy import NEGATIVE_SHARE
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
@@ -167,7 +168,7 @@ def _weakened(seen: Array, pictured: Array) -> Array | None:
     both = seen, pictured
 
     def is_enough(factors: Array) -> bool:
-        return all(np.mean(each @ factors < 0) <= LARGEST_SHARE for each in both)
+        return all(np.mean(each @ factors < 0) <= NEGATIVE_SHARE for each in both)
 
     if is_enough(np.ones(seen.shape[1])):
         return None

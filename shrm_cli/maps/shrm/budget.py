@@ -17,7 +17,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import carried_band, view_band
 from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.remarks import wrong_light
+from shrm_cli.maps.prefiltered import wrong_light
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
@@ -28,7 +28,6 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.orders import Orders, choose_orders, least_orders
-from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import (
@@ -472,7 +471,11 @@ def shortfall(
     form : Form
         What the map holds.
     """
-    if kept.captured >= 1 - kept.tolerance or error <= policy.ERROR:
+    if kept.captured >= 1 - kept.tolerance:
+        return None
+    from shrm_cli.plan import policy  # most maps have nothing to be told of
+
+    if error <= policy.ERROR:
         return None
     wanted = least_orders(coefficients, kept.tolerance)
     is_known = wanted.captured >= 1 - kept.tolerance

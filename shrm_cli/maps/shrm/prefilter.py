@@ -15,8 +15,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carry
-from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.remarks import unkept_error, wrong_light
+from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
 from shrm_cli.maps.shrm.budget import (
     SHRM_FORM,
     Choice,
@@ -31,7 +30,6 @@ from shrm_cli.maps.shrm.budget import (
 from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import choose_center, choose_orders
-from shrm_cli.plan import policy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
@@ -222,6 +220,8 @@ def order_warnings(
     order_p : int, optional
         The order P that was asked for.
     """
+    from shrm_cli.plan import policy  # plain runs choose their orders
+
     info, lines = made.map.info, []
     if order_p is not None and order_p > info.order_p:
         lines.append(f"{brdf.name} does not depend on the view, so P = 0 only")
