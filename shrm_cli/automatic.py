@@ -24,7 +24,7 @@ from shrm_cli.plan.search import Candidate, Goal, first_kept
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Sampling
+from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, NEGATIVE_SHARE, Sampling
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def _why_no_shrm(asked: _Asked, proposals: Proposals, made: Prefiltered) -> str:
 
 def _is_dark(made: Prefiltered) -> bool:
     """Tell whether anything visible is negative."""
-    return negative_share(made.map) > policy.NEGATIVE_SHARE
+    return negative_share(made.map) > NEGATIVE_SHARE
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.plan.policy import NEGATIVE_SHARE
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE
 
 Array = NDArray[np.floating]
 

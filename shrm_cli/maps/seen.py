@@ -10,6 +10,7 @@ from shrm_cli.maps.negative import negative_share
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
+from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 if TYPE_CHECKING:
     from shrm_cli.maps.prefiltered import Prefiltered
@@ -50,7 +51,7 @@ def kept_or_best(
             return other
         made = candidate.make()
         share = negative_share(made.map)
-        if share <= policy.NEGATIVE_SHARE:
+        if share <= NEGATIVE_SHARE:
             return made
         dark.append((share, made))
         if len(dark) == policy.TRIED_DARK:

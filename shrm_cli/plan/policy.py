@@ -9,8 +9,6 @@ ERROR = 0.05
 """The relative RMS error of the reflected light, bilinear look-ups and half precision included."""
 WRONG_SHARE = 0.05
 """The share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`."""
-NEGATIVE_SHARE = 1e-3
-"""The share of negative luminance that nobody needs to be told of."""
 
 TRIED_DARK = 3
 """How many maps are made, each with less error than the one before, because something visible is

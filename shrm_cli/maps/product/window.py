@@ -17,11 +17,10 @@ from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, 
 from shrm_cli.maps.negative import visible_pairs
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
-from shrm_cli.plan.policy import NEGATIVE_SHARE
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
-from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
+from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR
 
 Array = NDArray[np.floating]
 
