@@ -50,6 +50,7 @@ STOPS = [
     {"render"},
     {"view", "lookdev"},
     {"analysis"},
+    {"choose"},
     {"report"},
     {"cli"},
     {"__main__"},
