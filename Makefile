@@ -10,7 +10,7 @@ SHRM := $(BIN)/shrm
 PROBES ?= probes/*.exr
 BRDFS ?= microfacet:sigma=0.1 microfacet:sigma=0.3 phong:exponent=32 lambertian
 EPS ?= 0.03
-# make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--window auto": what engines load
+# make batch FORMS="irradiance splitsum she" FLAGS_irradiance="--form zh3": what engines load
 FORMS ?=
 # The tests run in as many processes as there are processors; PYTEST_FLAGS="-x -k name" in one.
 PYTEST_FLAGS ?= -n auto
@@ -35,7 +35,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web .web-setup engines fuzz bench tables survey scale probes batch clean distclean
+.PHONY: help install demo test prove web .web-setup engines fuzz mutants bench tables survey scale probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -44,6 +44,7 @@ help:
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
+	@echo 'make mutants   change the planner in a hundred ways, and tell which ones no test notices'
 	@echo 'make bench     measure against other tools, as ratios, into README'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
@@ -118,6 +119,13 @@ engines: .web-setup $(VENV)/.web
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)
 
+# mutmut changes shrm_cli/plan in a hundred ways, in a copy, and tells which ones no test notices.
+mutants: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
+	rm -rf mutants
+	$(BIN)/mutmut run
+	$(BIN)/mutmut results
+
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(BENCH)
 
@@ -150,7 +158,7 @@ batch: $(VENV)/.installed
 	@+$(PYTHON) -B probes/batch.py
 
 clean:
-	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf build mutants .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean

@@ -6,19 +6,21 @@ simplest; a map of principal functions otherwise, which keeps it in the fewest b
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import split
-from shrm_cli.maps import registry
 from shrm_cli.maps.negative import negative_share
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.seen import goal_text, kept_or_best
+from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong, rising
+from shrm_cli.plan.search import Candidate, Goal, first_kept
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -36,25 +38,6 @@ class _Asked:
     center: str | None
     size: int | None
     sampling: Sampling
-
-    @property
-    def text(self) -> str:
-        """The goal in words."""
-        share = self.goal.wrong_share
-        error = f"an RMS error of {self.goal.error:.2g}"
-        return error if share is None else f"{error} and {share:.0%} of wrong pixels"
-
-
-def goal_of(error: float | None, seen: float | None) -> Goal:
-    """Return what a map has to keep, where one of the two or none is asked for.
-
-    Whoever asks for an error of the light alone gets the bytes that it takes, and no more.
-    """
-    if error is not None and seen is None:
-        return Goal(error, None)
-    return Goal(
-        policy.ERROR if error is None else error, policy.WRONG_SHARE if seen is None else seen
-    )
 
 
 def prefilter(
@@ -81,7 +64,7 @@ def prefilter(
     ArgumentError, ProbeError, BrdfError
     """
     light = Projection(probe, progress)
-    asked = _Asked(light, brdf, goal_of(error, seen), max_size, center, size, sampling)
+    asked = _Asked(light, brdf, Goal.of(error, seen), max_size, center, size, sampling)
     made = _of_single_cubes(asked) if all(term.zonal for term in split(brdf)) else None
     return made or _of_functions(asked)
 
@@ -91,97 +74,80 @@ def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
 
     Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
     """
-    given = {"center": asked.center, "size": asked.size, "sampling": asked.sampling}
-    made: Prefiltered = registry.module("shrm", "prefilter").prefilter(
-        asked.light.probe, asked.brdf, eps=DEFAULT_EPS, max_size=asked.max_size, **given
-    )
+    made = shrm_prefilter(
+        asked.light.probe, asked.brdf, eps=DEFAULT_EPS, max_size=asked.max_size,
+        center=asked.center, size=asked.size, sampling=asked.sampling,
+        progress=asked.light.progress,
+    )  # fmt: skip
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
-    share = made.further.get("predicted_wrong_share", lambda: None)()
-    candidate = Candidate("shrm", 0, 0, total, lambda: share, lambda: made)
+    find = made.further["predicted_wrong_share"]
+    candidate = Candidate("shrm", 0, 0, total, find, lambda: made)
     if made.warnings or not candidate.keeps(asked.goal) or _is_dark(made):
         return None
-    return _noted(made, f"SHRM, which keeps {asked.text}")
+    return _noted(made, f"SHRM, which keeps {goal_text(asked.goal)}")
 
 
 def _of_functions(asked: _Asked) -> Prefiltered:
     """Make a map of principal functions, or an SHRM where it does as well."""
-    goal = asked.goal
-    wanted = Wanted(DEFAULT_EPS, goal.error, None, asked.max_size, asked.size)
+    wanted = Wanted(DEFAULT_EPS, asked.goal.error, None, asked.max_size, asked.size)
     proposals = Proposals(asked.light, asked.brdf, wanted, asked.center, asked.sampling)
-    tried: list[Candidate[Prefiltered]] = []
-    dark: list[tuple[float, Prefiltered]] = []
-    for candidate in rising(proposals.candidate, goal):
-        tried.append(candidate)
-        if not candidate.keeps(goal):
-            continue
-        if not dark:
-            shrm = _instead(asked, proposals, candidate)
-            if shrm is not None:
-                return shrm
-        made = candidate.make()
-        share = negative_share(made.map)
-        if share <= policy.NEGATIVE_SHARE:
-            return _noted(made, f"principal: {_why_no_shrm(asked, proposals)}")
-        dark.append((share, made))
-        if len(dark) == policy.TRIED_DARK:
-            break
-    why = f"principal: {_why_no_shrm(asked, proposals)}"
-    if dark:  # what else is asked is kept; the warning about negative light tells the rest
-        least = policy.MISSED * min(share for share, _ in dark)
-        return _noted(next(made for share, made in dark if share <= least), why)
-    best = least_wrong(tried)
-    made = best.make()
-    return replace(_noted(made, why), warnings=(*made.warnings, _missed(asked, best)))
+    instead = partial(_simple_shrm, asked, proposals)
+    made = kept_or_best(proposals.candidate, asked.goal, asked.max_size, instead)
+    if made.map.representation == "shrm":
+        return made
+    return _noted(made, f"principal: {_why_no_shrm(asked, proposals, made)}")
 
 
-def _instead(
+def _simple_shrm(
     asked: _Asked, proposals: Proposals, kept: Candidate[Prefiltered]
 ) -> Prefiltered | None:
-    """Make the SHRM that keeps the goal in few bytes, if there is one."""
+    """Make the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
     if len(proposals.parts) > 1:
         return None  # each term would want an SHRM of its own, with a shader of many look-ups
-    most = min(max(kept.bytes, policy.SIMPLE_BYTES), asked.max_size)
-    tried, is_kept = first_kept(_shrms(asked, proposals).proposing(most), asked.goal)
+    # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
+    times = 1 if asked.goal.wrong_share is None else policy.SIMPLE_TIMES
+    most, shrms = min(times * kept.bytes, asked.max_size), _shrms(asked, proposals)
+    if not shrms.fits(most):
+        return None
+    tried, is_kept = first_kept(shrms.proposing(most, policy.SIMPLE_ORDER_P), asked.goal)
     if not is_kept:
         return None
     made = tried[-1].make()
     if _is_dark(made):
         return None
-    return _noted(made, f"SHRM, which keeps {asked.text} in {bytes_text(tried[-1].bytes)}")
+    bytes_ = bytes_text(tried[-1].bytes)
+    return _noted(made, f"SHRM, which keeps {goal_text(asked.goal)} in {bytes_}")
 
 
 def _shrms(asked: _Asked, proposals: Proposals) -> ShrmProposals:
-    """Return the SHRMs of a BRDF of a single term, whose transfer functions are known."""
-    transfer = proposals.planners[0].spectrum.transfer
-    return ShrmProposals.of(asked.light, proposals.parts[0], transfer, asked.size, asked.sampling)
+    """Return the SHRMs of a BRDF of a single term, about its own center.
+
+    Principal maps may be about another one, where their transfer functions do not tell.
+    """
+    form = asked.size, asked.sampling
+    part, brdf = proposals.parts[0], asked.brdf
+    if asked.center is not None or part.center == brdf.center:
+        return ShrmProposals.of(asked.light, part, proposals.planners[0].spectrum.transfer, *form)
+    return ShrmProposals.known(asked.light, brdf, asked.goal.error, asked.max_size, *form)
 
 
-def _why_no_shrm(asked: _Asked, proposals: Proposals) -> str:
-    """Say what an SHRM of all the bytes would be like."""
+def _why_no_shrm(asked: _Asked, proposals: Proposals, made: Prefiltered) -> str:
+    """Say what an SHRM of the same error takes, or what one of all the bytes would be like."""
     if len(proposals.parts) > 1:
         return "an SHRM would hold every term with harmonics of its own"
-    best = _shrms(asked, proposals).least(0.0, asked.max_size)
+    error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
+    best = _shrms(asked, proposals).least(error, asked.max_size)
     if best is None:
         return "no SHRM fits"
+    if best.total_error <= error:
+        return f"an SHRM of its error takes {bytes_text(best.bytes)}"
     return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
 
 
 def _is_dark(made: Prefiltered) -> bool:
     """Tell whether anything visible is negative."""
     return negative_share(made.map) > policy.NEGATIVE_SHARE
-
-
-def _missed(asked: _Asked, best: Candidate[Prefiltered]) -> str:
-    """Say what the best map misses of the goal, and what would keep it."""
-    share = best.wrong_share
-    seen = "" if share is None else f" and {share:.0%} of pixels wrong by more than 5%"
-    more = ", or raise `max_size`" if 2 * best.bytes > asked.max_size else ""
-    return (
-        f"no form keeps {asked.text} in {bytes_text(asked.max_size)}; the one made has "
-        f"{best.total_error:.1%}{seen}, as predicted. Lamps in glossy surfaces need the most: take "
-        f"them out with `shrm sun` and prefilter its light file, dim them by `clamp`{more}"
-    )
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:

@@ -68,7 +68,7 @@ def prefilter(
         keeps it. For ``auto``, ``shrm`` and ``principal``, instead of `eps`.
     seen : float, optional
         The share of what is visible that may be wrong by more than 5 %, as it is predicted, in
-        (0, 1). For ``auto``.
+        (0, 1). For ``auto``, ``shrm`` and ``principal``, with `error` or without.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     center : {"auto", "reflection", "normal", "tangent"}, optional
@@ -241,9 +241,9 @@ def options_of(probe: Probe, to: str, given: Mapping[str, Any]) -> dict[str, Any
     }
     automatic: dict[str, Any] = {}
     if to == AUTO:
-        from shrm_cli.automatic import goal_of
+        from shrm_cli.plan.search import Goal
 
-        goal = goal_of(given.get("error"), given.get("seen"))
+        goal = Goal.of(given.get("error"), given.get("seen"))
         automatic = {"to": AUTO, "error": goal.error, "seen": goal.wrong_share}
     return {**automatic, **default_options(to, named), **named, "reading": probe.reading()}
 
@@ -260,7 +260,8 @@ def default_options(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
     named : mapping of str to value
         The arguments that are given. An error is asked for instead of a tolerance.
     """
-    obeyed = registry.description(to).arguments - ({"eps"} if "error" in named else set())
+    unasked = {"eps"} if {"error", "seen"} & named.keys() else set()
+    obeyed = registry.description(to).arguments - unasked
     own = inspect.signature(_maker(to)).parameters
     found = {name: each.default for name, each in own.items()} | DEFAULTS
     return {

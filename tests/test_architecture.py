@@ -40,6 +40,7 @@ STOPS = [
     {"geometry"},
     {"probe", "brdf"},
     {"orders", "reflected"},
+    {"adaptive"},
     {"reference"},
     {"plan"},
     {"maps"},

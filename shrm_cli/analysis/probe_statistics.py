@@ -30,6 +30,11 @@ _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
 _PLATEAU, _PLATEAU_OVER_MEAN = 4.0, 4.0
 """As many pixels of exactly the same largest value, which is the mean times this, are suspected to
 be clipped; pixels count by their areas, because the whole row at a pole is one of them."""
+_SMALL, _MUCH = np.radians(1.0), 0.02
+"""Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
+real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
+plastic of roughness 0.3 have errors of 7 % to 16 %. The others have 1 % to 4 %: a courtyard without
+lamps, a forest whose sun of a degree holds 7 %, a studio with 75 % in lamps of 3 to 6 degrees."""
 _LEAST_GREEN = 1e-6
 """Light with less green, over its largest channel, has none: it is what rounding left."""
 _MOST_PLATEAU = 0.2
@@ -70,6 +75,8 @@ class ProbeStatistics:
         Their name.
     lamps : tuple of Lamp
         The brightest, see `shrm_cli.lights`.
+    lamp_shares : tuple of float
+        The part of the luminance of all light that each of them holds.
     """
 
     minimum: Array
@@ -88,6 +95,21 @@ class ProbeStatistics:
     clipped: str
     primaries: str
     lamps: tuple[Lamp, ...]
+    lamp_shares: tuple[float, ...]
+
+    @property
+    def advice(self) -> str:
+        """What to do about small lamps that hold much of the light; empty without any."""
+        pairs = zip(self.lamps, self.lamp_shares, strict=True)
+        small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < _SMALL]
+        sizes, share = [np.degrees(radius) for radius, _ in small], sum(each for _, each in small)
+        if share <= _MUCH:
+            return ""
+        low, high = (f"{each:.2g}" for each in (min(sizes), max(sizes)))
+        if len(sizes) == 1:
+            return f"one lamp of {low} degrees holds {share:.0%} of the light: `shrm sun`"
+        span = low if low == high else f"{low} to {high}"
+        return f"{len(sizes)} lamps of {span} degrees hold {share:.0%} of the light: `shrm sun`"
 
     def summary(self) -> dict[str, Any]:
         """The numbers by name, for JSON. Directions are azimuth and elevation in degrees."""
@@ -111,7 +133,11 @@ class ProbeStatistics:
             },
             "clipped": self.clipped,
             "primaries": self.primaries,
-            "lamps": [lamp.summary() for lamp in self.lamps],
+            "lamps": [
+                {**lamp.summary(), "share": share}
+                for lamp, share in zip(self.lamps, self.lamp_shares, strict=True)
+            ],
+            "advice": self.advice,
         }
 
 
@@ -150,6 +176,8 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
     direction, directionality = _direction(light @ to_xyz[1])
     axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     factors = lambert_factors(order)[degrees(order), None]
+    found = split_lamps(probe, count=lamps).lamps if lamps and mean.any() else ()
+    whole = 4 * np.pi * float(to_xyz[1] @ mean)
     return ProbeStatistics(
         minimum=gathered.low,
         maximum=gathered.high,
@@ -166,7 +194,8 @@ def probe_statistics(probe: Probe, lamps: int = 3) -> ProbeStatistics:
         directionality=directionality,
         clipped=gathered.clipped(mean),
         primaries=_primaries(probe),
-        lamps=split_lamps(probe, count=lamps).lamps if lamps and mean.any() else (),
+        lamps=found,
+        lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / whole for lamp in found),
     )
 
 

@@ -31,13 +31,6 @@ from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
 Array = NDArray[np.floating]
 
-_ROWS_OF_LOBE = 24.0
-"""Rows of the probe for the truth times the width of the lobe, which is about alpha radians."""
-
-_ROWS = 64, 256
-"""The fewest and the most rows that the truth takes by default."""
-
-
 COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """Names of the representations that are compared."""
 
@@ -56,9 +49,10 @@ class Plan:
     viewers : tuple of V Viewer
     size : int
         Width and height of each picture, pixels.
-    source_heights : tuple of int or None
-        Rows that the probe is averaged down to for the truth of each surface; None where it is not
-        averaged.
+    source_height : int, optional
+        Rows that the probe is averaged down to for the truth; by default it is not averaged.
+    exact : bool
+        Whether the truth is the full sum over the pixels of the probe.
     memory : Memory
         The memory that it takes, and the most bytes of a map.
     """
@@ -68,8 +62,9 @@ class Plan:
     tolerance: float
     viewers: tuple[Viewer, ...]
     size: int
-    source_heights: tuple[int | None, ...]
+    source_height: int | None
     memory: Memory
+    exact: bool = False
 
     @property
     def truths(self) -> int:
@@ -132,12 +127,15 @@ class RepresentationTable:
     surfaces : tuple of Ggx
         Surfaces of one f0, in order of their roughness.
     truth : ndarray of float32, shape (surfaces, V, S, S, 3)
-        Pictures by brute force.
+        Pictures by angular integration.
+    truth_errors : tuple of float or None
+        What they may be wrong by, see `Reference.error`.
     results : tuple of RepresentationResult
     """
 
     surfaces: tuple[Ggx, ...]
     truth: Picture
+    truth_errors: tuple[float | None, ...]
     results: tuple[RepresentationResult, ...]
 
     def sheet(self, exposure: float = 0.0) -> Picture:
@@ -176,16 +174,6 @@ def table_layout(surfaces: int, size: int) -> SheetLayout:
     return arrange(columns * surfaces, size, columns)
 
 
-def source_height(probe: Probe, roughness: float) -> int | None:
-    """Return the rows that suffice for the truth of a roughness; None if the probe has no more.
-
-    The lobe of GGX is about alpha = roughness^2 radians wide. On real probes the pictures differ
-    from those of 256 rows by 0.6 % at most, for roughnesses of 0.5 and more.
-    """
-    enough = int(np.clip(np.ceil(_ROWS_OF_LOBE / roughness**2), *_ROWS))
-    return enough if probe.grid.latlong_rows > enough else None
-
-
 def groups(name: str, surfaces: Sequence[Ggx]) -> list[Sequence[Ggx]]:
     """Return the surfaces that share a map of a representation: each its own, or one for all."""
     return [[each] for each in surfaces] if registry.description(name).needs_brdf else [surfaces]
@@ -199,6 +187,7 @@ def plan_comparison(
     size: int,
     height: int | None = None,
     max_memory: int | None = None,
+    exact: bool = False,
 ) -> Plan:
     """Choose what to make, and estimate the memory that it takes.
 
@@ -207,7 +196,7 @@ def plan_comparison(
     probe, surfaces, tolerance, viewers, size
         The same as in `Plan`.
     height : int, optional
-        Rows that the probe is averaged down to for the truth; `source_height` by default.
+        Rows that the probe is averaged down to for the truth; by default it is not averaged.
     max_memory : int, optional
         The most bytes of memory that may be taken; by default half of the machine's memory. Where
         they are too few, maps of fewer bytes than the default are made.
@@ -217,13 +206,15 @@ def plan_comparison(
     ArgumentError
         If the pictures or the probe alone would take more.
     """
-    heights = [height or source_height(probe, each.number("roughness")) for each in surfaces]
+    heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
-    return Plan(probe, tuple(surfaces), tolerance, tuple(viewers), size, tuple(heights), memory)
+    return Plan(
+        probe, tuple(surfaces), tolerance, tuple(viewers), size, height, memory, exact
+    )  # fmt: skip
 
 
 def compare_representations(plan: Plan, progress: Progress | None = None) -> RepresentationTable:
-    """Prefilter a probe to every representation, and compare their pictures with brute force.
+    """Prefilter a probe to every representation, and compare their pictures with the truth.
 
     The pictures are drawn from maps that were written and read again, so that they include the
     rounding of the files. One map is in memory at a time.
@@ -242,24 +233,28 @@ def compare_representations(plan: Plan, progress: Progress | None = None) -> Rep
     """
     stages = Stages(progress, plan.truths + plan.maps)
     stages.done(0, 0)
-    truth = _draw_truth(plan, stages)
+    truth, errors = _draw_truth(plan, stages)
     done, results = plan.truths, []
     for name in COMPARED:
         results.append(_judge(registry.description(name), plan, truth, stages, done))
         done += len(groups(name, plan.surfaces))
-    return RepresentationTable(plan.surfaces, truth, tuple(results))
+    return RepresentationTable(plan.surfaces, truth, tuple(errors), tuple(results))
 
 
-def _draw_truth(plan: Plan, stages: Stages) -> Picture:
-    """Draw the surfaces by brute force, shape (surfaces, V, S, S, 3)."""
+def _draw_truth(plan: Plan, stages: Stages) -> tuple[Picture, list[float | None]]:
+    """Draw the truth of the surfaces, shape (surfaces, V, S, S, 3), and tell its errors."""
     count, size = len(plan.viewers), plan.size
     pictures = np.empty((len(plan.surfaces), count, size, size, 3), dtype=np.float32)
-    for index, (surface, rows) in enumerate(zip(plan.surfaces, plan.source_heights, strict=True)):
-        truth = Reference(plan.probe, surface, rows, progress=stages.within)
+    errors = []
+    for index, surface in enumerate(plan.surfaces):
+        truth = Reference(
+            plan.probe, surface, plan.source_height, progress=stages.within, exact=plan.exact
+        )
         for view, viewer in enumerate(plan.viewers):
             pictures[index, view] = render_sphere(truth, viewer, size)
             stages.done(index * count + view + 1, plan.truths)
-    return pictures
+        errors.append(truth.error)
+    return pictures, errors
 
 
 def _judge(

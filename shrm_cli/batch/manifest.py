@@ -9,7 +9,7 @@ A small one; `docs/batch.md` has every key::
     eps = 0.02
 
     [irradiance]
-    window = "auto"
+    form = "zh3"
 
     [[entry]]
     probes = ["night/*.exr"]
@@ -34,7 +34,7 @@ from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.vocabulary import AUTO, PRECISIONS, REPRESENTATIONS
 
-_MOST_BYTES = 2**24
+_MOST_BYTES = 2**22
 _MOST_ENTRIES = 10_000
 _LISTS = ("probes", "brdfs", "to")
 _TEXTS = ("output", "precision")

@@ -24,9 +24,8 @@ class Offer:
         coefficients as 32-bit floats. Tables that depend on no probe are not counted.
     error : float
         The relative RMS error of the reflected light, with bilinear look-ups and half precision.
-    wrong_share : float, optional
-        The share of what is visible whose luminance is wrong by more than 5 %; None where it is
-        not known.
+    wrong_share : float
+        The share of what is visible whose luminance is wrong by more than 5 %.
     measured : tuple of str
         Which of ``error`` and ``wrong_share`` are no predictions, but measured at some hundred
         points beside the truth.
@@ -44,7 +43,7 @@ class Offer:
     what: str
     bytes: int
     error: float
-    wrong_share: float | None
+    wrong_share: float
     measured: tuple[str, ...]
     look_ups: int
     multiply_adds: int
@@ -54,8 +53,8 @@ class Offer:
     on_cost_front: bool = False
 
     def keeps(self, goal: Goal) -> bool:
-        """Tell whether it is known to keep the goal."""
-        return self.wrong_share is not None and self._candidate().keeps(goal)
+        """Tell whether it keeps the goal."""
+        return self._candidate().keeps(goal)
 
     def _candidate(self) -> Candidate[Map]:
         return Candidate(
@@ -123,7 +122,7 @@ def decided(
     ]
     fitting = [each for each in marked if budget is None or each.bytes <= budget]
     kept = [each for each in fitting if each.keeps(goal)]
-    best = kept[0] if kept else _least_wrong(fitting)
+    best = kept[0] if kept else _least_wrong(fitting, goal)
     return Choice(probe, brdf, goal, budget, tuple(marked), best, bool(kept), tuple(warnings))
 
 
@@ -133,9 +132,9 @@ def _beats(one: Offer, other: Offer, costs: Sequence[str]) -> bool:
     return all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
 
 
-def _least_wrong(offers: Sequence[Offer]) -> Offer | None:
+def _least_wrong(offers: Sequence[Offer], goal: Goal) -> Offer | None:
     """Return the offer of the fewest bytes that is nearly as good as any; None if there is none."""
     if not offers:
         return None
     candidates = [each._candidate() for each in offers]
-    return offers[candidates.index(least_wrong(candidates))]
+    return offers[candidates.index(least_wrong(candidates, goal))]

@@ -162,7 +162,7 @@ def analyze(
     if source is not None and not no_plots:
         source_height = source_height or _source_height(source, grid.order_f)
         with progress_bar("integrating", quiet) as progress:
-            truth = Reference(source, brdf, source_height, progress=progress)
+            truth = Reference(source, brdf, source_height, progress=progress, exact=True)
             pictures = order_pictures(
                 lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
                 grid.order_f, size, truth,

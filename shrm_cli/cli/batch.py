@@ -145,7 +145,7 @@ def batch(
     \b
       shrm batch 'probes/*.exr' --brdf ggx:roughness=0.4 --brdf paint.bsdf --to principal
       shrm batch bake.toml --dry-run
-      shrm batch 'probes/**/*.exr' --to irradiance --window auto -o 'sh/{folder}/{probe}.exr'
+      shrm batch 'probes/**/*.exr' --to irradiance -o 'sh/{folder}/{probe}.exr'
       shrm batch 'probes/*.exr' --collect light.npz --collect-order 3
       shrm batch bake.toml --scheduler tcp://host:8786
     """

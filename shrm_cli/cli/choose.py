@@ -209,8 +209,8 @@ def _row(offer: Offer, is_best: bool) -> tuple[str, ...]:
     )
 
 
-def _share(value: float | None, is_measured: bool) -> str:
-    return "-" if value is None else f"{'~' if is_measured else ''}{value:.1%}"
+def _share(value: float, is_measured: bool) -> str:
+    return f"{'~' if is_measured else ''}{value:.1%}"
 
 
 def _advice(path: str, choice: Choice) -> list[str]:

@@ -13,6 +13,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     conclude,
+    exact_option,
     exposure_option,
     make_read_options,
     read_options,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 _VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
-_SIZE = 128
+_SIZE = 256
 """Default width and height of a sphere's picture where maps are compared, pixels."""
 _NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
 _OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
@@ -53,7 +54,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 @click.argument("maps", metavar="MAP...", nargs=-1, required=True, type=click.Path(dir_okay=False))
 @click.option(
     "--probe", type=click.Path(), metavar="PROBE",
-    help="Compare with the truth: the brute-force integral under this light probe.",
+    help="Compare with the truth: the integral under this light probe.",
 )  # fmt: skip
 @click.option(
     "--brdf",
@@ -82,10 +83,10 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     "--eps", "tolerance", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
+@exact_option
 @click.option(
     "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the truth: faster.  [default: all; with "
-    "--representations 24 / roughness^2 within 64 .. 256, right to 1 %]",
+    help="Rows that the probe is averaged down to for the truth.  [default: all]",
 )  # fmt: skip
 @click.option(
     "--max-memory", type=Bytes(), metavar="BYTES",
@@ -99,8 +100,8 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 )  # fmt: skip
 @click.option(
     "--size", type=click.IntRange(16, 2048),
-    help="Width and height of a sphere's picture, pixels.  [default: 128; with "
-    "--representations 48, and 96 with -o]",
+    help="Width and height of a sphere's picture, pixels.  [default: 256; with "
+    "--representations 96, and 128 with -o]",
 )  # fmt: skip
 @exposure_option
 @click.option(
@@ -129,6 +130,7 @@ def compare(
     window: str | None,
     steps: int | None,
     tolerance: float,
+    exact: bool,
     source_height: int | None,
     max_memory: int | None,
     views: tuple[tuple[float, float], ...],
@@ -166,7 +168,7 @@ def compare(
         _check_representations(maps, output, roughness)
         print_representations(
             maps[0], make_read_options(sampling, reading), roughness, steps, f0, tolerance, views,
-            size, source_height, max_memory, exposure, output, as_json, quiet,
+            size, source_height, exact, max_memory, exposure, output, as_json, quiet,
         )  # fmt: skip
         return
     from shrm_cli.brdf.spec import parse_spec
@@ -180,7 +182,7 @@ def compare(
     from shrm_cli.render.flip import can_flip
     from shrm_cli.render.primaries import in_same_primaries
 
-    _check_usage(maps, probe, roughness, ["spec", "source_height", "sampling", *reading])
+    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", "sampling", *reading])
     size = size or _SIZE
     source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
     names = maps[1:] if source is None else maps
@@ -211,7 +213,7 @@ def compare(
             # The maps may have named measured files, which are known only now.
             check_outputs([] if target is None else [target])
             label, digest, record = source.name, source.digest(), record_of(brdf)
-            baseline = Reference(source, brdf, source_height, progress=stages.within)
+            baseline = Reference(source, brdf, source_height, progress=stages.within, exact=exact)
         comparison = compare_spheres(
             baseline, loaded[-len(names) :], viewers, size, stages.done, primaries
         )
@@ -228,6 +230,7 @@ def compare(
         "baseline": maps[0] if source is None else _TRUTH,
         "probe": probe,
         "brdf": record,
+        "truth_error": None if source is None else baseline.error,
         "size": size,
         **surface_values(surface),
         **_numbers(comparison, names, views, flips),
@@ -241,7 +244,8 @@ def compare(
     ]
     # The first label is that of the baseline, which is the truth or the first map.
     labels = [_TRUTH, *_labels(maps)][-len(names) - 1 :]
-    report = [_table(result, labels[1:], flips is not None)]
+    how = "" if source is None else f", {baseline.statement}"
+    report = [_table(result, how, labels[1:], flips is not None)]
     if target is not None:
         pixels = comparison.picture(labels[0], labels[1:], exposure, amplify)
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
@@ -354,7 +358,7 @@ def _numbers(
     return {"views": each, "summary": [row(other, None) for other in range(len(names))]}
 
 
-def _table(result: dict[str, Any], names: Sequence[str], flipped: bool) -> str:
+def _table(result: dict[str, Any], how: str, names: Sequence[str], flipped: bool) -> str:
     """Return a table with rows for each view, and then for all views together.
 
     The name of a map comes last, because it may be long. FLIP has a column if it was measured.
@@ -369,7 +373,7 @@ def _table(result: dict[str, Any], names: Sequence[str], flipped: bool) -> str:
         rows = [row[:column] + row[column + 1 :] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     of_probe = "" if result["probe"] is None else f" of {result['probe']}"
-    lines = [f"compared with {result['baseline']}{of_probe}"]
+    lines = [f"compared with {result['baseline']}{of_probe}{how}"]
     for view, *numbers, name in rows:
         cells = [text.rjust(width) for text, width in zip(numbers, widths[1:-1], strict=True)]
         lines.append("  ".join([view.ljust(widths[0]), *cells, name]))

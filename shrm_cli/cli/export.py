@@ -50,8 +50,9 @@ if TYPE_CHECKING:
     help="Texels along an edge of a sharp cube for the background, 0 for none.",
 )  # fmt: skip
 @click.option(
-    "--window", default="none", show_default=True,
-    help="Window of the nine coefficients, as of irradiance: auto, hann, lanczos.",
+    "--window", metavar="NAME[:WIDTH]",
+    help="Window of the nine coefficients, as of irradiance: none, hann, lanczos, or auto, the "
+    "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
 @click.option("--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it.")
 @probe_sampling_option
@@ -65,7 +66,7 @@ def export(
     size: int | None,
     texels: str | None,
     skybox: int | None,
-    window: str,
+    window: str | None,
     dfg: bool,
     sampling: str | None,
     as_json: bool,
@@ -82,7 +83,7 @@ def export(
 
     \b
       shrm export probe.exr --for bevy
-      shrm export probe.exr --for filament --window auto -o assets/light
+      shrm export probe.exr --for filament --format rgba16f -o assets/light
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
     from shrm_cli.export.engine import engine as engine_of

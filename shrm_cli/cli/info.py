@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,11 +16,10 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.usage import refuse_inapplicable
 from shrm_cli.vocabulary import SAMPLINGS
 
-if TYPE_CHECKING:
-    from shrm_cli.lights.lamp import Lamp
-
 _MOST_ROWS, _MOST_NUMBERS = 9, 16
 """The most rows of a table and numbers of a list that are printed as text; JSON has them all."""
+
+_RADIANCES = "minimum", "maximum", "mean", "mean_luminance"
 
 
 @click.command()
@@ -39,7 +38,8 @@ def info(
 
     Of a probe it reads the pixels. Stops lie between the luminances that 1 % and 99.9 % of the
     sphere are below; irradiance is that of normals along the axes, +Y that of the ground; the
-    temperature is the correlated one of the mean light. `shrm sun` tells more of the lamps.
+    temperature is the correlated one of the mean light. Advice names small lamps that hold so much
+    of the light that glossy surfaces show them wrong; `shrm sun` takes them out.
     """
     from shrm_cli.brdf.environment.file import read_table_facts
     from shrm_cli.brdf.measured.reading.table_file import is_table
@@ -49,7 +49,7 @@ def info(
     from shrm_cli.transfer.file import is_transfer, read_transfer
 
     warnings: list[str] = []
-    lamps: list[str] = []
+    worded: dict[str, str] = {}
     if is_map(file):
         refuse_inapplicable(reading_rules(False, "to probes; FILE is a map"))
         values = _describe_map(file)
@@ -70,11 +70,12 @@ def info(
         values = _describe_measured(file)
     else:
         options = make_read_options(sampling, reading)
-        values, lamps, found = _describe_probe(file, options, stats)
+        values, found = _describe_probe(file, options, stats)
+        worded = _in_words(values) if stats else {}
         warnings = [f"{file}: {line}" for line in found]
     width = max(len(key) for key in values)
     lines = [file]
-    for key, value in (values | ({"lamps": "\n".join(lamps)} if "lamps" in values else {})).items():
+    for key, value in (values | worded).items():
         text = _text(value).replace("\n", "\n" + " " * (width + 4))
         lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
     conclude({"file": file, **values}, lines, warnings, as_json, quiet)
@@ -113,10 +114,8 @@ def _describe_map(file: str) -> dict[str, Any]:
     }
 
 
-def _describe_probe(
-    file: str, options: Any, stats: bool
-) -> tuple[dict[str, Any], list[str], list[str]]:
-    """Return the facts of a probe, lines about its lamps, and warnings."""
+def _describe_probe(file: str, options: Any, stats: bool) -> tuple[dict[str, Any], list[str]]:
+    """Return the facts of a probe, and warnings."""
     from shrm_cli.probe.probe import open_probe
 
     probe = open_probe(file, options)
@@ -131,26 +130,45 @@ def _describe_probe(
         "format": first.file_format,
         **first.facts(),
     }
-    lamps = []
     if stats:
         from shrm_cli.analysis.probe_statistics import probe_statistics
 
-        found = probe_statistics(probe)
-        values |= found.summary()
-        lamps = [_lamp_line(lamp) for lamp in found.lamps]
+        values |= probe_statistics(probe).summary()
     values |= {"chromaticities": probe.chromaticities, "sha256": probe.digest()}
     kept = {key: value for key, value in values.items() if value is not None}
-    return kept, lamps, probe.report.warnings() if stats else list(probe.report.notes)
+    return kept, probe.report.warnings() if stats else list(probe.report.notes)
 
 
-def _lamp_line(lamp: Lamp) -> str:
-    facts = lamp.summary()
-    size = f"radius {facts['radius']:.3g}"
-    if lamp.is_elongated:
-        size = f"{facts['length']:.3g} x {facts['width']:.3g}"
+def _in_words(values: dict[str, Any]) -> dict[str, str]:
+    """Return what the statistics of a probe say to people, with units."""
+    stops, white = values["stops"], values["white_balance"]
+    azimuth, elevation = values["light_from"]["azimuth_elevation"]
+    names = {"over_green": "R, G, B over green ", "xy": "xy ", "kelvin": "", "duv": "duv "}
+    balance = [
+        f"{before}{_text(white[name])}{' K' if name == 'kelvin' else ''}"
+        for name, before in names.items()
+        if white[name] is not None
+    ]
+    return {
+        **{key: f"{_text(values[key])} of radiance" for key in _RADIANCES},
+        "stops": f"{stops['1%_to_99.9%']:.3g} between what 1 % and 99.9 % of the sphere are below, "
+        f"{stops['least_to_most']:.3g} in all",
+        "irradiance": f"{_text(values['irradiance'])}\nradiance x sr, by the axis of the normal",
+        "white_balance": "; ".join(balance) or "none",
+        "light_from": f"azimuth {azimuth:.1f}, elevation {elevation:.1f} degrees, directionality "
+        f"{values['light_from']['directionality']:.2f} (0 from everywhere, 1 from one point)",
+        "lamps": "\n".join(map(_lamp_line, values["lamps"])) or "none",
+        "advice": values["advice"] or "none",
+    }
+
+
+def _lamp_line(lamp: dict[str, Any]) -> str:
+    size = f"radius {lamp['radius']:.3g}"
+    if lamp["is_elongated"]:
+        size = f"{lamp['length']:.3g} x {lamp['width']:.3g}"
     return (
-        f"azimuth {facts['azimuth']:.1f}, elevation {facts['elevation']:.1f}, {size} degrees, "
-        f"irradiance {_text(facts['irradiance'])}"
+        f"azimuth {lamp['azimuth']:.1f}, elevation {lamp['elevation']:.1f}, {size} degrees, "
+        f"{lamp['share']:.1%} of the light, irradiance {_text(lamp['irradiance'])}"
     )
 
 

@@ -51,6 +51,13 @@ probe_sampling_option = click.option(
 )  # fmt: skip
 
 
+exact_option = click.option(
+    "--exact", is_flag=True,
+    help="Sum the truth over all pixels of the probe, which takes up to a hundred times as long.  "
+    "[default: adaptively, with an error that is stated]",
+)  # fmt: skip
+
+
 def with_options(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:
     """Add options to a command, which its help lists in this order."""
     for option in reversed(options):

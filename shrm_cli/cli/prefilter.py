@@ -105,10 +105,11 @@ def prefilter(
       shrm prefilter probe.exr --brdf ggx:roughness=0.4,f0=gold
       shrm prefilter probe.exr --brdf "0.9*lambertian+0.1*phong" --eps 0.01
       shrm prefilter probe.exr --brdf paint.binary --error 0.05 --to principal
-      shrm prefilter probe.exr --to irradiance --window auto --shader glsl
+      shrm prefilter probe.exr --to irradiance --shader glsl
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import store
+    from shrm_cli.maps.remarks import with_wrong_share
     from shrm_cli.prefilter import check_arguments, prefilter_with_facts, resolved_form
     from shrm_cli.probe.probe import open_probe
 
@@ -146,7 +147,9 @@ def prefilter(
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
-    warnings += [f"{target}: {line}" for line in made.warnings]
+    share = summary.get("predicted_wrong_share") if to == "shrm" else None
+    remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error)
+    warnings += [f"{target}: {line}" for line in remarks]
     for text in [] if as_json else printed.values():
         echo(text.rstrip("\n"))
     lines = _report(made, result) if is_told else []

@@ -12,6 +12,7 @@ from shrm_cli.cli.kept import force_option, keep_other_picture
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
+    exact_option,
     exposure_option,
     make_read_options,
     precision_option,
@@ -41,10 +42,11 @@ if TYPE_CHECKING:
     help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
 )  # fmt: skip
 @click.option(
-    "--size", type=click.IntRange(16, 8192), default=128, show_default=True,
+    "--size", type=click.IntRange(16, 8192), default=256, show_default=True,
     help="Width and height of the picture, pixels.",
 )  # fmt: skip
 @exposure_option
+@exact_option
 @click.option(
     "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="H",
     help="Average the probe down to a lat-long of this height first.  [default: all pixels "
@@ -62,6 +64,7 @@ def reference(
     view: tuple[float, float],
     size: int,
     exposure: float,
+    exact: bool,
     source_height: int | None,
     precision: Precision,
     sampling: str | None,
@@ -69,13 +72,13 @@ def reference(
     quiet: bool,
     **reading: Any,
 ) -> None:
-    """Render the correct sphere in the light of PROBE, by brute force.
+    """Render the correct sphere in the light of PROBE, by integrals over it.
 
-    Every pixel is an integral over all pixels of the probe. That takes a minute where
-    `shrm render` draws a map within a second; --source-height makes it shorter.
+    Every pixel sums the probe as finely as the lobe needs there, and what that may be wrong by is
+    stated. --exact sums all pixels of the probe instead: minutes where this takes seconds.
 
     \b
-      shrm reference probe.exr --brdf microfacet --source-height 128 -o truth.png
+      shrm reference probe.exr --brdf microfacet -o truth.png
     """
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.files.picture import file_type, write_picture
@@ -99,15 +102,16 @@ def reference(
         "probe": Path(probe).name,
         "probe_sha256": source.digest(),
         "source_height": source_height,
+        "exact": exact,
     }
     # The probe is named without its folder, so that the file's bytes do not depend on that.
     recipe = {"reference": {**result, "reading": source.reading(), "precision": precision}}
     if not (output or force):
         keep_other_picture(target, recipe)
     with progress_bar("integrating", quiet) as progress:
-        truth = Reference(source, brdf, source_height, progress=progress)
+        truth = Reference(source, brdf, source_height, progress=progress, exact=exact)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
-    result["source_pixels"] = truth.source.pixels
+    result |= {"source_pixels": truth.source.pixels, "truth_error": truth.error}
     attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
     warnings = [f"{probe}: {line}" for line in source.report.warnings()]
@@ -116,6 +120,7 @@ def reference(
         f"  BRDF           {brdf!r}",
         f"  view           azimuth {view[0]:g}, elevation {view[1]:g}",
         f"  source         {truth.source.pixels:,} pixels of {probe}",
+        f"  truth          {truth.statement}",
     ]
     told = {"file": target, **result, "precision": pixel_type}
     conclude(told, lines, warnings, as_json, quiet)

@@ -15,6 +15,7 @@ from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.options import (
     READING_NAMES,
     conclude,
+    exact_option,
     make_read_options,
     probe_sampling_option,
     read_options,
@@ -35,7 +36,16 @@ if TYPE_CHECKING:
 _VIEWS = ("0,0", "120,20", "240,-20")
 _MAX_PAGE = 32 * 10**6
 _SUFFIXES = (".html", ".htm")
-_OF_PAGE = ("angles", "picture_size", "truth_height", "exposure", "no_flip", "no_view", "max_page")
+_OF_PAGE = (
+    "angles",
+    "picture_size",
+    "truth_height",
+    "exact",
+    "exposure",
+    "no_flip",
+    "no_view",
+    "max_page",
+)
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to"],
@@ -76,14 +86,14 @@ class _Report(command_with_headings(_HEADINGS)):  # type: ignore[misc]
     f"several times.  [default: {' '.join(_VIEWS)}]",
 )  # fmt: skip
 @click.option(
-    "--picture-size", type=click.IntRange(16, 1024), default=128, show_default=True, metavar="N",
+    "--picture-size", type=click.IntRange(16, 1024), default=256, show_default=True, metavar="N",
     help="Width and height of the spheres' pictures, pixels.",
 )  # fmt: skip
 @click.option(
     "--truth-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the truth.  [default: 64 .. 256, by the "
-    "width of the BRDF's lobe]",
+    help="Rows that the probe is averaged down to for the truth.  [default: all]",
 )  # fmt: skip
+@exact_option
 @click.option(
     "--exposure", type=STOPS, metavar="EV",
     help="Stops of the spheres.  [default: what suits the truth of each BRDF]",
@@ -106,6 +116,7 @@ def report(
     angles: tuple[tuple[float, float], ...],
     picture_size: int,
     truth_height: int | None,
+    exact: bool,
     exposure: float | None,
     no_flip: bool,
     no_view: bool,
@@ -134,7 +145,7 @@ def report(
     light = open_probe(probe, make_read_options(sampling, values))
     check_outputs([output], specs=brdfs, suffixes=_SUFFIXES)
     arguments = {name: value for name, value in values.items() if value is not None}
-    plan = Plan(brdfs, to, arguments, angles, picture_size, truth_height, not no_flip)
+    plan = Plan(brdfs, to, arguments, angles, picture_size, truth_height, exact, not no_flip)
     plan.recipes()  # refuses what no probe could make, before long work
     statistics = probe_statistics(light)
     with progress_bar("measuring", quiet) as progress:

@@ -30,7 +30,7 @@ ROUGHNESS = (0.5, 1.0)
 """Default range of the perceptual roughness."""
 STEPS = 4
 """Default number of roughnesses in a range."""
-SIZE, SIZE_OF_PICTURE = 48, 96
+SIZE, SIZE_OF_PICTURE = 96, 128
 """Default width and height of a sphere in pixels: without a picture to write, and with one."""
 
 
@@ -44,6 +44,7 @@ def print_representations(
     views: Sequence[tuple[float, float]],
     size: int | None,
     source_height: int | None,
+    exact: bool,
     max_memory: int | None,
     exposure: float,
     output: str | None,
@@ -84,7 +85,7 @@ def print_representations(
     click.get_current_context().with_resource(settings.using(cache=False))
     plan = plan_comparison(
         source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
-        max_memory,
+        max_memory, exact,
     )  # fmt: skip
     announce(_statement(plan, path), quiet)
     with progress_bar("comparing", quiet) as progress:
@@ -97,7 +98,8 @@ def print_representations(
         "epsilon": tolerance,
         "views": [list(view) for view in views],
         "size": size,
-        "source_heights": list(plan.source_heights),
+        "source_height": plan.source_height,
+        "truth_errors": list(table.truth_errors),
         "estimated_memory": plan.memory.needed,
         "max_memory": plan.memory.limit,
         "max_size": plan.memory.max_size,
@@ -129,7 +131,7 @@ def _statement(plan: Plan, path: str) -> list[str]:
     memory, size = plan.memory, plan.size
     pictures = counted(plan.truths, "picture")
     return [
-        f"{path}: {pictures} of {size} x {size} pixels by brute force, and as many of each of "
+        f"{path}: {pictures} of {size} x {size} pixels of the truth, and as many of each of "
         f"{len(COMPARED)} representations",
         f"  {counted(plan.maps, 'map')} of at most {bytes_text(memory.max_size)} each, and "
         f"{bytes_text(memory.needed)} of memory at most, of {bytes_text(memory.limit)} allowed",
@@ -180,7 +182,9 @@ def _report(table: RepresentationTable, path: str) -> str:
         errors.append(None if each.difference is None else each.difference.p95_relative_error)
         rows.append([each.representation.title, str(each.files), *costs, *map(_share, errors)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [f"{path} on GGX of f0 {f0}: relative RMS error by roughness, against brute force"]
+    stated = [error for error in table.truth_errors if error is not None]
+    how = f"summed adaptively, 95 % within {max(stated):.2%}" if stated else "summed in full"
+    lines = [f"{path} on GGX of f0 {f0}: relative RMS error by roughness; the truth is {how}"]
     for title, *cells in rows:
         right = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
         lines.append("  ".join([title.ljust(widths[0]), *right]))
@@ -211,7 +215,7 @@ def _attributes(
     settings: dict[str, Any], chromaticities: tuple[float, ...] | None
 ) -> dict[str, Any]:
     """Return the attributes of an EXR, whose bytes must not depend on the probe's folder."""
-    keys = ("roughness", "f0", "epsilon", "views", "size", "source_heights", "exposure")
+    keys = ("roughness", "f0", "epsilon", "views", "size", "source_height", "exposure")
     recipe = {
         "compare": [Path(settings["probe"]).name],
         "representations": [each["representation"] for each in settings["representations"]],

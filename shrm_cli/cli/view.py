@@ -10,6 +10,7 @@ import click
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
+    exact_option,
     make_read_options,
     optional_brdf_option,
     probe_sampling_option,
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
 
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
-_TRUTH_SIZE = 96
+_TRUTH_SIZE = 192
 _SUFFIXES = (".html", ".htm")
-_OF_TRUTH = ("brdf", "truth_size", "source_height")
+_OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 
 @click.command()
@@ -69,9 +70,9 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height")
 )  # fmt: skip
 @click.option(
     "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the truth.  [default: 64 .. 256, by the "
-    "width of the BRDF's lobe]",
+    help="Rows that the probe is averaged down to for the truth.  [default: all]",
 )  # fmt: skip
+@exact_option
 @click.option("--no-truth", is_flag=True, help="Compute no truth; the probe is shown all the same.")
 @click.option(
     "--max-size", type=Bytes(), metavar="BYTES", default=str(_MAX_SIZE),
@@ -94,6 +95,7 @@ def view(
     brdf: str | None,
     truth_size: int,
     source_height: int | None,
+    exact: bool,
     no_truth: bool,
     max_size: int,
     no_open: bool,
@@ -105,7 +107,7 @@ def view(
     """Show each MAP in a browser: orbit, zoom, compare, read radiance under the mouse.
 
     The page shows two maps beside each other or their difference. With --probe there is the truth
-    besides, integrated by brute force for the views of --view. Split sums and SH exponentials are
+    besides, integrated for the views of --view. Split sums and SH exponentials are
     shown as GGX of any roughness and f0. The shader is the one that --shader prints. The options
     from --sampling to --clamp are about the file of --probe.
 
@@ -138,7 +140,7 @@ def view(
     with progress_bar("integrating", quiet) as progress:
         scene = _scene(
             opened, maps, light, mesh, start, brdf, truth_size if has_truth else 0, source_height,
-            max_size if output else None, progress,
+            exact, max_size if output else None, progress,
         )  # fmt: skip
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += scene.remarks
@@ -188,6 +190,7 @@ def _scene(
     spec: str | None,
     truth_size: int,
     source_height: int | None,
+    exact: bool,
     max_size: int | None,
     progress: Any,
 ) -> Scene:
@@ -196,7 +199,7 @@ def _scene(
     from shrm_cli.view.scene import Truth, make_scene
 
     brdf = None if spec is None else parse_spec(spec, primaries=light.chromaticities)
-    truth = Truth(brdf, truth_size, source_height)
+    truth = Truth(brdf, truth_size, source_height, exact)
     shape = None if mesh is None else load_mesh(mesh)
     return make_scene(opened, names, light, shape, start, truth, max_size, progress)
 

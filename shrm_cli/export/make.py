@@ -138,8 +138,9 @@ class Asked:
         The name of a texel format.
     skybox : int, optional
         Texels along an edge of the sharp cube; 0 for none.
-    window : str
-        The window of the nine coefficients, as `shrm_cli.maps.irradiance.window` has it.
+    window : str, optional
+        The window of the nine coefficients, as `shrm_cli.maps.irradiance.window` has it; by default
+        ``auto``, which changes nothing where nothing is negative.
     table : bool
         Whether the environment-BRDF table is wanted.
     keeps_primaries : bool
@@ -149,7 +150,7 @@ class Asked:
     size: int | None = None
     texels: str | None = None
     skybox: int | None = None
-    window: str = "none"
+    window: str | None = None
     table: bool = False
     keeps_primaries: bool = False
 
@@ -210,7 +211,7 @@ def check(engine: Engine, asked: Asked) -> None:
         raise ArgumentError("format", f"{asked.texels} does not apply; {why}")
     if asked.skybox and not engine.takes_skybox:
         raise ArgumentError("skybox", f"does not apply; {engine.title} gets no sharp cube")
-    if asked.window != "none" and not engine.wants_irradiance:
+    if asked.window is not None and not engine.wants_irradiance:
         raise ArgumentError("window", f"does not apply; {engine.title} gets no coefficients")
     if asked.table and not engine.takes_table:
         raise ArgumentError("dfg", f"does not apply; {engine.title} has a table of its own")
@@ -250,6 +251,7 @@ def gather(
         irradiance, diffuse, lines = _irradiance(source, itself, engine, asked, progress)
         light = replace(light, irradiance=irradiance, diffuse=diffuse)
         warnings += lines
+        told = [*told, *([] if irradiance is None else _windowed(irradiance.window))]
     if itself is not None:
         light = _with_images(light, itself, engine, asked, progress)
     if asked.table:
@@ -262,7 +264,7 @@ def _irradiance(
 ) -> tuple[Irradiance | None, Irradiance | None, list[str]]:
     """Return nine coefficients, those for cubes, and warnings; None where nothing is known."""
     if source.irradiance is not None:
-        if asked.window != "none":
+        if asked.window is not None:
             raise ArgumentError("window", "applies to probes; this irradiance map is finished")
         return _nine(source.irradiance), source.irradiance, []
     if light is None:
@@ -270,13 +272,20 @@ def _irradiance(
     nine = diffuse = None
     warnings: list[str] = []
     if engine.wants_irradiance:
-        made = prefilter_irradiance(light, window=asked.window, progress=progress)
+        made = prefilter_irradiance(light, window=asked.window or "auto", progress=progress)
         nine, warnings = made.map, list(made.warnings)
     if engine.wants_diffuse:
         coefficients = project(light, DIFFUSE_ORDER, progress).coefficients
         known = provenance(light, Lambertian(), Orders(DIFFUSE_ORDER, 0, 0.0, 1.0))
         diffuse = Irradiance(coefficients, known)
     return cast(Irradiance | None, nine), diffuse, warnings
+
+
+def _windowed(window: Window) -> list[str]:
+    """Say what a window changes, if there is one."""
+    if not window.factors:
+        return []
+    return [f"irradiance: windowed ({window.name}), which changes it by {window.change:.1%} RMS"]
 
 
 def _nine(irradiance: Irradiance) -> Irradiance:

@@ -44,21 +44,22 @@ class _Reader:
         self.corners = array("q")
 
     def read(self, data: bytes) -> None:
-        before = b""
+        before: list[bytes] = []  # what goes on in the next line, and its length
+        length = 0
         for line in io.BytesIO(data):
             self.line += 1
             if len(line) > _MOST_LINE:  # its words would take a hundred times as much
                 if line.lstrip().startswith(b"#"):
                     continue
                 raise self.wrong("line", "is too long")
-            line = before + line
             if line.rstrip(b"\r\n").endswith(b"\\"):  # it goes on in the next line
-                before = line.rstrip(b"\r\n")[:-1] + b" "
-                if len(before) > _MOST_LINE:
+                before.append(line.rstrip(b"\r\n")[:-1])
+                length += len(line)
+                if length > _MOST_LINE:
                     raise self.wrong("line", "is too long")
                 continue
-            before = b""
-            words = line.split()
+            words = b" ".join([*before, line]).split()
+            before, length = [], 0
             if not words:
                 continue
             if words[0] in _WIDTHS:

@@ -190,6 +190,7 @@ class Lamp:
             "length": float(np.degrees(self.spans[0])),
             "width": float(np.degrees(self.spans[1])),
             "elongation": self.elongation,
+            "is_elongated": self.is_elongated,
             "clipped": self.clipped,
             "level": self.level,
             "error": self.error,

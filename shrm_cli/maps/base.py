@@ -86,9 +86,7 @@ class Map(ABC):
     needs_surface: ClassVar[bool] = False
     needs_light: bool = False
     varies: ClassVar[bool] = False
-    against_negatives: ClassVar[str] = (
-        "lower `eps` or raise `max_size` to keep more orders, take `to` principal"
-    )
+    against_negatives: ClassVar[str] = "take `to` auto without `eps` or orders"
     info: MapInfo
 
     if TYPE_CHECKING:

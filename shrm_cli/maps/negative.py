@@ -66,6 +66,6 @@ def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
     if share <= LARGEST_SHARE:
         return ()
     return (
-        f"{share:.1%} of what is visible is negative, which screens show as black; "
-        f"{map_.against_negatives}, or dim the lamps with `clamp`",
+        f"{share:.1%} of what is visible is black, mostly beside lamps, for it is negative there; "
+        f"{map_.against_negatives}",
     )

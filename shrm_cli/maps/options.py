@@ -299,7 +299,7 @@ TEXTURES = Option(
 WINDOW = Option(
     "window",
     "irradiance, product: none, hann, lanczos, or auto, the factors that change the light least "
-    "and leave nothing that is seen negative.  [default: none; for product auto]",
+    "and leave nothing that is seen negative.  [default: auto]",
     "text",
     metavar="NAME[:WIDTH]",
 )

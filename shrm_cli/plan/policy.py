@@ -23,9 +23,14 @@ FINER = 2**-0.5
 of glossy maps double with each, so that hardly half of them can be too many."""
 LEAST_ERROR = 0.004
 """The least error that is tried. About the truth that `shrm compare` sums up is no closer."""
-SIMPLE_BYTES = 10**6
-"""An SHRM of no more bytes than this is taken wherever it keeps what is asked: its shader is the
-shortest, and readers of other programs know it. Beyond, only if no other form takes fewer."""
+SIMPLE_TIMES = 4
+"""An SHRM that keeps what is asked is taken where it has at most so many times the bytes of the map
+of principal functions, and a P of at most `SIMPLE_ORDER_P`: its shader is the shortest, and readers
+of other programs know it. Both are some kilobytes there."""
+SIMPLE_ORDER_P = 4
+"""The largest P of SHRMs that are taken: 25 coefficients, about as many look-ups as the principal
+maps of the same errors have. Under a sunset GGX of roughness .5 keeps what is asked with P = 11, of
+144 coefficients and 746 kB; eleven cubes of principal functions do, in 69 kB."""
 NEARLY_AS_GOOD = 1.1
 """How many times the least error a map of fewer cubes may have, as shaders look up every cube."""
 NEARLY_BEST = 1.05

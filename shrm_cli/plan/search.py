@@ -25,6 +25,9 @@ class Sized(Protocol):
         """Its relative RMS error, with those of bilinear look-ups and of half precision."""
 
 
+_ROUNDING = 1 + 1e-9
+"""How much more than what was asked for counts as the same."""
+
 C = TypeVar("C", bound=Sized)
 M = TypeVar("M")
 
@@ -112,6 +115,18 @@ class Goal:
     error: float = policy.ERROR
     wrong_share: float | None = policy.WRONG_SHARE
 
+    @classmethod
+    def of(cls, error: float | None, seen: float | None) -> "Goal":
+        """Return what a map has to keep, where one of the two or none is asked for.
+
+        Whoever asks for an error of the light alone gets the bytes that it takes, and no more.
+        """
+        if error is not None and seen is None:
+            return cls(error, None)
+        return cls(
+            policy.ERROR if error is None else error, policy.WRONG_SHARE if seen is None else seen
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate(Generic[M]):
@@ -128,7 +143,7 @@ class Candidate(Generic[M]):
     total_error : float
         The relative RMS error, with those of bilinear look-ups and of half precision.
     find_wrong_share : callable
-        Predicts the share of what is visible whose luminance is wrong; None where it is not known.
+        Predicts the share of what is visible whose luminance is wrong.
     make : callable
         Makes the map.
     """
@@ -137,19 +152,25 @@ class Candidate(Generic[M]):
     bytes: int
     look_ups: int
     total_error: float
-    find_wrong_share: Callable[[], float | None] = field(repr=False)
+    find_wrong_share: Callable[[], float] = field(repr=False)
     make: Callable[[], M] = field(repr=False)
 
     @cached_property
-    def wrong_share(self) -> float | None:
+    def wrong_share(self) -> float:
         """The predicted share of what is visible whose luminance is wrong."""
         return self.find_wrong_share()
 
+    def badness(self, goal: Goal) -> float:
+        """Return the larger of both errors, each in units of what the goal allows."""
+        of_error = self.total_error / goal.error
+        if goal.wrong_share is None:
+            return of_error
+        return max(of_error, self.wrong_share / goal.wrong_share)
+
     def keeps(self, goal: Goal) -> bool:
-        """Tell whether the map keeps what is asked; a share that is not known is no obstacle."""
-        if self.total_error > goal.error * (1 + 1e-9):
-            return False
-        return goal.wrong_share is None or (self.wrong_share or 0.0) <= goal.wrong_share
+        """Tell whether the map keeps what is asked."""
+        # What takes long is found out last.
+        return self.total_error <= goal.error * _ROUNDING and self.badness(goal) <= _ROUNDING
 
 
 Propose = Callable[[float], Candidate[Any]]
@@ -180,16 +201,14 @@ def first_kept(propose: Propose, goal: Goal) -> tuple[list[Candidate[Any]], bool
     return tried, False
 
 
-def least_wrong(tried: Iterable[Candidate[Any]]) -> Candidate[Any]:
+def least_wrong(tried: Iterable[Candidate[Any]], goal: Goal) -> Candidate[Any]:
     """Return the candidate of the fewest bytes that is nearly as good as any, where none is good.
 
-    The share of wrong pixels counts where it is known of all, and the error otherwise.
+    How bad one is tells the largest of what it misses, in units of what may be missed.
     """
     tried = list(tried)
-    shares = [each.wrong_share for each in tried]
-    values = [each.total_error for each in tried]
-    if all(share is not None for share in shares):
-        values = [float(share or 0.0) for share in shares]
-    limit = policy.MISSED * min(values)
-    good = [each for each, value in zip(tried, values, strict=True) if not value > limit]
-    return min(good or tried, key=lambda each: each.bytes)
+    bad = [each.badness(goal) for each in tried]
+    good = [
+        each for each, how in zip(tried, bad, strict=True) if not how > policy.MISSED * min(bad)
+    ]
+    return min(good, key=lambda each: each.bytes)

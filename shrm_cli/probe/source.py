@@ -60,8 +60,7 @@ class Source:
         dtype : float32 or float64
             Of the attributes, but for the angles.
         """
-        probe = coarse_probe(probe, LEAST_ROWS)
-        directions, light = _pixels(probe) if height is None else _reduced(probe, height)
+        directions, light = source_pixels(probe, height)
         pixels = light.shape[0] * light.shape[1]
         # Tiles are copies, so that those of a large probe are made of a few rows at a time.
         bands = [
@@ -84,6 +83,18 @@ def _lights(directions: Array, light: Array, dtype: type) -> tuple[Array, Array,
     angles = np.arccos(np.clip(cosines, -1, 1))
     directions = np.ascontiguousarray(directions.swapaxes(1, 2), dtype=dtype)
     return directions, light.astype(dtype), axes.astype(dtype), angles
+
+
+def source_pixels(probe: Probe, height: int | None = None) -> tuple[Array, Array]:
+    """Return world directions and radiance times solid angle of lights, shape (H, W, 3) each.
+
+    Parameters
+    ----------
+    probe, height
+        As `Source.of` takes them.
+    """
+    probe = coarse_probe(probe, LEAST_ROWS)
+    return _pixels(probe) if height is None else _reduced(probe, height)
 
 
 def _pixels(probe: Probe) -> tuple[Array, Array]:

@@ -23,6 +23,11 @@ _MIDDLE = 0.5
 class VertexColors:
     """A mesh with its own shadows, under one light.
 
+    Where few orders make light negative, in shadows beside lamps, it is black. Windows of the light
+    help little there and cost much: those that left no more than a thousandth of a bunny's vertices
+    negative under a bare sun changed the light by 10 % to 21 % RMS, and no window did for a dragon.
+    What is made black is 0.1 % to 5 %.
+
     Parameters
     ----------
     mesh : Mesh
@@ -52,7 +57,7 @@ class VertexColors:
         self._eye: Array | None = None
         self._colors: Array = np.empty((0, 3))
         if product is None:
-            self._colors = diffuse_colors(transfer, self._lighting)
+            self._colors = np.maximum(diffuse_colors(transfer, self._lighting), 0)
         else:
             transfer.check_glossy()
 
@@ -63,7 +68,8 @@ class VertexColors:
         if self._eye is None or not np.array_equal(eye, self._eye):
             views = normalize(eye - self._mesh.vertices)
             arguments = self._transfer, self._product, self._lighting, views
-            self._colors, self._eye = glossy_colors(*arguments), np.array(eye)
+            self._colors = np.maximum(glossy_colors(*arguments), 0)
+            self._eye = np.array(eye)
         return self._colors
 
 

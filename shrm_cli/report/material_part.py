@@ -65,7 +65,7 @@ def material_part(
         [_pictures(material, index, stops) for index in range(len(made))],
         tag(
             "p.quiet",
-            f"The truth is a brute-force sum over the probe at {material.rows} rows, which took "
+            f"The truth is an integral over the probe, {material.truth}; it took "
             f"{words.duration(material.seconds)}. Differences are those of the luminance, relative "
             f"to the truth, which counts as {SEEN_FLOOR:.0%} of its mean at least.",
         ),

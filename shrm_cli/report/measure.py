@@ -25,7 +25,6 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
 from shrm_cli.render.flip import FlipError, can_flip
 from shrm_cli.render.shading import KnownMap, ggx_surface, outside_range
-from shrm_cli.view.truth import source_rows
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,9 @@ class Plan:
     size : int
         Width and height of the pictures, pixels.
     rows : int, optional
-        Rows that the probe is averaged down to for the truth; what the lobe needs by default.
+        Rows that the probe is averaged down to for the truth; by default it is not averaged.
+    exact : bool
+        Whether the truth is the full sum over the pixels of the probe.
     flips : bool
         Whether HDR-FLIP is measured, where it is installed.
     """
@@ -54,8 +55,9 @@ class Plan:
     forms: tuple[str, ...]
     arguments: Mapping[str, Any] = field(default_factory=dict)
     views: tuple[tuple[float, float], ...] = ((0.0, 0.0), (120.0, 20.0), (240.0, -20.0))
-    size: int = 128
+    size: int = 256
     rows: int | None = None
+    exact: bool = False
     flips: bool = True
 
     def recipes(self) -> list[Recipe]:
@@ -111,8 +113,10 @@ class Material:
     maps : list of Made
     shown : list of KnownMap
         The maps; those of light alone on the surface.
-    rows : int
-        Of the lat-long that the truth is integrated over.
+    truth : str
+        How the truth was summed, in words.
+    truth_error : float, optional
+        What it may be wrong by, see `Reference.error`.
     comparison : Comparison
         Truth and maps, in all views.
     flips : list of list of FlipError or None
@@ -125,7 +129,8 @@ class Material:
     spec: str
     maps: list[Made] = field(default_factory=list)
     shown: list[KnownMap] = field(default_factory=list)
-    rows: int = 0
+    truth: str = ""
+    truth_error: float | None = None
     comparison: Comparison | None = None
     flips: list[list[FlipError | None]] = field(default_factory=list)
     seconds: float = 0.0
@@ -169,7 +174,8 @@ class Measured:
         return [
             {
                 "file": made.file,
-                "truth_rows": material.rows,
+                "truth_rows": self.plan.rows,
+                "truth_error": material.truth_error,
                 **made.summary,
                 "seconds": made.seconds,
                 "measured": material.numbers(index),
@@ -285,7 +291,6 @@ def _add_light(found: Measured, made: Made) -> None:
 
 def _compare(material: Material, probe: Probe, plan: Plan, stages: Stages) -> None:
     """Draw the truth and the maps of a material, and measure HDR-FLIP between them."""
-    material.rows = plan.rows or source_rows(material.brdf)
     # The first pictures are those of the truth, so that the time between them is its own.
     start = time.perf_counter()
     truths = len(plan.views)
@@ -294,9 +299,10 @@ def _compare(material: Material, probe: Probe, plan: Plan, stages: Stages) -> No
         if done == truths:
             material.seconds = time.perf_counter() - start
 
-    truth = Reference(probe, material.brdf, material.rows, progress=stages.within)
+    truth = Reference(probe, material.brdf, plan.rows, progress=stages.within, exact=plan.exact)
     viewers = [Viewer(*view) for view in plan.views]
     material.comparison = compare_spheres(truth, material.shown, viewers, plan.size, drawn)
+    material.truth, material.truth_error = truth.statement, truth.error
     if plan.flips and can_flip():
         views = range(len(viewers))
         material.flips = [

@@ -36,7 +36,7 @@ _HALVED = (1, 2, 4, 8)
 """By what the edges of maps are divided, one after the other, until a view has room for them."""
 _LEAST_EDGE = 16
 """Maps with fewer texels along an edge are not made smaller for a view."""
-_TRUTH_SIZE = 96
+_TRUTH_SIZE = 192
 """The most points along the edge of the truth in a view, which takes as long as a picture."""
 
 
@@ -199,7 +199,8 @@ def _view(
     given: dict[str, Any] = {"views": measured.plan.views[:1], "exposure": exposure}
     if surface is not None:
         given |= {"roughness": surface[0], "f0": surface[1]}
-    truth = Truth(material.brdf, min(measured.plan.size, _TRUTH_SIZE), material.rows)
+    plan = measured.plan
+    truth = Truth(material.brdf, min(plan.size, _TRUTH_SIZE), plan.rows, plan.exact)
     limit = int((room - _OWN) / _MARKUP)
     try:
         fitting = _fitting(material, limit - _SKY)
@@ -293,6 +294,8 @@ def _making(measured: Measured, look: Look) -> Html:
     """Return how the page was made, and what its numbers mean."""
     probe, plan = measured.probe, measured.plan
     views = " ".join(f"--view {azimuth:g},{elevation:g}" for azimuth, elevation in plan.views)
+    views += "" if plan.rows is None else f" --source-height {plan.rows}"
+    views += " --exact" if plan.exact else ""
     versions = [
         ("shrm", __version__),
         ("Python", platform.python_version()),
@@ -316,7 +319,7 @@ def _recipe(material: Material, index: int, made: Made, views: str) -> Html:
         key: value for key, value in made.summary.items() if key not in ("brdf", "probe_sha256")
     }
     rows = [(key, _text(value)) for key, value in said.items()]
-    compared = f"shrm compare {made.file} --probe PROBE {views} --source-height {material.rows}"
+    compared = f"shrm compare {made.file} --probe PROBE {views}"
     return joined(
         tag("h3", tag("code", made.file)),
         tag("pre", compared),

@@ -18,12 +18,13 @@ from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
+from shrm_cli.reference import Reference
 from shrm_cli.render.shading import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
 from shrm_cli.view.shapes import described_shapes
-from shrm_cli.view.truth import source_rows, truth_facts, truth_pictures
+from shrm_cli.view.truth import truth_facts, truth_pictures
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
 
 SKY_ROWS = 512
@@ -32,7 +33,7 @@ _LEAST_SKY_ROWS = 64
 """The fewest rows that a probe is reduced to so that the page is small enough."""
 MOST_VIEWS = 8
 """The most views that the truth is computed for."""
-TRUTH_SIZE = 96
+TRUTH_SIZE = 192
 """Pixels along the edge of a picture of the truth, where no other number is asked for."""
 
 
@@ -69,12 +70,15 @@ class Truth:
     size : int
         Pixels along the edge of its pictures; 0 for no truth.
     rows : int, optional
-        Of the lat-long that the probe is averaged down to; what the BRDF's lobe needs by default.
+        Of the lat-long that the probe is averaged down to; by default it is not averaged.
+    exact : bool
+        Whether it is the full sum over the pixels of the probe.
     """
 
     brdf: Brdf | None = None
     size: int = TRUTH_SIZE
     rows: int | None = None
+    exact: bool = False
 
 
 @dataclass
@@ -199,9 +203,9 @@ def _add_truth(
         except BrdfError as error:
             scene.remarks.append(f"no truth: {error}")
             return
-    rows = truth.rows or source_rows(brdf)
+    source = Reference(probe, brdf, truth.rows, exact=truth.exact)
     spec = spec_of(record_of(brdf))
-    pictures = truth_pictures(probe, brdf, start.views, truth.size, rows, progress)
+    pictures = truth_pictures(source, start.views, truth.size, progress)
     matrix = to_rec709(probe.chromaticities)
     for view, picture in zip(start.views, pictures, strict=True):
         if matrix is not None:
@@ -215,7 +219,7 @@ def _add_truth(
             }
         )
     name = Path(probe.name).name
-    scene.description["truth_facts"] = truth_facts(name, spec, truth.size, rows)
+    scene.description["truth_facts"] = truth_facts(name, spec, truth.size, source)
 
 
 def _add_sky(scene: Scene, probe: Probe, max_size: int | None) -> None:

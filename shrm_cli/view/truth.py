@@ -1,4 +1,4 @@
-"""Pictures of the truth, by brute force, for the views that a page begins with."""
+"""Pictures of the truth, by angular integration, for the views that a page begins with."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,9 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf import lobe
-from shrm_cli.brdf.base import Brdf
-from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer, sphere_normals
@@ -18,25 +15,12 @@ Array = NDArray[np.floating]
 _INSIDE = 0.25
 """Points on the silhouette are moved inside by half this part of the distance between two of
 them, because BRDFs have no value there."""
-_PART = 0.1
-"""The part of a lobe's energy outside the angle that decides how fine the source has to be."""
-_FINENESS = 20.0
-"""Rows of the source within that angle, which keep the truth right to half a percent."""
-_ROWS = 64, 256
-
-
-def source_rows(brdf: Brdf) -> int:
-    """Return the rows of a lat-long that are fine enough for a BRDF's lobe, 64 .. 256."""
-    angle = max(lobe.lobe_angle(brdf, _PART), 1e-3)
-    return int(np.clip(_FINENESS * np.pi / angle, *_ROWS))
 
 
 def truth_pictures(
-    probe: Probe,
-    brdf: Brdf,
+    source: Reference,
     views: Sequence[tuple[float, float]],
     size: int,
-    rows: int,
     progress: Progress | None = None,
 ) -> list[Array]:
     """Integrate what a distant viewer sees on a sphere.
@@ -47,14 +31,11 @@ def truth_pictures(
 
     Parameters
     ----------
-    probe : Probe
-    brdf : Brdf
+    source : Reference
     views : sequence of (float, float)
         Azimuth and elevation of each viewer, degrees.
     size : int
         Pixels along the square around the sphere.
-    rows : int
-        Of the lat-long that the probe is averaged down to.
     progress : callable, optional
         Called with the points done and the points of all pictures.
 
@@ -77,7 +58,7 @@ def truth_pictures(
         if progress is not None:
             progress(len(pictures) * total + done, len(views) * total)
 
-    source = Reference(probe, brdf, rows, progress=counted)
+    source.progress = counted
     for azimuth, elevation in views:
         viewer = Viewer(azimuth, elevation)
         picture = np.zeros((size, size, 3), dtype=np.float32)
@@ -86,11 +67,11 @@ def truth_pictures(
     return pictures
 
 
-def truth_facts(probe: str, brdf: str, size: int, rows: int) -> list[tuple[str, Any]]:
+def truth_facts(probe: str, brdf: str, size: int, source: Reference) -> list[tuple[str, Any]]:
     """Return what the page says of the truth, as pairs of a word and a value."""
     return [
-        ("what", "brute-force integral over the probe"),
+        ("what", f"integral over the probe, {source.statement}"),
         ("BRDF", brdf),
-        ("probe", f"{probe}, {rows} rows"),
+        ("probe", f"{probe}, {source.source.pixels:,} pixels"),
         ("picture", f"{size} \u00d7 {size} points on the sphere"),
     ]

@@ -113,10 +113,18 @@ def process(*arguments, code=MAIN):
     return Run(child.returncode, out, err)
 
 
+WRONG_PICTURE = "of the picture is predicted to be wrong by more than 5 %"
+
+
 def done(*arguments):
-    """Run a command that must succeed without a warning, and return its standard output."""
+    """Run a command that must succeed without a warning, and return its standard output.
+
+    An SHRM that is asked for by its tolerance is one whatever its picture is like, so that the line
+    about the picture does not count.
+    """
     result = run(*arguments)
-    assert (result.code, result.err) == (0, "")
+    told = [line for line in result.err.splitlines() if WRONG_PICTURE not in line]
+    assert (result.code, told) == (0, [])
     return result.out
 
 

@@ -93,7 +93,13 @@ def test_everything_with_a_probe(folder):
     for name in ("accuracy", "estimate_minimum", "estimate_brdf", "estimate_bound"):
         np.testing.assert_array_equal(result["accuracy"][name], getattr(curve, name))
     pictures = order_pictures(
-        lighting, grid.coefficients, "reflection", [Viewer(20, 10)], 12, 16, Reference(source, brdf)
+        lighting,
+        grid.coefficients,
+        "reflection",
+        [Viewer(20, 10)],
+        12,
+        16,
+        Reference(source, brdf, exact=True),
     )
     shown = result["pictures"]
     assert shown["views"] == [[20, 10]]

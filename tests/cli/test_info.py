@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import struct
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from shrm_cli.brdf.measured.goniometer import write_goniometer
 from shrm_cli.brdf.spec import parse_spec
+from tests import oracles
 from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
 from tests.fuzz.exr_header import Attribute, parse
 
@@ -21,7 +23,7 @@ MAP_KEYS = [
 PROBE_KEYS = [
     "file", "kind", "layout", "width", "height", "sampling", "format", "channels", "encoding",
     "minimum", "maximum", "mean", "mean_luminance", "stops", "irradiance", "white_balance",
-    "light_from", "clipped", "primaries", "lamps", "sha256", "warnings",
+    "light_from", "clipped", "primaries", "lamps", "advice", "sha256", "warnings",
 ]  # fmt: skip
 
 
@@ -60,7 +62,7 @@ def test_map_as_json(folder):
     assert values["chromaticities"] is None
     assert values["warnings"] == []
     # What prefilter said is what info says, under the same names.
-    for key in made.keys() & values.keys() - {"file"}:
+    for key in made.keys() & values.keys() - {"file", "warnings"}:
         expected = made[key]
         if isinstance(expected, float):
             expected = pytest.approx(expected, rel=1e-6)
@@ -121,6 +123,39 @@ def test_the_brightest_lamps_are_lines(folder):
     text = done("info", "lamps.exr")
     places = [line.split("azimuth")[1].split(",")[0] for line in text.splitlines() if "deg" in line]
     assert sorted(float(place) for place in places) == pytest.approx([-74.5, 88.6], abs=0.1)
+
+
+@pytest.mark.parametrize(("level", "radius"), [(9e4, 0.5), (9e3, 0.5), (90, 0.5), (9e3, 8)])
+def test_small_lamps_that_hold_much_of_the_light_are_worth_advice(folder, level, radius):
+    """The share by hand: what is brighter than the ground, over everything."""
+    directions = oracles.latlong_pixels(512, 256)
+    places = np.array([[0.0, 0.6, 0.8], [0.8, 0.0, -0.6]])
+    is_lamp = (directions @ places.T > np.cos(np.radians(radius))).any(axis=-1)
+    image = np.repeat(np.where(is_lamp, level, 1.0)[..., None], 3, axis=2).astype(np.float32)
+    write_exr("lamps.exr", image)
+    edges = np.cos(np.pi * np.arange(257) / 256)
+    light = (edges[:-1] - edges[1:]) @ image[..., 0].astype(float)
+    share = 1 - 2 * 512 / light.sum()
+    values = json.loads(done("info", "lamps.exr", "--json"))
+    advice = values["advice"]
+    if level > 100:
+        assert sum(lamp["share"] for lamp in values["lamps"]) == pytest.approx(share, rel=0.02)
+    assert bool(advice) == (share > 0.02 and radius < 1)
+    if advice:
+        words = r"2 lamps of [\d. to]+ degrees hold (\d+)% of the light: `shrm sun`"
+        found = re.fullmatch(words, advice)
+        assert int(found[1]) == pytest.approx(100 * share, abs=1.5)
+    assert lines(done("info", "lamps.exr"))[1]["advice"] == (advice or "none")
+
+
+def test_numbers_of_a_probe_have_units(folder):
+    text = done("info", "probe.exr")
+    pairs = lines(text)[1]
+    assert pairs["maximum"].endswith(" of radiance")
+    assert "in all" in pairs["stops"]
+    assert " degrees, directionality 0." in pairs["light from"]
+    assert "radiance x sr" in text
+    assert " K; duv " in pairs["white balance"]
 
 
 def test_probe_for_people(folder):

@@ -10,6 +10,7 @@ import pytest
 from shrm_cli.maps.file import open_map
 from tests import brute_force, oracles
 from tests.cli.helpers import (
+    WRONG_PICTURE,
     assert_refused,
     done,
     noise,
@@ -67,7 +68,7 @@ def stacked(channels, order_p):
 
 def test_works_as_typed_in_the_issue(folder):
     result = process(*COMMAND)
-    assert (result.code, result.err) == (0, "")
+    assert result.code == 0
     assert result.out.startswith(f"{NAME}: global SHRM, 6 x 32 x 32 texels of 9 coefficients, half")
     assert "F = 11, P = 2" in result.out
     assert sorted(snapshot(folder)) == ["probe.exr", NAME]
@@ -251,8 +252,7 @@ def test_eps_chooses_the_orders(folder):
 def test_orders_and_size_can_be_forced(folder):
     result = run(*COMMAND, "--order-f", 3, "--order-p", 1, "--size", 12, "--json")
     assert result.code == 0
-    assert result.err.startswith(f"Warning: {NAME}: the orders asked for capture ")
-    assert "less than --eps 0.03 wants" in result.err
+    assert WRONG_PICTURE in result.err
     values = json.loads(result.out)
     assert (values["order_f"], values["order_p"], values["size"]) == (3, 1, 12)
     header, channels = read_exr(NAME)
@@ -327,16 +327,42 @@ def test_json_is_alone_on_stdout_with_stable_keys(folder):
     assert values["epsilon"] == 0.03
     assert values["predicted_error"] <= values["error_bound"]
     assert values["brdf"] == {"name": "microfacet", "parameters": {"sigma": 0.2}}
-    (warning,) = values["warnings"]
+    warning, picture = values["warnings"]
+    assert WRONG_PICTURE in picture
     assert warning == (
         "negative.exr: 1 pixels with negative radiance were clamped to 0 (minimum -1)"
     )
-    assert result.err == f"Warning: {warning}\n"
+    assert result.err == f"Warning: {warning}\nWarning: {picture}\n"
     header, _ = read_exr(values["file"])
     for key in ("frame", "center", "probe", "probe_sha256"):
         assert values[key] == header[f"shrm:{key}"]
     for key in ("epsilon", "brdf_energy_captured", "predicted_error"):
         assert values[key] == pytest.approx(header[f"shrm:{key}"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "asked", [("--eps", "0.3"), ("--to", "shrm", "--max-size", "30kB"), ("--order-f", "2")]
+)
+def test_one_line_says_how_wrong_the_picture_of_a_forced_shrm_is(folder, asked):
+    result = run(*COMMAND[:4], *asked, "--json")
+    values = json.loads(result.out)
+    share = values["predicted_wrong_share"]
+    assert share > 0.05
+    (line,) = [each for each in values["warnings"] if "wrong" in each]
+    assert line.startswith(f"{NAME}: {share:.0%} {WRONG_PICTURE}")
+    assert f"its light by {values['predicted_error']:.1%} (RMS)" in line
+    assert "--to auto, without --eps or orders, chooses the form" in line
+    assert f"Warning: {line}\n" in result.err
+    quiet = run(*COMMAND[:4], *asked, "--quiet", "--force")
+    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
+
+
+def test_no_line_says_that_a_picture_is_right(folder):
+    for asked in (("--eps", "0.001"), ("--to", "auto")):
+        result = run(*COMMAND[:4], *asked, "--json", "-o", "right.exr", "--force")
+        values = json.loads(result.out)
+        assert values["predicted_wrong_share"] <= 0.05
+        assert not values["warnings"]
 
 
 def test_quiet_prints_nothing(folder):

@@ -47,6 +47,7 @@ def test_default_is_an_exr_beside_us(folder):
         "  BRDF           phong:exponent=9\n"
         "  view           azimuth 0, elevation 0\n"
         "  source         512 pixels of noise.exr\n"
+        "  truth          summed over all 512 pixels\n"
     )
     header, pixels = picture("noise.phong-exponent-9.reference.exr")
     truth = Reference(open_probe("noise.exr"), parse_spec("phong:exponent=9"))
@@ -98,7 +99,9 @@ def test_settings_reach_the_integral(folder):
         "probe": "noise.exr",
         "probe_sha256": probe.digest(),
         "source_height": 8,
+        "exact": False,
         "source_pixels": 128,
+        "truth_error": None,
         "precision": "float",
         "warnings": [],
     }

@@ -66,7 +66,7 @@ def test_json(folder):
     assert snapshot(folder) == before
     assert (value["roughness"], value["f0"]) == ([0.6, 1], [1, 0.5, 0.5])
     assert (value["epsilon"], value["size"], value["views"]) == (0.1, 16, [[30, 10]])
-    assert (value["source_heights"], value["picture"]) == ([8, 8], None)
+    assert (value["source_height"], value["picture"]) == (8, None)
     assert [each["representation"] for each in value["representations"]] == NAMES
     for each in value["representations"]:
         assert each["files"] == (2 if each["representation"] in SINGLE else 1)
@@ -82,7 +82,8 @@ def test_json(folder):
         assert 0 < each["median_relative_error_of_all"] < each["p95_relative_error_of_all"]
     lines = done("compare", "room.exr", *TWO, "--f0", "1/0.5/0.5").splitlines()
     assert lines[0] == (
-        "room.exr on GGX of f0 1/0.5/0.5: relative RMS error by roughness, against brute force"
+        "room.exr on GGX of f0 1/0.5/0.5: relative RMS error by roughness; the truth is "
+        "summed in full"
     )
     assert lines[1].split() == ["files", "storage", "build", "0.6", "1", "all", "p95"]
     for line, title, each in zip(lines[2:7], TITLES, value["representations"], strict=True):
@@ -150,19 +151,20 @@ def test_the_table_of_a_single_roughness(folder, only_shrm):
 def test_defaults(folder, monkeypatch):
     seen = []
 
-    def note(probe, surfaces, tolerance, viewers, size, height, max_memory):
-        seen.append((surfaces, tolerance, viewers, size, height, max_memory))
+    def note(probe, surfaces, tolerance, viewers, size, height, max_memory, exact):
+        seen.append((surfaces, tolerance, viewers, size, height, max_memory, exact))
         raise OrderError("stop here")
 
     monkeypatch.setattr(representations, "plan_comparison", note)
     run("compare", "room.exr", "--representations")
     run("compare", "room.exr", "--representations", "-o", "x.png")
-    (surfaces, tolerance, viewers, size, height, max_memory), (*_, picture_size, _, _) = seen
+    (surfaces, *others), (*_, picture_size, _, _, _) = seen
+    tolerance, viewers, size, height, max_memory, exact = others
     roughness = [each.number("roughness") for each in surfaces]
     np.testing.assert_allclose(roughness, [1 / 2, 2 / 3, 5 / 6, 1])
     assert {each.color("f0") for each in surfaces} == {(1, 1, 1)}
-    assert (tolerance, len(viewers), size, height, picture_size) == (0.03, 3, 48, None, 96)
-    assert max_memory is None
+    assert (tolerance, len(viewers), size, height, picture_size) == (0.03, 3, 96, None, 128)
+    assert (max_memory, exact) == (None, False)
 
 
 @pytest.mark.slow
@@ -342,7 +344,7 @@ def test_what_will_be_made_is_said_on_a_terminal_before_it_begins(folder, monkey
     (plan, progress, said), quiet, elsewhere = seen
     # SHRM, principal functions and Cabral are made twice, for two roughnesses.
     assert said.splitlines() == [
-        "room.exr: 2 pictures of 16 x 16 pixels by brute force, and as many of each of 5 "
+        "room.exr: 2 pictures of 16 x 16 pixels of the truth, and as many of each of 5 "
         "representations",
         f"  8 maps of at most 32 MB each, and {plan.memory.needed / 1e9:.3g} GB of memory at most, "
         "of 1.07 GB allowed",

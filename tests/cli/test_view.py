@@ -67,7 +67,7 @@ def test_the_truth_of_several_views(folder):
     _, scene = written("a.html")
     assert [each["view"] for each in scene["truths"]] == [[10, 20], [-30, 0]]
     assert scene["start"]["view"] == [10, 20]
-    assert ["probe", "probe.exr, 8 rows"] in scene["truth_facts"]
+    assert ["probe", "probe.exr, 128 pixels"] in scene["truth_facts"]
 
 
 def test_maps_of_different_brdfs_have_no_truth(folder):

@@ -336,6 +336,19 @@ def test_bright_light_is_clipped_with_one_warning_a_file(tmp_path, name):
     assert all("dim them with `clamp`" in line for line in above)
 
 
+def test_coefficients_that_would_be_negative_are_windowed_and_it_is_told():
+    pixels = np.full((32, 64, 3), 0.05, np.float32)
+    pixels[8, 20] = 2000
+    source = Source("sun", "sun.exr", Probe.from_array(pixels))
+    auto = export(source, engines.engine("json"), Asked())
+    (line,) = [each for each in auto.told if "windowed" in each]
+    assert "RMS" in line
+    assert not any("irradiance falls" in each for each in auto.warnings)
+    plain = export(source, engines.engine("json"), Asked(window="none"))
+    assert not any("windowed" in each for each in plain.told)
+    assert any("irradiance falls to -" in each for each in plain.warnings)
+
+
 @pytest.mark.parametrize(
     ("name", "asked", "argument"),
     [
@@ -345,6 +358,7 @@ def test_bright_light_is_clipped_with_one_warning_a_file(tmp_path, name):
         ("filament", {"size": 8}, "size"),
         ("bevy", {"skybox": 64}, "skybox"),
         ("bevy", {"window": "auto"}, "window"),
+        ("godot", {"window": "none"}, "window"),
         ("unity", {"table": True}, "dfg"),
     ],
 )

@@ -3,6 +3,7 @@
 import copy
 import json
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -367,6 +368,19 @@ def test_lines_of_megabytes_are_skipped_or_refused(tmp_path):
     solid = solid if isinstance(solid, bytes) else solid.encode()
     with pytest.raises(MeshError, match="a line of more than"):
         load(tmp_path, "a.stl", solid + long.encode())
+
+
+def test_lines_that_go_on_are_joined_once(tmp_path):
+    """Each was copied to what came before it: 6 MB took two minutes."""
+    text = obj(*TETRAHEDRON)
+    text = text if isinstance(text, str) else text.decode()
+    split = text.replace(" ", " \\\n")
+    assert len(load(tmp_path, "a.obj", split).faces) == len(TETRAHEDRON[1])
+    started = time.process_time()
+    for step in ("0 \\\n", "\\\n"):
+        with pytest.raises(MeshError, match="is too long"):
+            load(tmp_path, "a.obj", f"v {step * 2**20}{text}")
+    assert time.process_time() - started < 10
 
 
 def test_materials_of_many_meshes_are_found_without_comparing_all(tmp_path, monkeypatch):

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.special import sph_harm_y
 
-from shrm_cli.maps.wrong_share import Lobes, wrong_share
+from shrm_cli.maps.lobes_lit import Lobes, lit, sample_views
+from shrm_cli.maps.wrong_share import wrong_share
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe
@@ -13,6 +15,13 @@ from tests.cli.helpers import polynomial_light
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 MICROFACET = brute_force.microfacet(0.3)
 POINTS = 1500
+SUM = "0.7*lambertian+0.1*microfacet:sigma=0.3"
+
+
+def of_sum(reflection, view, light):
+    normal = (reflection + view) / np.linalg.norm(reflection + view)
+    matte = np.maximum(light @ normal, 0) / np.pi
+    return 0.7 * matte + 0.1 * MICROFACET(reflection, view, light)
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +53,12 @@ def share(pixels, rho_hat, made):
     ("shrm", "microfacet:sigma=0.3", MICROFACET, {"order_p": 4}, (0.02, 0.3)),
     ("shrm", "phong:exponent=20", brute_force.phong(20), {"order_f": 10}, (0.2, 0.9)),
     ("principal", "microfacet:sigma=0.3", MICROFACET, {"maps": 3}, (0.1, 0.9)),
+    ("shrm", "microfacet:sigma=0.3", MICROFACET, {"compress": 3}, (0.1, 1.0)),
+    ("cabral", "microfacet:sigma=0.3", MICROFACET, {}, (0.1, 1.0)),
+    ("kautz-mccool", "microfacet:sigma=0.3", MICROFACET, {}, (0.1, 1.0)),
+    ("shrm", SUM, of_sum, {"split": True, "eps": 0.2}, (0.1, 0.9)),
+    ("shrm", SUM, of_sum, {"split": True, "eps": 0.2, "compress": 2}, (0.1, 0.9)),
+    ("principal", SUM, of_sum, {"maps": 3}, (0.02, 0.9)),
 ])  # fmt: skip
 def test_it_is_what_brute_force_counts(light, to, spec, rho_hat, given, range_):
     made = prefilter_with_facts(Probe.from_array(light), to, {"brdf": spec, **given})
@@ -59,26 +74,47 @@ def test_lobes_that_are_complete_leave_nothing_wrong(light):
 
 
 @pytest.mark.parametrize(("to", "given"), [
-    ("shrm", {"brdf": "kajiya-kay"}),
-    ("shrm", {"brdf": "0.5*lambertian+0.5*microfacet", "split": True}),
-    ("shrm", {"brdf": "microfacet", "compress": 3}),
-    ("cabral", {"brdf": "microfacet"}),
+    ("shrm", {"brdf": "kajiya-kay", "compress": 3}),
+    ("cabral", {"brdf": "microfacet", "domain": "angular", "size": 8}),
 ])  # fmt: skip
 def test_nothing_is_said_where_it_is_not_known(light, to, given):
     made = prefilter_with_facts(Probe.from_array(light), to, given)
     assert made.summary()["predicted_wrong_share"] is None
 
 
-def test_unknown_light_matters_only_where_it_might_show():
-    """A lobe of the degrees 0 and 1, of which a map misses a little of degree 1."""
+def test_lobes_about_one_direction_are_added_before_they_are_judged():
+    """What one term leaves out of degree 1, the other has too much of."""
     lighting = Lighting(np.array([[1.0] * 3, [0.0] * 3, [0.5] * 3, [0.0] * 3]), np.full(3, 1.25))
     whole = np.ones((1, 2, 1, 1))
     error = np.zeros_like(whole)
-    error[:, 1] = 0.01
-    lobes = Lobes(whole, error, np.ones(1))
-    assert wrong_share(lighting, lobes) == 0
-    assert wrong_share(lighting, lobes, 1e-6) == 0
-    assert wrong_share(lighting, lobes, 0.01) is None
+    error[:, 1] = 0.5
+    assert wrong_share(lighting, [Lobes(whole, error)]) > 0.5
+    assert wrong_share(lighting, [Lobes(whole, error), Lobes(whole, -error)]) == 0
+
+
+@pytest.mark.parametrize("center", ["reflection", "normal"])
+def test_lobes_of_two_centers_reflect_at_the_same_points(center):
+    """The BRDF (L.V)^2 is the same whichever direction its lobes are about."""
+    angles = {each: sample_views(each)[0] for each in ("reflection", "normal")}
+    other = {"reflection": "normal", "normal": "reflection"}[center]
+    first, second = (squared_cosine(each, angles[each]) for each in (center, other))
+    light = np.random.default_rng(3).normal(size=(9, 3))
+    whole, _ = lit(light, [first])
+    both, error = lit(light, [first, second])
+    np.testing.assert_allclose(both, 2 * whole, atol=1e-12)
+    np.testing.assert_allclose(error, whole, atol=1e-12)
+
+
+def squared_cosine(center, angles):
+    """The lobes of (L.V)^2 about a direction at angles from V, by the addition theorem."""
+    values = np.zeros((3, 3, len(angles), 1))
+    for degree, weight in ((0, 1 / 3), (2, 2 / 3)):
+        for q in range(degree + 1):
+            # (L.V)^2 = 1/3 + 2/3 P_2, and P_l(L.V) = 4 pi / (2l+1) sum of Y_lq(L)* Y_lq(V).
+            # Lobes are without the sign of Condon and Shortley.
+            functions = (-1) ** q * sph_harm_y(degree, q, angles, 0.0).real
+            values[q, degree, :, 0] = weight * 4 * np.pi / (2 * degree + 1) * functions
+    return Lobes(values, values if center == "normal" else 0 * values, center)
 
 
 def test_principal_maps_do_not_bend_beside_the_horizon(light):

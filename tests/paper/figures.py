@@ -84,7 +84,7 @@ def figure_5_6(
     brdf = parse_spec("microfacet:sigma=0.2")
     coefficients = compute_coefficients(brdf, 64, 8)
     lighting = project(probe, 64)
-    truth = Reference(probe, brdf, extent.source_rows)
+    truth = Reference(probe, brdf, extent.source_rows, exact=True)
     pictures = order_pictures(
         lighting, coefficients, brdf.center, _VIEWERS, ORDER_F, extent.picture, truth
     )
@@ -168,7 +168,7 @@ def _without_azimuth(shrm: Shrm) -> Shrm:
 def _compare(
     path: Path, probe: Probe, brdf: Brdf, extent: Extent, methods: list[tuple[str, Map, float]]
 ) -> tuple[str, list[Method]]:
-    truth = Reference(probe, brdf, extent.source_rows)
+    truth = Reference(probe, brdf, extent.source_rows, exact=True)
     maps = [each for _, each, _ in methods]
     comparison = compare_spheres(truth, maps, _VIEWERS, extent.picture)
     names = [f"{name}, {each.cube_count} maps" for name, each, _ in methods]

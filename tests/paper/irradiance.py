@@ -84,7 +84,7 @@ def irradiance_row(probe: Probe) -> IrradianceRow:
     directions, light = small_lights(probe.image())
     normals = _spread(_NORMALS)
     truth, total = integrate(normals, directions, light), light.sum(axis=0)
-    plain, windowed = prefilter_irradiance(probe), prefilter_irradiance(probe, window="auto")
+    plain, windowed = (prefilter_irradiance(probe, window=each) for each in ("none", "auto"))
     found, damped = plain.map.irradiance(normals), windowed.map.irradiance(normals)
     errors, damped_errors = (np.abs(each - truth) / total for each in (found, damped))
     window, power = windowed.map.window, project(probe, 4).power().sum(axis=1)

@@ -135,7 +135,7 @@ def _of_probe(spec: str, probe: Probe, spheres: Sequence[Sphere]) -> list[Outcom
         if truth is None:
             brdf = parse_spec(spec)
             truth = np.concatenate(
-                [reference(probe, brdf, ball.normals, ball.views) for ball in spheres]
+                [reference(probe, brdf, ball.normals, ball.views, exact=True) for ball in spheres]
             )
         found = np.concatenate([each.radiance(ball.normals, ball.views) for ball in spheres])
         seen = seen_errors(found, truth)

@@ -108,7 +108,7 @@ def table_5_4(probe: Probe, size: int, exponents: Sequence[float], repeats: int)
             return _build(lighting.coefficients, values, size)
 
         def angular(brdf=brdf):
-            integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE)
+            integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE, exact=True)
             texels = cube_directions(size)
             return integral.central_radiance(texels, texels)
 
@@ -144,7 +144,7 @@ def table_5_5(
         view = LightField.sample_views(count)[rng.integers(count)]
 
         def angular(brdf=brdf, view=view):
-            integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE)
+            integral = Reference(probe, brdf, tolerance=ANGULAR_TOLERANCE, exact=True)
             return integral.central_radiance(cube_directions(size), view)
 
         rows.append(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import TransferError
+from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.sphere.parabolic import unproject
 from shrm_cli.transfer.bake import Plan, bake
 from shrm_cli.transfer.modes import (
@@ -42,6 +43,21 @@ class Cushion:
 @pytest.fixture(scope="module")
 def glossy():
     return bake(Plan(meshes.bumps(16), samples=256, glossy=True))
+
+
+def test_no_picture_of_a_mesh_is_negative(glossy):
+    """Beside a lamp a series is negative in shadows, of windowed light too; it shows as black."""
+    mesh, light = meshes.bumps(16), harmonics(4, np.array([[0.6, 0.8, 0.0]]))[0][:, None] * 9
+    light = np.repeat(light, 3, axis=1)
+    light[0] += 0.3
+    plain = diffuse_colors(glossy, light)
+    assert plain.min() < 0
+    shown = VertexColors(mesh, glossy, light).seen_from(np.array([0.0, 0.0, 9.0]))
+    np.testing.assert_array_equal(shown, np.where(plain < 0, 0, plain))
+    view = np.array([0.0, 9.0, 9.0])
+    reflected = VertexColors(mesh, glossy, light, Cushion()).seen_from(view)
+    assert reflected.min() == 0
+    assert reflected.max() > 0
 
 
 def random_light(order=4):

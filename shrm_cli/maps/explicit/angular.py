@@ -92,7 +92,7 @@ def prefilter_angular(
     orders = replace(orders, tolerance=tolerance)
     refuse_large(size, count, max_size)
     kind.check_images(size, count)
-    integral = Reference(probe, brdf, source_height, tolerance)
+    integral = Reference(probe, brdf, source_height, tolerance, exact=True)
     lighting = project(probe, coefficients.order_f)
     tail = _tail_coefficients(brdf, integral.angle, coefficients)
     captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)

@@ -11,7 +11,8 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.shrm.budget import Form
-from shrm_cli.maps.shrm.prefilter import centered, is_chosen, order_warnings, prefilter_shrm
+from shrm_cli.maps.shrm.prefilter import centered, expand, is_chosen, order_warnings
+from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -121,8 +122,18 @@ def prefilter_explicit(
     """
     kind = explicit_kind(representation)
 
-    made = prefilter_shrm(
-        Projection(probe, progress), brdf, tolerance, order_f, order_p, size,
-        sampling=sampling, dtype=dtype, max_size=max_size, form=explicit_form(kind, view_count),
-    )  # fmt: skip
-    return replace(made, map=kind.from_shrm(made.map.to_shrm(), view_count))
+    light, form = Projection(probe, progress), explicit_form(kind, view_count)
+    expansion, warnings = expand(
+        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form
+    )
+    shrm = from_expansion(expansion, probe, "global", sampling, dtype, progress)
+    made = kind.from_shrm(shrm, view_count)
+
+    def share() -> float | None:
+        # Only a whole summary needs this module, which `--quiet` runs do without.
+        from shrm_cli.maps.wrong_share import shown_wrong_share
+
+        return shown_wrong_share([expansion], made)
+
+    facts, further = {"error_bound": expansion.bound}, {"predicted_wrong_share": share}
+    return Prefiltered(made, facts, warnings=warnings, further=further)

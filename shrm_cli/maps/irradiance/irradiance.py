@@ -133,6 +133,11 @@ class Irradiance(LightMap):
         """The order P is 0, because a diffuse surface looks the same from everywhere."""
         return 0
 
+    @property
+    def takes_windows(self) -> bool:
+        """Whether a window can damp the degrees."""
+        return True
+
     def irradiance(self, normals: ArrayLike) -> Array:
         """Return the irradiance E(N), without a factor 1/pi (eq. 4.10).
 

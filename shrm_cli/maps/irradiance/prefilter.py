@@ -1,4 +1,5 @@
-"""Prefiltering for diffuse surfaces: a probe's first lighting coefficients, windowed on request.
+"""Prefiltering for diffuse surfaces: a probe's first lighting coefficients, windowed where they
+would turn negative.
 
 Section 4.3.1 of Ramamoorthi's thesis, "A Signal-Processing Framework for Forward and Inverse
 Rendering" (2002), describes the method. Eq. 5.18 is one of its chapter 5.
@@ -38,7 +39,7 @@ _LAST_DEGREES = 16
 def prefilter(
     probe: Probe,
     order_f: int = POLYNOMIAL_ORDER,
-    window: str = "none",
+    window: str = "auto",
     form: str = "sh",
     size: int | None = None,
     sampling: Sampling = "center",
@@ -52,7 +53,8 @@ def prefilter(
     order_f : int
         The largest degree to keep; 2 makes nine coefficients.
     window : str
-        A window's name, or ``NAME:WIDTH``, as `make_window` takes it.
+        A window's name, or ``NAME:WIDTH``, as `make_window` takes it. The default ``auto`` changes
+        nothing where nothing is negative.
     form : {"sh", "zh3", "zh3-channel", "zh3-hallucinated"}
         Which numbers are kept of degree 2, as `in_form` has it.
     size : int, optional
@@ -65,7 +67,7 @@ def prefilter(
     Returns
     -------
     Prefiltered
-        The map, and a warning if its irradiance is negative somewhere.
+        The map, and a warning if its irradiance is negative all the same.
 
     Raises
     ------
@@ -94,7 +96,9 @@ def prefilter(
     from shrm_cli.maps.irradiance.zh3 import form_errors, in_form  # most maps need no form
 
     formed = in_form(whole, form)
-    made = _windowed(formed, window)
+    # Coefficients of degree 2 that are guessed from the others cannot be damped.
+    is_free = window == "auto" and form == "zh3-hallucinated"
+    made = _windowed(formed, "none" if is_free else window)
     return replace(made, facts={**made.facts, "form_errors": form_errors(whole, formed)})
 
 
@@ -115,8 +119,17 @@ def _windowed(whole: Irradiance, spec: str) -> Prefiltered:
         "minimum_without_window": before,
         **made.numbers(),
     }
-    dark = f"the irradiance falls to {least:.3g} on some side; `window` auto keeps it non-negative"
-    return Prefiltered(made, facts, warnings=(dark,) if least < 0 else ())
+    return Prefiltered(made, facts, warnings=(_dark(made, least),) if least < 0 else ())
+
+
+def _dark(made: Irradiance, least: float) -> str:
+    """Return the line about a map that is negative on some side."""
+    mean = float(np.mean(made.coefficients[0])) * np.sqrt(np.pi) / 2  # A_0 Y_00
+    helps = "`window` auto" if made.takes_windows else "`form` zh3"
+    return (
+        f"surfaces that face away from the brightest lamp are black: the irradiance falls to "
+        f"{least:.3g}, where its mean is {mean:.3g}; take {helps}, which keeps it non-negative"
+    )
 
 
 def _missing(lighting: Lighting, order_f: int) -> float:

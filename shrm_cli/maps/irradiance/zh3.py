@@ -72,7 +72,7 @@ class Zh3(Irradiance):
         MapError
             If the zonal coefficients are to follow from the others, which a window undoes.
         """
-        if self.form == "zh3-hallucinated":
+        if not self.takes_windows:
             raise MapError("`window` does not apply to `form` zh3-hallucinated; take `form` zh3")
         made = super().windowed(window, info)
         return replace(made, zonal=self.zonal * window.factors[2])  # type: ignore[return-value,call-arg]
@@ -103,9 +103,14 @@ class Zh3(Irradiance):
         return {**super().summary(), "form": self.form, "coefficients": self.numbers_each}
 
     @property
+    def takes_windows(self) -> bool:
+        """Whether degree 2 is a number of its own, which a window can damp, and no guess."""
+        return self.form != "zh3-hallucinated"
+
+    @property
     def numbers_each(self) -> int:
         """The numbers that a reader needs of each channel."""
-        return 4 if self.form == "zh3-hallucinated" else 5
+        return 5 if self.takes_windows else 4
 
     def numbers(self) -> dict[str, Any]:
         """Return what `Irradiance.numbers` does, and the axes and zonal coefficients, for JSON."""
@@ -140,7 +145,10 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
     if source.order_f != 2:
         raise MapError(f"`form` {form} is made of order F = 2, not {source.order_f}")
     if form == "zh3-hallucinated" and source.window.factors:
-        raise MapError("`window` does not apply to `form` zh3-hallucinated; take `form` zh3")
+        raise MapError(
+            "its `window` has damped what `form` zh3-hallucinated guesses from; take `form` zh3, "
+            "or prefilter the probe in this form"
+        )
     coefficients = source.coefficients
     vectors = coefficients[_LINEAR][_TO_XYZ].T
     if form == "zh3-channel":

@@ -16,7 +16,7 @@ DESCRIPTIONS = {
         "principal functions",
         (BRDF_ARGUMENTS - {"order_p", "order_f", "domain", "source_height", "frame"})
         | CUBE_ARGUMENTS
-        | {"error"},
+        | {"error", "seen"},
         (
             Option(
                 "maps",

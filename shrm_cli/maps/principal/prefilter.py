@@ -8,6 +8,10 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.principal.terms import Wanted, kept_form
+from shrm_cli.maps.remarks import unkept_error, wrong_light
+from shrm_cli.maps.seen import kept_or_best
+from shrm_cli.plan import policy
+from shrm_cli.plan.search import Goal
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -27,6 +31,7 @@ def prefilter(
     size: int | None = None,
     sampling: Sampling = "center",
     error: float | None = None,
+    seen: float | None = None,
     maps: int | None = None,
     divide: bool = False,
     max_size: int = DEFAULT_MAX_SIZE,
@@ -40,43 +45,43 @@ def prefilter(
     """
     if error is not None and maps is not None:
         raise ArgumentError("maps", "does not apply with `error`, which chooses them")
-    asked = Wanted(eps, error, maps, max_size, size)
-    light = Projection(probe, progress)
-    proposals = Proposals(light, brdf, asked, center, sampling, divide)
+    if seen is not None and maps is not None:
+        raise ArgumentError("maps", "does not apply with `seen`, which chooses them")
+    goal = None if seen is None else Goal.of(error, seen)
+    asked = Wanted(eps, error if goal is None else goal.error, maps, max_size, size)
+    proposals = Proposals(Projection(probe, progress), brdf, asked, center, sampling, divide)
+    if goal is not None:
+        return kept_or_best(proposals.candidate, goal, max_size)
     proposal = proposals.propose()
-    unmet = _unmet(proposal, error, max_size)
-    if unmet and error is not None:
-        unmet += _sufficient(proposals, proposal)
-    return proposal.make([unmet] if unmet else [])
+    unmet = _unmet(proposals, proposal, error, max_size)
+    return proposal.make([] if unmet is None else [unmet])
 
 
-def _unmet(proposal: Proposal, error: float | None, max_size: int) -> str:
-    """Return a line about an error or a tolerance that the map does not keep, or nothing."""
+def _unmet(
+    proposals: Proposals, proposal: Proposal, error: float | None, max_size: int
+) -> str | None:
+    """Say that an error is not kept, or that light is wrong because a tolerance is not."""
     total = proposal.total_error
-    if error is not None and total > error * _ROUNDING:
-        return (
-            f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}; the best "
-            f"map has {total:.1%}"
-        )
-    if error is None and not all(term.is_met for term in proposal.terms):
-        eps = proposal.info.tolerance
-        return (
-            f"{bytes_text(max_size)} hold no map that misses only `eps` {eps:g}; the best one has "
-            f"an error of {total:.1%}, bilinear look-ups included; raise `max_size`"
-        )
-    return ""
+    if error is not None:
+        if total <= error * _ROUNDING:
+            return None
+        return unkept_error(error, total, max_size, _sufficient(proposals, proposal))
+    if total <= policy.ERROR or all(term.is_met for term in proposal.terms):
+        return None
+    why = f"bilinear look-ups included: {bytes_text(max_size)} before packing hold too little of it"
+    return wrong_light(total, why, "raise `max_size`")
 
 
 def _sufficient(proposals: Proposals, proposal: Proposal) -> str:
-    """Return which number of bytes would keep the errors of all terms, or nothing."""
+    """Return which number of bytes would keep the errors of all terms, or what helps without."""
     needed = 0
     for planner, want in zip(proposals.planners, proposal.wanted, strict=True):
         free = replace(want, max_size=_ANY_SIZE)
         form, is_met = kept_form(planner, want.error or 0.0, free)
         if not is_met:
-            return ""
+            return "dim the lamps with `clamp`"
         needed = max(needed, form.bytes)
     # Every broad term gets the same share. It is rounded up to what `bytes_text` shows.
     needed *= proposals.broad
     step = 10 ** max(len(str(needed)) - 2, 0)
-    return f"; it takes `max_size` {bytes_text(-(-needed // step) * step)}"
+    return f"raise `max_size` to {bytes_text(-(-needed // step) * step)}"

@@ -241,7 +241,7 @@ class PrincipalMap(Map):
 
     representation = "principal"
     format_version = 4
-    against_negatives = "lower `eps` or raise `max_size` to keep more orders"
+    against_negatives = "dim the lamps with `clamp`"
     frame = "global"
 
     def __post_init__(self) -> None:

@@ -77,15 +77,12 @@ class Proposal:
         """The relative RMS error, with bilinear look-ups and half precision."""
         return total_error(self.info.predicted_error, self.info.filter_error)
 
-    def wrong_share(self) -> float | None:
+    def wrong_share(self) -> float:
         """Predict the share of what is visible whose luminance is wrong by more than 5 %."""
         # Only a whole summary needs this module, which `--quiet` runs do without.
         from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
 
-        is_whole = len(self.terms) == 1
-        return (
-            predicted_wrong_share(self.terms[0].planner, self.terms[0].form) if is_whole else None
-        )
+        return predicted_wrong_share([(term.planner, term.form) for term in self.terms])
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:
         """Make the map, with remarks about the BRDF's sampling before other warnings."""

@@ -4,64 +4,58 @@ The transfer functions that were factorized are the lobes of all views, and what
 of them is known, so that nothing of the BRDF is sampled again.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.principal.functions import Spectrum
+from shrm_cli.maps.lobes_lit import Lobes, sample_views
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.wrong_share import Lobes, known_share
+from shrm_cli.maps.wrong_share import wrong_share
 from shrm_cli.reflected import last_visible
 
-_VIEWS = 12
-"""The number of views, of those that the transfer functions have."""
+Array = NDArray[np.floating]
 
 
-def predicted_wrong_share(planner: Planner, form: Form) -> float | None:
+def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:
     """Predict the share of what is visible whose luminance is wrong by more than 5 %.
 
     Parameters
     ----------
-    planner : Planner
-        The light, and the transfer functions of the BRDF.
-    form : Form
-        What the map keeps.
+    terms : sequence of (Planner, Form)
+        The light and the transfer functions of each term of the BRDF, and what the map keeps.
 
     Returns
     -------
-    float or None
+    float
         As `shrm_cli.maps.wrong_share.predicted_wrong_share` returns it.
     """
+    lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
+    return wrong_share(lighting, [_lobes(*term) for term in terms])
+
+
+def _lobes(planner: Planner, form: Form) -> Lobes:
+    """Take the lobes of some views, and what the map leaves out of them, as far as is visible."""
     spectrum = planner.spectrum
-    if spectrum.center == "tangent":
-        return None
-    energies = np.sum(spectrum.light * spectrum.known, axis=1)
-    order = last_visible(planner.visible_beyond(energies))
-    lobes = _lobes(spectrum, form, order)
-    unknown = 1 - spectrum.whole() / max(planner.whole, 1e-300)
-    return known_share(planner.lighting, lobes, unknown, form.error**2)
-
-
-def _lobes(spectrum: Spectrum, form: Form, order: int) -> Lobes:
-    """Take the lobes of some views, and what the map leaves out of them, up to an order."""
     transfer = spectrum.transfer
-    nodes, shares = _views(spectrum)
+    energies = np.sum(spectrum.light * spectrum.known, axis=1)
+    beyond = planner.visible_beyond(energies)
+    order = last_visible(beyond)
+    # Lobes are taken between the nodes on both sides of each view.
+    angles, _ = sample_views(spectrum.center)
+    after = np.clip(np.searchsorted(transfer.theta_o, angles), 1, len(transfer.theta_o) - 1)
+    low, high = transfer.theta_o[after - 1], transfer.theta_o[after]
+    part = np.clip((angles - low) / (high - low), 0.0, 1.0)[:, None]
+
+    def between(values: Array) -> Array:
+        count = len(angles)
+        return (1 - part) * values[..., :count, :] + part * values[..., count:, :]
+
+    nodes = np.concatenate([after - 1, after])
     factors = form.band.factors
-    error = [spectrum.rest(q, form.counts, factors, nodes) for q in range(transfer.max_q + 1)]
+    rest = [spectrum.rest(q, form.counts, factors, nodes) for q in range(transfer.max_q + 1)]
     return Lobes(
-        transfer.values[:, : order + 1, nodes],
-        np.stack([each[: order + 1] for each in error]),
-        shares,
-    )
-
-
-def _views(spectrum: Spectrum) -> tuple[NDArray[np.intp], NDArray[np.floating]]:
-    """Choose nodes that stand for all pixels, dense where views graze, and the share of each."""
-    theta_o, weights = spectrum.transfer.theta_o, spectrum.weights
-    # About the normal, pixels of spheres are uniform over the squared sine of the angle.
-    weights = weights * np.cos(theta_o) if spectrum.center == "normal" else weights
-    upto = np.cumsum(weights) / weights.sum()
-    wanted = 1 - (1 - (np.arange(_VIEWS) + 0.5) / _VIEWS) ** 2
-    nodes = np.unique(np.searchsorted(upto, wanted))
-    middles = upto[nodes] - weights[nodes] / weights.sum() / 2
-    edges = np.concatenate([[0.0], (middles[1:] + middles[:-1]) / 2, [1.0]])
-    return nodes, np.diff(edges)
+        between(transfer.values[:, : order + 1, nodes]),
+        between(np.stack([each[: order + 1] for each in rest])),
+        spectrum.center,
+    ).ended(beyond)

@@ -17,6 +17,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import carried_band, view_band
 from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.remarks import wrong_light
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
@@ -27,11 +28,11 @@ from shrm_cli.maps.size import (
     total_error,
 )
 from shrm_cli.orders import Orders, choose_orders, least_orders
+from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import (
     DEFAULT_MAX_SIZE,
-    MAX_ORDER_F,
     MAX_ORDER_P,
     MIN_CUBE_SIZE,
     Sampling,
@@ -288,17 +289,36 @@ def within_error(
     BrdfError, ProbeError
         If the BRDF or the probe cannot be used.
     """
-    # Real light fades towards high degrees, so that a BRDF known to this part of its energy is
-    # known well enough.
-    tolerance = float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
-    most_p = most_order_p(max_size, size)
-    coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+    tolerance = _sufficient_tolerance(error)
+    coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
     found = least_choice(lighting, coefficients, error, tolerance, max_size, size, sampling)
     if found is None:
         raise nothing_fits(size)
     return found[0].choice, coefficients, found[1]
+
+
+def sufficient_coefficients(
+    light: Projection, brdf: Brdf, error: float, max_size: int, size: int | None = None
+) -> BrdfCoefficients:
+    """Compute the coefficients that tell the errors of SHRMs which keep an error or nearly do.
+
+    Parameters
+    ----------
+    light, brdf, error, max_size, size
+        The same as for `within_error`.
+    """
+    tolerance, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
+    return choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+
+
+def _sufficient_tolerance(error: float) -> float:
+    """Return the part of a BRDF's energy that may be unknown for an error of the light.
+
+    Real light fades towards high degrees.
+    """
+    return float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
 
 
 @dataclass(frozen=True)
@@ -322,6 +342,7 @@ def least_choice(
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
+    most_p: int = MAX_ORDER_P,
 ) -> tuple[Tried, bool] | None:
     """Choose the SHRM of the fewest bytes that keeps an error, from known coefficients.
 
@@ -334,6 +355,8 @@ def least_choice(
         The same as for `within_error`.
     tolerance : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
+    most_p : int
+        The largest P in any case.
 
     Returns
     -------
@@ -355,7 +378,7 @@ def least_choice(
     def rows() -> Iterator[Row[Tried]]:
         for texels in TRIED_SIZES if size is None else (size,):
             carried = min(supported_order(texels), coefficients.order_f)
-            most = min(largest_p(carried, texels, max_size), coefficients.order_p)
+            most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
             yield Row(most + 1, partial(_bytes_of_p, texels), partial(tried, texels, carried))
 
     return fewest_bytes(rows(), error)
@@ -431,7 +454,9 @@ def shortfall(
     error: float,
     form: Form = SHRM_FORM,
 ) -> str | None:
-    """Say in one line what a map misses of its tolerance; None where the tolerance is met.
+    """Say in one line that a picture is wrong because its map misses the tolerance.
+
+    The line is None where the tolerance is met, and where what is missed is not seen.
 
     Parameters
     ----------
@@ -447,33 +472,18 @@ def shortfall(
     form : Form
         What the map holds.
     """
-    if kept.captured >= 1 - kept.tolerance:
+    if kept.captured >= 1 - kept.tolerance or error <= policy.ERROR:
         return None
-    asked = f"that `eps` {kept.tolerance:g} asks for"
-    predicted = f"RMS error {error:.1%} predicted"
     wanted = least_orders(coefficients, kept.tolerance)
     is_known = wanted.captured >= 1 - kept.tolerance
+    if brdf.zonal and not is_known:
+        why = f"most beside lamps: {brdf!r} is sharper than cubes of any size can show"
+        return wrong_light(error, why, "take the lamps out with `shrm sun`")
+    where = "where it changes with the view" if wanted.order_p > kept.order_p else "beside lamps"
+    why = f"most {where}: {bytes_text(max_size)} before packing hold too little of it"
     needed = stored_bytes(choose_size(wanted.order_f), form.images(wanted.order_p))
-    if is_known and wanted.order_p > kept.order_p:
-        held = f"P = {kept.order_p} of the {wanted.order_p} {asked}"
-    elif is_known:
-        held = f"F = {kept.order_f} of the {wanted.order_f} {asked}"
-    else:
-        if brdf.zonal:
-            return (
-                f"{brdf!r} is sharper than F = {MAX_ORDER_F} can show: {kept.captured:.1%} of its "
-                f"energy, less than `eps` {kept.tolerance:g} asks for; {predicted}"
-            )
-        if kept.order_p >= MAX_ORDER_P:
-            return (
-                f"P = {MAX_ORDER_P} is less than `eps` {kept.tolerance:g} asks for of {brdf!r}; "
-                f"{predicted}{_instead('; ')}"
-            )
-        held = f"P = {kept.order_p} of the more than {coefficients.order_p} {asked}"
-    more = f"raise `max_size` to {bytes_text(needed)}" if is_known else "raise `max_size`"
-    return f"{bytes_text(max_size)} hold {held}: {predicted}; {more}{_instead(', or ')}"
-
-
-def _instead(joined: str) -> str:
-    """Return which other representation does better with BRDFs of many orders, if there is one."""
-    return f"{joined}take `to` principal"
+    if is_known and needed <= max_size:  # the texels that were asked for take them
+        return wrong_light(error, why, "lower `size`")
+    if is_known and needed <= DEFAULT_MAX_SIZE:
+        return wrong_light(error, why, f"raise `max_size` to {bytes_text(needed)}")
+    return wrong_light(error, why, "take `to` auto without `eps`")

@@ -13,7 +13,7 @@ DESCRIPTIONS = {
     "shrm": Representation(
         "shrm",
         "SHRM",
-        BRDF_ARGUMENTS | CUBE_ARGUMENTS | {"error"},
+        BRDF_ARGUMENTS | CUBE_ARGUMENTS | {"error", "seen"},
         (
             Option(
                 "split",

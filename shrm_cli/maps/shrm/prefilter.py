@@ -15,8 +15,8 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carry
-from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.remarks import unkept_error, wrong_light
 from shrm_cli.maps.shrm.budget import (
     SHRM_FORM,
     Choice,
@@ -31,6 +31,7 @@ from shrm_cli.maps.shrm.budget import (
 from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import choose_center, choose_orders
+from shrm_cli.plan import policy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.vocabulary import DEFAULT_EPS, Frame, Sampling
@@ -47,6 +48,7 @@ def prefilter(
     brdf: Brdf,
     eps: float | None = None,
     error: float | None = None,
+    seen: float | None = None,
     order_f: int | None = None,
     order_p: int | None = None,
     center: str | None = None,
@@ -77,10 +79,14 @@ def prefilter(
         )
     if source_height is not None:
         raise ArgumentError("source_height", "applies with `domain` angular")
-    if error is not None:
+    asking = "error" if seen is None else "seen"
+    if error is not None or seen is not None:
         given = {"eps": eps, "order_f": order_f, "order_p": order_p, "split": split}
         for name in (name for name, value in given.items() if value is not None):
-            raise ArgumentError(name, "does not apply with `error`, which chooses the orders")
+            raise ArgumentError(name, f"does not apply with `{asking}`, which chooses the orders")
+    if seen is not None and (frame, compress) != ("global", None):
+        name = "compress" if frame == "global" else "frame"
+        raise ArgumentError(name, "does not apply with `seen`")
     eps = DEFAULT_EPS if eps is None else eps
     brdf, notes = centered(brdf, eps, center, progress)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
@@ -96,6 +102,15 @@ def prefilter(
             f"applies to sums, and to BRDFs with a diffuse part; {brdf!r} has a single term",
         )
     light = Projection(probe, progress)
+    if seen is not None:
+        # Only maps that are judged by what is seen need these modules.
+        from shrm_cli.maps.seen import kept_or_best
+        from shrm_cli.maps.shrm.proposal import ShrmProposals
+        from shrm_cli.plan.search import Goal
+
+        goal, allowed = Goal.of(error, seen), allowed_bytes(max_size, size)
+        shrms = ShrmProposals.known(light, brdf, goal.error, allowed, size, sampling)
+        return replace(kept_or_best(shrms.proposing(allowed), goal, allowed), notes=notes)
     if error is not None:
         made = _within_error(
             light, brdf, error, size, frame, sampling, compress, allowed_bytes(max_size, size)
@@ -148,10 +163,7 @@ def _within_error(
         return made
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
-    line = (
-        f"`error` {error:g} cannot be kept within `max_size` {bytes_text(max_size)}: the best map "
-        f"has {total:.1%}; take `to` principal, or raise `max_size`"
-    )
+    line = unkept_error(error, total, max_size, "take `to` auto")
     return replace(made, warnings=(*made.warnings, line))
 
 
@@ -213,11 +225,9 @@ def order_warnings(
     info, lines = made.map.info, []
     if order_p is not None and order_p > info.order_p:
         lines.append(f"{brdf.name} does not depend on the view, so P = 0 only")
-    if info.captured < 1 - tolerance:
-        lines.append(
-            f"the orders asked for capture {info.captured:.2%} of the BRDF's energy, less than "
-            f"`eps` {tolerance:g} wants"
-        )
+    if info.captured < 1 - tolerance and info.predicted_error > policy.ERROR:
+        why = f"for F = {info.order_f} and P = {info.order_p} are too few orders of {brdf!r}"
+        lines.append(wrong_light(info.predicted_error, why, "leave them to `eps`"))
     return tuple(lines)
 
 
@@ -233,7 +243,6 @@ def prefilter_shrm(
     dtype: type = np.float64,
     compress: int | float | None = None,
     max_size: int | None = None,
-    form: Form = SHRM_FORM,
     chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for a BRDF, and make one SHRM about the BRDF's own center.
@@ -254,8 +263,6 @@ def prefilter_shrm(
     max_size : int, optional
         The most bytes of the map. By default a map whose orders are chosen takes at most
         `vocabulary.DEFAULT_MAX_SIZE`, and orders that are given are obeyed.
-    form : Form
-        What the map holds that the SHRM is made for. Both have to fit into `max_size`.
     chosen : tuple of Choice and BrdfCoefficients, optional
         What `affordable` returns, where it is known.
 
@@ -273,7 +280,7 @@ def prefilter_shrm(
         the map would be too large.
     """
     expansion, warnings = expand(
-        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
+        light, brdf, tolerance, order_f, order_p, size, sampling, max_size, SHRM_FORM, chosen
     )
     made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
     kept: Map = made
@@ -281,14 +288,14 @@ def prefilter_shrm(
         from shrm_cli.maps.shrm.compressed import compressed  # most maps are not
 
         kept = compressed(made, compress)
-    # Forms other than that of an SHRM add errors of their own, and so does compression.
-    is_all = form is SHRM_FORM and not kept.info.added_error
 
     def share() -> float | None:
         # Only a whole summary needs this module, which `--quiet` runs do without.
-        from shrm_cli.maps.wrong_share import predicted_wrong_share
+        from shrm_cli.maps.wrong_share import predicted_wrong_share, shown_wrong_share
 
-        return predicted_wrong_share(expansion) if is_all else None
+        if kept.info.added_error:  # compression adds errors of its own
+            return shown_wrong_share([expansion], kept)
+        return predicted_wrong_share([expansion])
 
     facts = {"error_bound": expansion.bound}
     further = {"predicted_wrong_share": share}
@@ -311,8 +318,10 @@ def expand(
 
     Parameters
     ----------
-    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, form, chosen
+    light, brdf, tolerance, order_f, order_p, size, sampling, max_size, chosen
         The same as for `prefilter_shrm`.
+    form : Form
+        What the map holds that the SHRM is made for. Both have to fit into `max_size`.
 
     Returns
     -------

@@ -12,8 +12,9 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.expansion import carry
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.shrm.budget import Tried, least_choice
+from shrm_cli.maps.shrm.budget import Tried, least_choice, sufficient_coefficients
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
+from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
 from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
@@ -53,16 +54,37 @@ class ShrmProposals:
         order_p = 0 if brdf.zonal else min(MAX_ORDER_P, 2 * len(transfer.theta_o) // 3)
         return cls(light, brdf, BrdfCoefficients.of(transfer, order_p, brdf.zonal), size, sampling)
 
-    def least(self, error: float, max_size: int) -> Tried | None:
+    @classmethod
+    def known(
+        cls,
+        light: Projection,
+        brdf: Brdf,
+        error: float,
+        max_size: int,
+        size: int | None = None,
+        sampling: Sampling = "center",
+    ) -> "ShrmProposals":
+        """Compute the coefficients that maps of about an error need, within a number of bytes."""
+        coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
+        return cls(light, brdf, coefficients, size, sampling)
+
+    def least(self, error: float, max_size: int, most_p: int = MAX_ORDER_P) -> Tried | None:
         """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits."""
         lighting = self.light.to_order(self.coefficients.order_f)
         found = least_choice(
-            lighting, self.coefficients, error, DEFAULT_EPS, max_size, self.size, self.sampling
-        )
+            lighting, self.coefficients, error, DEFAULT_EPS, max_size, self.size, self.sampling,
+            most_p,
+        )  # fmt: skip
         return None if found is None else found[0]
 
-    def proposing(self, max_size: int) -> Callable[[float], Candidate[Prefiltered]]:
-        """Return a function that proposes a map for an error, within a number of bytes.
+    def fits(self, max_size: int) -> bool:
+        """Tell whether any map fits into a number of bytes."""
+        return stored_bytes(TRIED_SIZES[0] if self.size is None else self.size, 1) <= max_size
+
+    def proposing(
+        self, max_size: int, most_p: int = MAX_ORDER_P
+    ) -> Callable[[float], Candidate[Prefiltered]]:
+        """Return a function that proposes a map for an error, within a number of bytes and to a P.
 
         Raises
         ------
@@ -71,8 +93,9 @@ class ShrmProposals:
         """
 
         def propose(error: float) -> Candidate[Prefiltered]:
-            tried = self.least(error, max_size)
-            assert tried is not None  # other forms fitted, whose cubes are no smaller
+            tried = self.least(error, max_size, most_p)
+            if tried is None:
+                raise nothing_fits(self.size)
             return self._candidate(tried, max_size)
 
         return propose
@@ -80,10 +103,9 @@ class ShrmProposals:
     def _candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
         choice, coefficients = tried.choice, self.coefficients
 
-        def wrong_share() -> float | None:
-            return predicted_wrong_share(
-                carry(self.light, self.brdf, choice.orders, coefficients, choice.size)
-            )
+        def wrong_share() -> float:
+            made = carry(self.light, self.brdf, choice.orders, coefficients, choice.size)
+            return predicted_wrong_share([made])
 
         def make() -> Prefiltered:
             return prefilter_shrm(

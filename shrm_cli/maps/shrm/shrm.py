@@ -22,7 +22,7 @@ from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
-from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
 from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
@@ -33,6 +33,8 @@ Array = NDArray[np.floating]
 
 _TEXELS_AT_ONCE = 2**14
 """The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""
+_VALUES_AT_ONCE = 2**25
+"""The number of values that `second_moments` takes at a time, as doubles of 256 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,14 +168,16 @@ class Shrm(Map):
 
         if frame == self.frame:
             return self
-        directions = cube_directions(self.size, self.sampling).reshape(-1, 3)
-        theta, phi = to_angles(directions)
-        flat = self.coefficients.reshape(len(theta), -1, 3)
+        if self.order_p == 0:  # a constant is the same in all axes
+            return replace(self, frame=frame)
+        flat = self.coefficients.reshape(6 * self.size**2, -1, 3)
         turned = np.empty_like(flat)
-        for start in range(0, len(theta), _TEXELS_AT_ONCE):
+        for start in range(0, len(flat), _TEXELS_AT_ONCE):
             part = slice(start, start + _TEXELS_AT_ONCE)
+            rows, columns = np.divmod(np.arange(*part.indices(len(flat))), self.size)
+            angles = to_angles(texel_directions(rows, columns, self.size, self.sampling))
             turned[part] = rotate_to_frames(
-                flat[part].transpose(1, 2, 0), theta[part], phi[part], inverse=frame == "global"
+                flat[part].transpose(1, 2, 0), *angles, inverse=frame == "global"
             ).transpose(2, 0, 1)
         return replace(self, coefficients=turned.reshape(self.coefficients.shape), frame=frame)
 
@@ -360,10 +364,15 @@ def second_moments(shrm: Shrm) -> Array:
     -------
     ndarray, shape ((P+1)^2, (P+1)^2)
     """
-    planes = np.moveaxis(shrm.coefficients, (2, 3), (0, 1)).astype(float)
-    texels = np.sqrt(np.tile(cube_solid_angles(shrm.size, shrm.sampling), (6, 1)))
-    flat = (planes * texels).reshape(len(planes), -1)
-    result: Any = flat @ flat.T
+    face = np.sqrt(cube_solid_angles(shrm.size, shrm.sampling))
+    count = (shrm.order_p + 1) ** 2
+    step = max(_VALUES_AT_ONCE // (3 * shrm.size * count), 1)
+    result: Array = np.zeros((count, count))
+    for start in range(0, 6 * shrm.size, step):
+        rows = np.arange(start, min(start + step, 6 * shrm.size))
+        planes = np.moveaxis(shrm.coefficients[start : start + step], (2, 3), (0, 1)).astype(float)
+        flat = (planes * face[rows % shrm.size]).reshape(count, -1)
+        result += flat @ flat.T
     return result
 
 

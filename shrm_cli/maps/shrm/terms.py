@@ -302,8 +302,18 @@ def prefilter_terms(
     remarks = {each.remark: None for each in expansions if each.remark is not None}
     missed = _shortfall(plan, info.predicted_error)
     warnings = (*remarks, *([] if missed is None else [missed]))
-    facts = {"error_bound": bound, "predicted_wrong_share": None}
-    return Prefiltered(SummedShrm(tuple(maps), info), facts, warnings=warnings)
+    made = SummedShrm(tuple(maps), info)
+
+    def share() -> float | None:
+        # Only a whole summary needs this module, which `--quiet` runs do without.
+        from shrm_cli.maps.wrong_share import predicted_wrong_share, shown_wrong_share
+
+        if info.added_error:  # compression adds errors of its own
+            return shown_wrong_share(expansions, made)
+        return predicted_wrong_share(expansions)
+
+    facts, further = {"error_bound": bound}, {"predicted_wrong_share": share}
+    return Prefiltered(made, facts, warnings=warnings, further=further)
 
 
 def _shortfall(plan: Plan, error: float) -> str | None:

@@ -363,6 +363,18 @@ def test_auto_leaves_no_shared_probe_negative(real_probes, name, order):
     assert (prefiltered.facts["minimum_without_window"] < 0) == (name == "sunrise")
 
 
+@pytest.mark.parametrize("name", ["city", "sunrise"])
+def test_auto_is_the_default_and_leaves_what_needs_no_window(real_probes, name):
+    probe = open_probe(real_probes / f"{name}.exr")
+    found, none = prefilter_irradiance(probe), prefilter_irradiance(probe, window="none")
+    is_same = np.array_equal(found.map.coefficients, none.map.coefficients)
+    assert is_same == (name == "city")
+    assert not found.warnings
+    assert found.facts["minimum_irradiance"] >= 0
+    check_non_negative(found, 2)
+    assert bool(none.warnings) == (name == "sunrise")
+
+
 @pytest.mark.parametrize(
     ("elevation", "albedo", "is_negative"), [(60, 0.2, False), (60, 0.0, True), (10, 0.0, True)]
 )

@@ -131,7 +131,7 @@ def test_guess_of_a_lamp():
     """The paper's formula at r = sqrt 3, that of a single direction."""
     pixels = np.zeros((ROWS, 2 * ROWS, 3))
     pixels[10, 20] = 1
-    plain = prefilter(Probe.from_array(pixels)).map
+    plain = prefilter(Probe.from_array(pixels), window="none").map
     made = in_form(plain, "zh3-hallucinated")
     ratio = 3**0.5
     expected = plain.coefficients[0] * ratio * (0.08 + 0.6 * ratio)
@@ -210,7 +210,25 @@ def test_windows(light):
     again = in_form(made.map, "zh3")
     np.testing.assert_allclose(again.zonal, made.map.zonal, rtol=1e-9)
     with pytest.raises(MapError, match="`window` does not apply"):
-        prefilter(Probe.from_array(pixels), window="auto", form="zh3-hallucinated")
+        prefilter(Probe.from_array(pixels), window="hann", form="zh3-hallucinated")
+    with pytest.raises(MapError, match="prefilter the probe in this form"):
+        in_form(prefilter(Probe.from_array(pixels)).map, "zh3-hallucinated")
+
+
+def test_a_guess_that_is_negative_is_told_and_left():
+    """A window would undo the guess, so that ``auto`` does nothing, and another form helps."""
+    pixels = np.full((ROWS, 2 * ROWS, 3), 0.001)
+    pixels[8, 12] += 1000
+    made = prefilter(Probe.from_array(pixels), form="zh3-hallucinated")
+    least = made.map.irradiance(oracles.latlong_pixels(64, 32).reshape(-1, 3)).min()
+    assert least < 0
+    assert not made.map.window.factors
+    (line,) = made.warnings
+    assert "take `form` zh3" in line
+    assert "`window`" not in line
+    freed = prefilter(Probe.from_array(pixels), form="zh3")
+    assert freed.map.minimum() >= 0
+    assert not freed.warnings
 
 
 def test_other_primaries(light):

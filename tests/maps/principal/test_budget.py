@@ -39,16 +39,16 @@ def test_an_error_that_does_not_fit_names_the_bytes_that_keep_it(spec):
     with pytest.warns(ShrmWarning) as told:
         best = prefilter(probe, spec, to="principal", error=error, max_size=most)
     assert error_of(best) > error
-    (line,) = (str(each.message) for each in told if "cannot be kept" in str(each.message))
-    amount, unit = re.search(r"100 kB; .*; it takes `max_size` ([\d.]+) (\w+)$", line).groups()
+    (line,) = (str(each.message) for each in told if "over `error`" in str(each.message))
+    amount, unit = re.search(r"packing; raise `max_size` to ([\d.]+) (\w+)$", line).groups()
     needed = float(amount) * UNITS[unit]
     assert most < needed < 10**7
     kept = prefilter(probe, spec, to="principal", error=error, max_size=f"{amount}{unit}")
     assert error_of(kept) <= error
-    with pytest.warns(ShrmWarning, match="cannot be kept"):
+    with pytest.warns(ShrmWarning, match="over `error` 0.01"):
         prefilter(probe, spec, to="principal", error=error, max_size=int(0.4 * needed))
 
 
 def test_an_error_that_no_map_keeps_names_no_bytes():
-    with pytest.warns(ShrmWarning, match=r"cannot be kept .* the best map has [\d.]+%$"):
+    with pytest.warns(ShrmWarning, match=r"over `error` 0.001, .*; dim the lamps with `clamp`$"):
         prefilter(lamps(), "ggx:roughness=0.2,f0=0.04", to="principal", error=1e-3, max_size=10**5)

@@ -1,10 +1,11 @@
 """What maps of principal functions are made by default: their bytes, functions and centers."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps.size import choose_size, stored_bytes
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
@@ -52,16 +53,21 @@ def test_broad_lobes_get_more_than_a_handful_of_functions(room):
 def test_rough_surfaces_are_about_the_normal(room, spec):
     """On spheres their maps are better there than about the mirror direction."""
     given = {"brdf": spec, "to": "principal", "eps": 1e-3, "max_size": 150_000}
-    with pytest.warns(ShrmWarning, match="150 kB hold no map"):
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
         found = [prefilter(room, center=center, **given) for center in (None, "reflection")]
     made, other = found
+    # The tolerance takes more bytes, which is said only of light that is seen to be wrong.
+    wrong = [each for each in found if each.info.predicted_error > 0.05]
+    said = [each for each in told if "150 kB before packing" in str(each.message)]
+    assert len(said) == len(wrong)
     assert (made.center, other.center) == ("normal", "reflection")
     assert made.cube_count < other.cube_count
     rng = np.random.default_rng(3)
     normals, views = unit(rng, 2000), unit(rng, 2000)
     views *= np.sign(np.sum(normals * views, axis=1))[:, None]
     pixels = np.sum(normals * views, axis=1)[:, None]
-    truth = Reference(room, parse_spec(spec)).radiance(normals, views)
+    truth = Reference(room, parse_spec(spec), exact=True).radiance(normals, views)
     errors = [np.sum(pixels * (each.radiance(normals, views) - truth) ** 2) for each in found]
     assert errors[0] < errors[1] / 4
 

@@ -1,6 +1,7 @@
 """Fits to real probes against sums over their pixels, with GGX written again."""
 
 import os
+import re
 import subprocess
 import sys
 from functools import cache
@@ -20,6 +21,7 @@ from tests import ggx, oracles
 from tests.cli.helpers import environment, polynomial_light, write_exr
 from tests.maps.scenes import normals_of
 
+LUMINANCE = [0.2126, 0.7152, 0.0722]
 ROUGHNESSES = 0.45, 0.7, 1.0
 METAL, PLASTIC = (1.0, 1.0, 1.0), (0.04, 0.04, 0.04)
 UNIT_LIGHT = np.sqrt(4 * np.pi)
@@ -135,6 +137,25 @@ def test_the_residual_is_the_error_that_pixels_tell(real_probes):
         found = made.shaded(0.7, METAL).radiance(*pairs())
         expected = np.linalg.norm(found - base) / np.linalg.norm(base)
         assert made.info.fit_residual == pytest.approx(expected, rel=0.25)
+
+
+@pytest.mark.parametrize("name", [
+    "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset",
+])  # fmt: skip
+def test_a_bad_fit_is_told(real_probes, name):
+    """Where most of what the sharpest surfaces show is wrong by over a quarter, by pixels."""
+    path, sharpest = real_probes / f"{name}.exr", ROUGHNESSES[0]
+    made = prefilter_exponential(open_probe(path))
+    base = ggx.reflected(sharpest, *pairs(), *coarse(path))[0]
+    off = made.map.shaded(sharpest, METAL).radiance(*pairs()) - base
+    wrong = np.mean(np.abs(off @ LUMINANCE) > base @ LUMINANCE / 4)
+    assert abs(wrong - 0.58) > 0.05
+    assert bool(made.warnings) == (wrong > 0.58)
+    if made.warnings:
+        (line,) = made.warnings
+        found = float(re.search(r"roughness 0.45 are wrong by (\d+)%", line)[1]) / 100
+        assert found == pytest.approx(np.linalg.norm(off) / np.linalg.norm(base), rel=0.25)
+        assert "`to` splitsum" in line
 
 
 def test_mean_light_is_kept_at_every_roughness(real_probes):

@@ -78,19 +78,29 @@ def test_more_bytes_make_less_error(probe):
 
 def test_it_says_what_the_bytes_cost(probe):
     made = make(probe, max_size="40kB")
-    (line,) = [each for each in made.warnings if "40 kB" in each]
-    info = made.map.info
-    assert f"P = {info.order_p} of the 2 that `eps` 0.03 asks for" in line
-    assert f"RMS error {info.predicted_error:.1%} predicted" in line
+    (line,) = [each for each in made.warnings if "40 kB before packing" in each]
+    assert line.startswith(f"the reflected light is wrong by {made.map.info.predicted_error:.1%}")
     enough = line.split("raise `max_size` to ")[1].split(",")[0].rstrip()
     assert not [each for each in make(probe, max_size=enough).warnings if "hold" in each]
+    (line,) = make(probe, max_size="2MB", size=192).warnings  # which would hold all of 64 texels
+    assert "2 MB hold P = 0 of the 2" in line
+    assert "; lower `size`, or" in line
+
+
+def test_what_nobody_sees_is_not_said(probe):
+    """Energy of the BRDF that the map misses, where the probe has hardly any light for it."""
+    pixels = 1 + 0.1 * probe.image() / probe.image().max()
+    dull = make(Probe.from_array(pixels), brdf="ggx:roughness=0.5", max_size="40kB")
+    assert dull.map.info.captured < 0.9
+    assert dull.map.info.predicted_error < 0.02
+    assert not dull.warnings
 
 
 @pytest.mark.slow
 def test_a_lobe_that_no_order_holds_is_made_and_named(probe):
     made = make(probe, brdf="phong:exponent=1e5")
     assert made.map.info.captured < 0.97
-    assert any("sharper than F = 512 can show" in line for line in made.warnings)
+    assert any("sharper than cubes of any size" in line for line in made.warnings)
 
 
 @pytest.mark.slow

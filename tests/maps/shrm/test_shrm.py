@@ -192,3 +192,27 @@ def test_orders_are_bounded_before_anything_is_computed():
     with pytest.raises(MapError, match="F = 512 and P = 32 make"):
         check_size(512, 32, 16)
     check_size(465, 2)
+
+
+def test_frames_and_moments_of_large_maps_are_made_in_parts(monkeypatch):
+    """Whole, the directions of 3800 texels along an edge took 8 GB for a map of 1 GB."""
+    import tracemalloc
+
+    from shrm_cli.maps.shrm import shrm as module
+
+    size = 160
+    rng = np.random.default_rng(2)
+    coefficients = rng.normal(size=(6 * size, size, 4, 3)).astype(np.float32)
+    map_ = Shrm(coefficients, "global", "reflection", INFO)
+    whole, whole_frame = module.second_moments(map_), map_.to_frame("local").coefficients
+    monkeypatch.setattr(module, "_VALUES_AT_ONCE", 2**14)
+    monkeypatch.setattr(module, "_TEXELS_AT_ONCE", 2**10)
+    tracemalloc.start()
+    try:
+        parts, frame = module.second_moments(map_), map_.to_frame("local").coefficients
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(parts, whole, rtol=1e-12)
+    np.testing.assert_array_equal(frame, whole_frame)
+    assert peak < 1.3 * coefficients.nbytes

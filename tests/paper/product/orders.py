@@ -107,7 +107,7 @@ def figure_6(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Trun
         brdf = parse_spec("ashikhmin-shirley:nu={},nv={}".format(*exponents))
         texels, size = min(extent.product_texels, _MOST_TEXELS), extent.product_small
         made = _lit_textures(probe, brdf, own, texels)
-        drawn = compare_spheres(Reference(probe, brdf), made, [VIEWER], size)
+        drawn = compare_spheres(Reference(probe, brdf, exact=True), made, [VIEWER], size)
         measured = measured_errors(probe, brdf, made, MORE_POINTS * extent.product_points)
         row = []
         for k, column in enumerate(own):
@@ -178,7 +178,7 @@ def measured_errors(probe: Probe, brdf: Brdf, maps: Sequence[Map], count: int) -
         How many orientations and views are drawn.
     """
     points = random_points(count, np.random.default_rng(6))
-    exact = Reference(probe, brdf).brushed_radiance(*points)
+    exact = Reference(probe, brdf, exact=True).brushed_radiance(*points)
     return [relative(each.brushed_radiance(*points), exact) for each in maps]
 
 

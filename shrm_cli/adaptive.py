@@ -1,0 +1,206 @@
+"""Sums over a probe at the fineness that a lobe needs, with an estimate of their error.
+
+A group of neighboring points begins with the largest cells of a pyramid of lights. The transfer
+function T at the centroid of a cell is compared with T at those of its four quarters, which tells
+how much T is curved there; the curvature times the spread of the light within a quarter is what is
+still wrong with it. The quarters that matter most are cut again, down to the pixels, until what is
+left is less than a given part of the reflected light. Where nothing is known of the lobe but that
+it is narrow, near its core, cells are cut until they are smaller than it.
+
+The curvature also corrects the sums: ``T + k s / w`` instead of T, where s is the spread and w the
+luminance of the cell, is exact for a function of even curvature k. What is stated is the size of
+all corrections of a point together, so that it is more than the error that is left.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.core import PART
+from shrm_cli.probe.pyramid import Level, Pyramid
+from shrm_cli.vocabulary import LUMINANCE
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.integer]
+Cap = tuple[Array, float]
+"""Axes of spherical caps, one for each point, and the half angle of all of them, radians."""
+Evaluate = Callable[[Array, Indices], Array]
+
+ALLOWED = 0.02
+"""The part of the light of a point that may be left to corrections. Under four real probes of
+512 rows, 95 % of the pixels of nine BRDFs were within .02 to .5 % of the full sum, and .1 to 1.3 %
+stated; with .03, brushed fibres in a studio missed 1.4 %."""
+_SPENT = 0.5
+"""The part of what is left of it that each level may spend."""
+_GRADING = 0.15
+"""How much larger they may be beside the core, for each radian from it: with .25, GGX of roughness
+.3 at grazing views under a city's sun missed .5 % instead of .1 %."""
+_EDGE = 0.06
+"""Cells that cross the edge of a cap, such as the horizon, are cut to this radius, radians. Without
+it a matt sphere at night missed .5 % and stated .2 %, with it .1 and .2 %."""
+_DARK = 0.02
+"""Points whose light is less than this part of the mean of their group need no better sums."""
+_SAMPLES_AT_ONCE = 2**15
+"""Pairs of a point and a cell that are evaluated at a time: their arrays fit into the L2 cache."""
+_ROUNDING = 1e-5
+"""How much the cosine to a cell may be less than that of a cap, for float32."""
+_TELLS = 0.05
+"""The part of the spread of a cell that is between its quarters, where they tell of what is within
+them; three quarters where the light is even."""
+_TINY = 1e-30
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points whose light is summed at once: neighbors, each by one cut through the pyramid.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (k, points, 3)
+        Vectors whose cosines with the directions to the light `evaluate` needs.
+    evaluate : callable
+        From cosines, shape (1, k, points, m), to the transfer function, (1, points, m, 3).
+    caps : list of Cap
+        Each point is lit from within all its caps.
+    centers : ndarray, shape (points, 3)
+        Central directions.
+    core : (float, float)
+        The width of the core of their lobes and how far from the center it reaches, radians.
+    """
+
+    rows: Array
+    evaluate: Callable[[Array], Array]
+    caps: list[Cap]
+    centers: Array
+    core: tuple[float, float]
+
+    def transfer(self, directions: Array) -> Array:
+        """The transfer function of light from directions, (m, 3): (channels, points, m).
+
+        There is one channel where it is grey.
+        """
+        count, points = self.rows.shape[:2]
+        step = max(_SAMPLES_AT_ONCE // points, 1)
+        rows = self.rows.reshape(-1, 3)
+        parts = []
+        for start in range(0, len(directions), step):
+            cosines = rows @ directions[start : start + step].T
+            values = self.evaluate(cosines.reshape(1, count, points, -1))[0]
+            grey = values.strides[-1] == 0
+            parts.append(values[None, ..., 0] if grey else np.moveaxis(values, -1, 0))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
+
+    def lit(self, level: Level) -> Indices:
+        """The cells of a level that may light any point."""
+        cells = np.flatnonzero(level.light.any(axis=1))
+        for axes, angle in self.caps:
+            limits = np.cos(np.minimum(angle + level.radii[cells], np.pi)) - _ROUNDING
+            cells = cells[(axes @ level.directions[cells].T).max(axis=0) >= limits]
+        return cells
+
+    def has_core(self, level: Level, cells: Indices) -> NDArray[np.bool_]:
+        """Which cells are too large to be sure that they have seen the core of a lobe."""
+        width, reach = self.core
+        radii = level.radii[cells]
+        large = radii > PART * width
+        if large.any():
+            cosines = (self.centers @ level.directions[cells[large]].T).max(axis=0)
+            beyond = np.arccos(np.clip(cosines, -1, 1)) - radii[large] - reach
+            large[large] = radii[large] > PART * width + _GRADING * np.maximum(beyond, 0)
+        return large
+
+    def has_edge(self, level: Level, cells: Indices) -> NDArray[np.bool_]:
+        """Which cells are large and cross the edge of a cap, where the transfer function bends or
+        jumps: a part of a cell whose centroid is dark is seen by none of its quarters.
+        """
+        found = level.radii[cells] > _EDGE
+        large = np.flatnonzero(found)
+        radii, crosses = level.radii[cells[large]], np.zeros(len(large), dtype=bool)
+        for axes, angle in self.caps:
+            cosines = axes @ level.directions[cells[large]].T
+            inner, outer = np.maximum(angle - radii, 0), np.minimum(angle + radii, np.pi)
+            crosses |= ((cosines > np.cos(outer)) & (cosines < np.cos(inner))).any(axis=0)
+        found[large] = crosses
+        return found
+
+
+def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
+    """Sum the light of a pyramid for points.
+
+    Returns
+    -------
+    light : ndarray, shape (points, 3)
+    errors : ndarray, shape (points,)
+        Estimated errors of the luminance; it is more than the errors are.
+    """
+    levels = pyramid.levels
+    parents = points.lit(levels[-1])
+    if not len(parents):
+        return np.zeros(points.centers.shape), np.zeros(len(points.centers))
+    coarse = points.transfer(levels[-1].directions[parents])
+    total = _sums(coarse, levels[-1].light[parents])
+    if len(levels) == 1:
+        return total, np.zeros(len(total))
+    sums, errors, left = np.zeros_like(total), np.zeros(len(total)), ALLOWED
+    for above, level in zip(levels[:0:-1], levels[-2::-1], strict=True):
+        cells = (4 * parents[:, None] + np.arange(4)).ravel()
+        light = level.light[cells]
+        values = points.transfer(level.directions[cells])
+        total += _sums(values, light) - _sums(coarse, above.light[parents])
+        if level is levels[0]:
+            sums += _sums(values, light)
+            break
+        weights = np.abs(light) @ np.array(LUMINANCE, light.dtype)
+        curvature, is_known = _curvature(above, level, parents, values, coarse, weights)
+        bright = np.abs(total) @ LUMINANCE
+        scale = np.maximum(bright, max(_DARK * float(bright.mean()), _TINY))
+        relative = (np.abs(curvature).mean(axis=0) / scale[:, None]).astype(light.dtype)
+        spread = level.spread[cells]
+        worst = np.repeat(relative.max(axis=0), 4) * spread
+        order = np.argsort(worst, kind="stable")
+        spent = np.cumsum(worst[order], dtype=float)
+        cut = np.ones(len(cells), dtype=bool)
+        cut[order[: np.searchsorted(spent, _SPENT * left, side="right")]] = False
+        cut |= points.has_core(level, cells) | points.has_edge(level, cells)
+        cut |= ~np.repeat(is_known, 4)
+        cut &= spread > 0
+        done = np.flatnonzero(~cut)
+        left -= float(worst[done].sum(dtype=float))
+        bent = spread[done] / np.maximum(weights[done], _TINY)
+        sums += _sums(values[..., done] + curvature[..., done // 4] * bent, light[done])
+        errors += scale * (relative[:, done // 4] @ spread[done])
+        parents, coarse = cells[cut], values[..., cut]
+        if not len(parents):
+            break
+    return sums, errors
+
+
+def _curvature(
+    above: Level, level: Level, parents: Indices, values: Array, coarse: Array, weights: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """How much T is curved over each parent, shape (channels, points, parents), and where that is
+    known, (parents,).
+
+    It is the mean of T over the quarters, by their luminance, less T at the centroid, over the mean
+    square of their distances. Where all light is in one quarter, the others tell nothing.
+    """
+    quarters = (4 * parents[:, None] + np.arange(4)).ravel()
+    chords = level.directions[quarters].reshape(-1, 4, 3) - above.directions[parents][:, None]
+    shares = weights.reshape(-1, 4)
+    squares = np.einsum("pq,pqc,pqc->p", shares, chords, chords)
+    is_known = squares > _TELLS * above.spread[parents]
+    shares = shares * (is_known / np.maximum(squares, _TINY))[:, None]
+    fours = values.reshape(*values.shape[:2], -1, 4)
+    found = (fours[..., 0] - coarse) * shares[:, 0]
+    for quarter in range(1, 4):
+        found += (fours[..., quarter] - coarse) * shares[:, quarter]
+    return found, is_known
+
+
+def _sums(values: Array, light: Array) -> Array:
+    """Sum of values (channels, points, n) times light (n, 3): (points, 3)."""
+    if len(values) == 1:
+        return (values[0] @ light).astype(float)
+    return np.stack([values[c] @ light[:, c] for c in range(3)], axis=-1).astype(float)

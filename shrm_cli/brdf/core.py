@@ -1,0 +1,100 @@
+"""The core of a lobe: how finely sums must look for its peak, and where."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf
+from shrm_cli.sphere.directions import from_angles, tilted_frame
+
+_VIEWS = np.concatenate([np.linspace(0, 2.6, 9), [2.8, 2.95, 3.05, 3.1, 3.13]])
+"""Angles from the central direction to the view, radians; at the last one, a surface that reflects
+about the mirror direction is seen .3 degrees from its edge, where lobes are narrowest."""
+_BRUSHES = 0.0, np.pi / 4, np.pi / 2
+"""Azimuths from the x axis of an anisotropic surface."""
+_ANGLES = np.unique(np.concatenate([np.geomspace(5e-4, 0.1, 58), np.linspace(0, np.pi, 404)]))
+"""From the central direction; the finer steps begin where most peaks are."""
+_AZIMUTHS = 16
+PART = 0.5
+"""Cells are to be no larger than this part of the width of the core: with the whole of it, the
+peaks of Phong's lobe of exponent 512 and of fibres were missed by 3 and 6 %."""
+MOST_CELLS = 2**14
+_PEAK = 0.75
+"""Azimuths count that come so near to the peak."""
+
+
+@dataclass(frozen=True)
+class Core:
+    """How narrow the peak of a lobe is, and how far from the central direction C it reaches.
+
+    Attributes
+    ----------
+    views : ndarray, shape (n,)
+        Angles from C to the view, radians, rising.
+    widths : ndarray, shape (n,)
+        The least distance from the peak, of any azimuth about C, to where the lobe falls below half
+        of it, radians.
+    reaches : ndarray, shape (n,)
+        The largest angle from C at which that peak is above half, radians. Where more than
+        `MOST_CELLS` would be needed to cover so much, widths are larger than they are; of most
+        BRDFs that is within some degrees of the edge of a surface.
+    cells : float
+        How many cells of radii of `PART` of the width cover the core: the median of all views.
+    """
+
+    views: Array
+    widths: Array
+    reaches: Array
+    cells: float
+
+    @classmethod
+    def of(cls, brdf: Brdf) -> "Core":
+        """Find the core of a BRDF's lobe."""
+        views = np.zeros(1) if brdf.zonal else _VIEWS
+        widths, reaches = np.array([_core(brdf, theta) for theta in views]).T
+        areas = 2 * np.pi * (1 - np.cos(reaches))
+        cells = areas / (2 * (PART * widths) ** 2)
+        widths = np.maximum(widths, np.sqrt(areas / (2 * PART**2 * MOST_CELLS)))
+        return cls(views, widths, reaches, float(np.median(cells)))
+
+    def seen(self, angles: Array) -> tuple[float, float]:
+        """Return the least width and the largest reach of views at angles from C, and of those
+        between which they are.
+        """
+        first = max(int(np.searchsorted(self.views, angles.min(), side="right")) - 1, 0)
+        last = int(np.searchsorted(self.views, angles.max()))
+        views = slice(first, last + 1)
+        return float(self.widths[views].min()), float(self.reaches[views].max())
+
+
+def _core(brdf: Brdf, theta: float) -> tuple[float, float]:
+    """The width and the reach for a view at an angle from C."""
+    width, reach = np.pi, 0.0
+    phi = 2 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    tilt = theta / 2 if brdf.center == "reflection" else 0.0
+    for brush in (0.0,) if brdf.isotropic else _BRUSHES:
+        light = tilted_frame(from_angles(_ANGLES[:, None], phi), np.asarray(tilt))
+        view = from_angles(np.asarray(theta - tilt), np.asarray(0.0))
+        values = brdf.transfer(_turned(light, brush), _turned(view, brush)).sum(axis=-1)
+        if values.any():
+            rays = values.T[values.max(axis=0) > _PEAK * values.max()]
+            widths, reaches = zip(*map(_peak, rays), strict=True)
+            width, reach = min(width, *widths), max(reach, *reaches)
+    return width, reach
+
+
+def _peak(values: Array) -> tuple[float, float]:
+    """Half the width of the peak of values along a ray from C, where they are half of it, and how
+    far from C that is: radians. A peak at C goes on beyond it.
+    """
+    peak = int(values.argmax())
+    below = values <= values[peak] / 2
+    before, after = np.flatnonzero(below[:peak]), np.flatnonzero(below[peak:])
+    stop = float(_ANGLES[peak + after[0]]) if len(after) else np.pi
+    return (stop - float(_ANGLES[before[-1]])) / 2 if len(before) else stop, stop
+
+
+def _turned(vectors: Array, angle: float) -> Array:
+    """Vectors (..., 3) turned about the z axis."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return vectors @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])

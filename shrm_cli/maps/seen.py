@@ -1,0 +1,81 @@
+"""Making the first map of ever more bytes whose picture is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from shrm_cli.maps.negative import negative_share
+from shrm_cli.maps.options import bytes_text
+from shrm_cli.plan import policy
+from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
+
+if TYPE_CHECKING:
+    from shrm_cli.maps.prefiltered import Prefiltered
+
+
+def kept_or_best(
+    propose: Propose,
+    goal: Goal,
+    max_size: int,
+    instead: Callable[[Candidate[Prefiltered]], Prefiltered | None] = lambda kept: None,
+) -> Prefiltered:
+    """Make the map of the fewest bytes that keeps a goal, and shows nothing negative.
+
+    Parameters
+    ----------
+    propose : callable
+        As `shrm_cli.plan.search.rising` takes it.
+    goal : Goal
+    max_size : int
+        The most bytes, for the warning.
+    instead : callable
+        Called with the first candidate that keeps the goal; may return the map of another form.
+
+    Returns
+    -------
+    Prefiltered
+        Where none keeps the goal, the one that misses the least, with a warning that says by how
+        much, and what would keep it. Where all are negative somewhere, the least dark one.
+    """
+    tried: list[Candidate[Prefiltered]] = []
+    dark: list[tuple[float, Prefiltered]] = []
+    for candidate in rising(propose, goal):
+        tried.append(candidate)
+        if not candidate.keeps(goal):
+            continue
+        other = None if dark else instead(candidate)
+        if other is not None:
+            return other
+        made = candidate.make()
+        share = negative_share(made.map)
+        if share <= policy.NEGATIVE_SHARE:
+            return made
+        dark.append((share, made))
+        if len(dark) == policy.TRIED_DARK:
+            break
+    if dark:  # what else is asked is kept; the warning about negative light tells the rest
+        least = policy.MISSED * min(share for share, _ in dark)
+        return next(made for share, made in dark if share <= least)
+    best = least_wrong(tried, goal)
+    made = best.make()
+    return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size)))
+
+
+def goal_text(goal: Goal) -> str:
+    """Return a goal in words."""
+    error = f"an RMS error of {100 * goal.error:.3g}%"
+    return error if goal.wrong_share is None else f"{error} and {goal.wrong_share:.0%} wrong pixels"
+
+
+def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
+    """Say what the best map misses of the goal, and what would keep it."""
+    seen = f" and {best.wrong_share:.0%} of pixels wrong by more than 5%"
+    more = ", or raise `max_size`" if 2 * best.bytes > max_size else ""
+    return (
+        f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
+        f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the "
+        "most: take them out with `shrm sun` and prefilter its light file, dim them by "
+        f"`clamp`{more}"
+    )

@@ -1,0 +1,42 @@
+"""The thresholds are those that docs/conventions.md promises, and one place has them."""
+
+import ast
+import re
+
+import pytest
+
+from shrm_cli.plan import policy
+from tests.cli.helpers import ROOT
+
+PAGE = (ROOT / "docs" / "conventions.md").read_text()
+SECTION = re.search(r"## The form that is chosen\n(.*?)\n## ", PAGE, re.DOTALL)[1]
+PROMISES = {
+    "ERROR": (r"RMS error of the light of at\s+most (\d+) %", 100),
+    "WRONG_SHARE": (r"at most (\d+) % of\s+\[wrong pixels\]", 100),
+    "NEGATIVE_SHARE": (r"at most a (thousandth) of what is visible negative", 1),
+    "SIMPLE_TIMES": (r"at most\s+(four) times the bytes", 1),
+    "SIMPLE_ORDER_P": (r"25 coefficients \(P = (\d+)\)", 1),
+    "FINER": (r"steps of a factor of ([\d.]+)", 1),
+    "LEAST_ERROR": (r"down to ([\d.]+) %", 100),
+    "TRIED_DARK": (r"(three) maps at\s+most", 1),
+    "MISSED": (r"within (\d+) % of the least", 100),
+}
+WORDS = {"thousandth": 1e-3, "three": 3, "four": 4}
+
+
+@pytest.mark.parametrize("name", PROMISES)
+def test_the_page_says_what_is_kept(name):
+    pattern, unit = PROMISES[name]
+    said = re.search(pattern, SECTION)[1]
+    number = WORDS.get(said) or float(said) / unit
+    found = getattr(policy, name)
+    assert (found - 1 if name == "MISSED" else found) == pytest.approx(number, rel=0.02)
+
+
+def test_every_threshold_says_why_and_is_held():
+    """Those of the second list are held by tests of the forms that use them."""
+    tree = ast.parse((ROOT / "shrm_cli" / "plan" / "policy.py").read_text())
+    names = [node.targets[0].id for node in tree.body if isinstance(node, ast.Assign)]
+    described = [node for node in tree.body[1:] if isinstance(node, ast.Expr)]
+    assert len(described) == len(names)
+    assert set(names) == {*PROMISES, "NEARLY_AS_GOOD", "NEARLY_BEST"}

@@ -1,0 +1,156 @@
+"""The search for the fewest bytes, against trying everything."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shrm_cli.plan import policy
+from shrm_cli.plan.search import (
+    Candidate,
+    Goal,
+    Row,
+    fewest_bytes,
+    first_kept,
+    least_errors,
+    least_wrong,
+    rising,
+)
+
+
+@dataclass(frozen=True)
+class Sized:
+    bytes: int
+    total_error: float
+
+
+def row(sizes, errors, asked=None):
+    """A row of candidates; what is asked for is noted."""
+
+    def candidate(index):
+        if asked is not None:
+            asked.append(sizes[index])
+        return Sized(sizes[index], errors[index])
+
+    return Row(len(sizes), lambda index: sizes[index], candidate)
+
+
+@st.composite
+def tables(draw):
+    """Rows with rising bytes and falling errors."""
+    counts = draw(st.lists(st.integers(0, 6), min_size=1, max_size=4))
+    found = []
+    for count in counts:
+        sizes = sorted(draw(st.sets(st.integers(1, 60), min_size=count, max_size=count)))
+        errors = draw(st.sets(st.integers(1, 40), min_size=count, max_size=count))
+        found.append((sizes, [each / 40 for each in sorted(errors, reverse=True)]))
+    return found
+
+
+@given(tables(), st.integers(0, 40))
+def test_it_finds_what_trying_everything_finds(table, error):
+    every = [pair for sizes, errors in table for pair in zip(sizes, errors, strict=True)]
+    kept = [pair for pair in every if pair[1] <= error / 40]
+    found = fewest_bytes((row(*each) for each in table), error / 40)
+    if not every:
+        assert found is None
+    elif kept:
+        assert found[1]
+        assert found[0].total_error <= error / 40
+        assert found[0].bytes == min(size for size, _ in kept)
+    else:
+        assert not found[1]
+        assert found[0].total_error == min(each for _, each in every)
+    lasts = [errors[-1] for _, errors in table if errors]
+    assert [each.total_error for each in least_errors(row(*each) for each in table)] == lasts
+
+
+def test_candidates_of_more_bytes_are_not_looked_at():
+    asked = []
+    rows = [row([1, 2, 3], [0.3, 0.2, 0.1]), row([2, 4, 8], [0.25, 0.1, 0.05], asked)]
+    assert fewest_bytes(rows, 0.25)[0].bytes == 2
+    assert asked == []
+
+
+def shares(wrong):
+    """Propose maps with errors of 1, .5, .25 .. percent, each of twice the bytes of the last."""
+    asked = []
+
+    def propose(error):
+        asked.append(error)
+        index = next((k for k in range(len(wrong)) if 0.08 / 2**k <= error), len(wrong) - 1)
+        return Candidate(
+            "made", 100 * 2**index, 1, 0.08 / 2**index, lambda: wrong[index], lambda: index
+        )
+
+    return propose, asked
+
+
+def test_errors_fall_until_what_is_seen_is_good():
+    propose, asked = shares([0.5, 0.3, 0.06, 0.05, 0.01])
+    tried, is_kept = first_kept(propose, Goal(0.05, 0.05))
+    assert is_kept
+    assert (tried[-1].wrong_share, tried[-1].bytes) == (0.05, 800)
+    # The next error is asked for in terms of what was found, not of what was asked.
+    np.testing.assert_allclose(asked, [0.05, 0.04 * policy.FINER, 0.02 * policy.FINER])
+
+
+def test_errors_alone_may_be_the_goal():
+    propose, _ = shares([0.5, 0.3, 0.3])
+    tried, is_kept = first_kept(propose, Goal(0.05, None))
+    assert (is_kept, len(tried), tried[0].bytes) == (True, 1, 200)
+
+
+def test_it_ends_where_no_less_error_is_to_be_had():
+    propose, asked = shares([0.9, 0.8, 0.7])
+    tried, is_kept = first_kept(propose, Goal())
+    assert not is_kept
+    assert tried[-1].total_error == 0.02
+    assert len(asked) == 3
+    propose, asked = shares([0.9] * 40)
+    assert len(list(rising(propose, Goal()))) < 12
+    assert asked[-1] == policy.LEAST_ERROR
+
+
+@pytest.mark.parametrize(
+    ("wrong", "errors", "expected"),
+    [
+        ([0.9, 0.21, 0.2], [0.03, 0.02, 0.01], 20),  # a little better is not worth the bytes
+        ([0.9, 0.25, 0.2], [0.03, 0.02, 0.01], 30),
+        ([0.0, 0.0, 0.0], [0.3, 0.2, 0.1], 30),
+        ([0.0, 0.1, 0.2], [0.3, 0.105, 0.1], 20),  # what is worst counts: .3 of error, .2 of pixels
+        ([np.nan, np.nan, np.nan], [np.nan, np.nan, np.nan], 10),
+    ],
+)
+def test_where_none_is_good_the_least_wrong_is_taken(wrong, errors, expected):
+    tried = [
+        Candidate("made", size, 1, error, lambda share=share: share, int)
+        for size, error, share in zip([10, 20, 30], errors, wrong, strict=True)
+    ]
+    assert least_wrong(tried, Goal(0.05, 0.05)).bytes == expected
+
+
+def test_goals():
+    assert Goal.of(None, None) == Goal(policy.ERROR, policy.WRONG_SHARE)
+    assert Goal.of(0.2, None) == Goal(0.2, None)  # whoever asks for an error alone means it
+    assert Goal.of(None, 0.1) == Goal(policy.ERROR, 0.1)
+    assert Goal.of(0.2, 0.1) == Goal(0.2, 0.1)
+
+
+def test_both_errors_are_judged():
+    """Each in units of what is allowed; what takes long is not found out in vain."""
+
+    def unknown():
+        raise AssertionError
+
+    assert not Candidate("made", 1, 1, 0.051, unknown, int).keeps(Goal(0.05, 0.1))
+    assert Candidate("made", 1, 1, 0.05, unknown, int).keeps(Goal(0.05, None))
+    seen = Candidate("made", 1, 1, 0.02, lambda: 0.04, int)
+    assert seen.badness(Goal(0.05, 0.1)) == pytest.approx(0.4)
+    assert seen.badness(Goal(0.04, 0.1)) == pytest.approx(0.5)
+    assert seen.badness(Goal(0.04, None)) == pytest.approx(0.5)
+    assert seen.badness(Goal(0.05, 0.02)) == pytest.approx(2)
+    assert not seen.keeps(Goal(0.05, 0.02))
+    assert seen.wrong_share is seen.wrong_share

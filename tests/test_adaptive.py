@@ -1,0 +1,182 @@
+"""Adaptive sums over a probe against the full ones, and against what they say of themselves."""
+
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from shrm_cli import settings
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.probe.probe import as_probe
+from shrm_cli.probe.pyramid import Pyramid
+from shrm_cli.probe.source import Source
+from shrm_cli.reference import Reference
+from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
+from tests import brute_force
+
+ROWS = 256
+POINTS = 96
+ANALYTIC = [
+    "lambertian",
+    "ggx:roughness=0.3",
+    "ggx:roughness=0.1",
+    "ward:ax=0.3,ay=0.1",
+    "kajiya-kay",
+    "phong:exponent=512",
+    "0.04*ggx:roughness=0.1+0.94*ggx:roughness=0.5",
+    "ashikhmin-shirley:nu=1000,nv=10,specular=0.5/0.7/0.9,diffuse=0.5",
+]
+MEASURED = ["rgl/cc_ibiza_sunset_rgb.bsdf", "cornell/krylon_blue.brdf"]
+PROBES = ["sun", "studio", "noise", "lamps"]
+REAL = ["city", "studio", "interior", "night"]
+
+
+def pixels(name):
+    """A light that was made: a gradient with a small sun, boxes in the dark, noise, or lamps."""
+    rng = np.random.default_rng(5)
+    height = np.linspace(1, -1, ROWS)[:, None, None]
+    image = np.zeros((ROWS, 2 * ROWS, 3)) + 0.01
+    if name == "sun":
+        image += np.where(height > 0, 0.3 + height, 0.15) * (0.6, 0.8, 1.0)
+        image[60:62, 101:103] = 9000, 8000, 6000
+    elif name == "studio":
+        image[40:90, 30:80] = 20
+        image[100:160, 300:310] = 12, 9, 6
+        image[200:, :] += 0.2
+    elif name == "noise":
+        image += rng.uniform(0, 2, image.shape) ** 3
+    else:
+        where = rng.integers(0, ROWS, 12), rng.integers(0, 2 * ROWS, 12)
+        image[where] = rng.uniform(50, 2000, (12, 3))
+    return image.astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def made():
+    return {name: as_probe(pixels(name)) for name in PROBES}
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    """Normals that a viewer sees, some of them near the silhouette."""
+    rng = np.random.default_rng(8)
+    view = np.array([0.48, 0.6, 0.64])
+    normals = brute_force.unit(rng, 4 * POINTS)
+    return normals[normals @ view > 0.03][:POINTS], view
+
+
+def errors_of(probe, brdf, pairs, rows=None):
+    """Relative errors of the luminance, and what is stated of them."""
+    adaptive, exact = (Reference(probe, brdf, rows, exact=exact) for exact in (False, True))
+    assert (type(adaptive.source), type(exact.source)) == (Pyramid, Source)
+    found, expected = (each.radiance(*pairs) @ LUMINANCE for each in (adaptive, exact))
+    assert exact.error is None
+    least = SEEN_FLOOR * expected.mean()
+    return np.abs(found - expected) / np.maximum(expected, least), adaptive.error
+
+
+@pytest.mark.parametrize("spec", ANALYTIC)
+@pytest.mark.parametrize("name", PROBES)
+def test_adaptive_sums_are_within_a_percent(made, pairs, name, spec):
+    errors, stated = errors_of(made[name], parse_spec(spec), pairs)
+    assert np.percentile(errors, 95) < min(0.01, stated)
+    assert 1e-5 < stated < 0.03
+    assert errors.max() < 0.05
+
+
+@pytest.mark.parametrize("material", [*MEASURED, "ggx:roughness=0.2"])
+@pytest.mark.parametrize("name", REAL)
+def test_real_light_on_measured_materials(shared, pairs, name, material):
+    spec = material if ":" in material else str(shared / "brdf" / material)
+    probe = as_probe(shared / "probes" / f"{name}.exr")
+    some = pairs[0][:24], pairs[1]
+    errors, stated = errors_of(probe, parse_spec(spec), some, ROWS)
+    assert np.percentile(errors, 95) < min(0.01, stated) < 0.03
+
+
+def test_few_cells_are_enough(made, monkeypatch):
+    brdf = parse_spec("ggx:roughness=0.3")
+    transfer, seen = type(brdf).transfer, []
+
+    def counted(self, light, view):
+        seen.append(light.size // 3)
+        return transfer(self, light, view)
+
+    # The points of a part of a sphere's picture that is 1/16 of it, of 128 x 128 pixels.
+    x, y = np.meshgrid(np.arange(16) / 64, np.arange(16) / 64)
+    normals = np.stack([x, y, np.sqrt(1 - x * x - y * y)], axis=-1)
+    truth = Reference(made["sun"], brdf)
+    monkeypatch.setattr(import_module("shrm_cli.reference"), "_ADAPTIVE_SIZES", (32, 32))
+    monkeypatch.setattr(type(brdf), "transfer", counted)
+    truth.radiance(normals, [0, 0, 1])
+    assert sum(seen) / 256 < 0.06 * 2 * ROWS**2
+
+
+def test_truncated_lobes_and_means_over_the_azimuth(made, pairs):
+    normals, view = pairs
+    brdf = parse_spec("microfacet:sigma=0.2")
+    for tolerance in (None, 0.05):
+        adaptive, exact = (
+            Reference(made["sun"], brdf, tolerance=tolerance, exact=exact)
+            for exact in (False, True)
+        )
+        for call in (
+            lambda made: made.radiance(normals, view),
+            lambda made: made.zonal_radiance(normals, 0.7),
+            lambda made: made.central_radiance(normals, view),
+        ):
+            found, expected = (call(each) @ LUMINANCE for each in (adaptive, exact))
+            errors = np.abs(found - expected) / np.maximum(expected, 0.02 * expected.mean())
+            assert np.percentile(errors, 95) < min(0.01, adaptive.error)
+
+
+def test_brushed_surfaces(made, pairs):
+    normals, view = pairs
+    tangents = np.cross(normals, [0.6, 0.0, 0.8])
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    for spec in ("ward:ax=0.4,ay=0.1", "kajiya-kay"):
+        adaptive, exact = (
+            Reference(made["studio"], parse_spec(spec), exact=exact) for exact in (False, True)
+        )
+        found, expected = (
+            each.brushed_radiance(normals, tangents, view) @ LUMINANCE for each in (adaptive, exact)
+        )
+        errors = np.abs(found - expected) / np.maximum(expected, 0.02 * expected.mean())
+        assert np.percentile(errors, 95) < min(0.01, adaptive.error)
+
+
+def test_threads_change_nothing_at_all(made, pairs):
+    truth = Reference(made["lamps"], parse_spec("ggx:roughness=0.3"))
+    results = []
+    for count in (1, 2, 5):
+        with settings.using(threads=count):
+            results.append(truth.radiance(*pairs))
+    np.testing.assert_array_equal(results[1], results[0])
+    np.testing.assert_array_equal(results[2], results[0])
+
+
+def test_narrow_rings_and_small_probes_are_summed_in_full(made):
+    """Fibres reflect in a cone all around the tangent: all of it would be cut to pixels."""
+    fibres = Reference(made["sun"], parse_spec("kajiya-kay:exponent=10000"))
+    assert isinstance(fibres.source, Source)
+    assert fibres.error is None
+    small = Reference(made["sun"], parse_spec("ggx"), 64)
+    assert small.source.pixels == 64 * 128
+    assert isinstance(small.source, Source)
+
+
+def test_black_light(pairs):
+    truth = Reference(as_probe(np.zeros((ROWS, 2 * ROWS, 3), np.float32)), parse_spec("ggx"))
+    assert isinstance(truth.source, Pyramid)
+    assert not truth.radiance(*pairs).any()
+    assert truth.error == 0
+
+
+def test_stated_error_follows_what_is_allowed(made, pairs, monkeypatch):
+    """With a seventh of what may be left, less is left, and less is stated."""
+    brdf = parse_spec("ggx:roughness=0.5")
+    usual, stated = errors_of(made["noise"], brdf, pairs)
+    monkeypatch.setattr(import_module("shrm_cli.adaptive"), "ALLOWED", 0.003)
+    finer, less = errors_of(made["noise"], brdf, pairs)
+    assert less < 0.4 * stated
+    assert finer.mean() < 0.5 * usual.mean()

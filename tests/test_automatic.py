@@ -1,0 +1,220 @@
+"""The form that is chosen: right in the picture, against brute force, in few bytes."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps import seen as making
+from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.size import total_error
+from shrm_cli.plan import policy
+from shrm_cli.prefilter import prefilter, prefilter_with_facts
+from shrm_cli.probe.probe import Probe
+from tests import brute_force, oracles
+from tests.cli.helpers import done, polynomial_light, run, write_exr
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+POINTS = 1500
+MICROFACET = "microfacet:sigma=0.4"
+SKIN = "lafortune:fit=skin"
+
+
+@pytest.fixture(scope="module")
+def pixels():
+    """A coloured gradient with a lamp of a few pixels, 64 x 32."""
+    found = polynomial_light(oracles.latlong_pixels(64, 32))
+    found[8:10, 20:22] = [120, 80, 40]
+    return found.astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def probe(pixels):
+    return Probe.from_array(pixels)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, pixels):
+    write_exr(tmp_path / "probe.exr", pixels)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def measured(pixels, rho_hat, made):
+    """The relative RMS error of a map and its share of wrong pixels, by brute force."""
+    rng = np.random.default_rng(7)
+    mirrored, views = brute_force.unit(rng, POINTS), brute_force.unit(rng, POINTS)
+    normals = mirrored + views
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    directions, weights = brute_force.latlong_samples(len(pixels))
+    radiance = pixels.reshape(-1, 3).astype(float)
+    pairs = zip(mirrored, views, strict=True)
+    truth = np.array(
+        [brute_force.reflected(rho_hat, *each, directions, weights, radiance) for each in pairs]
+    )
+    shown = made.radiance(normals, views)
+    error = np.sqrt(np.mean((shown - truth) ** 2) / np.mean(truth**2))
+    dark = 0.02 * (truth @ LUMINANCE).mean()
+    wrong = np.abs((shown - truth) @ LUMINANCE) > 0.05 * np.maximum(truth @ LUMINANCE, dark)
+    return error, wrong.mean(), np.mean(shown @ LUMINANCE < 0)
+
+
+def made(probe, **given):
+    return prefilter_with_facts(probe, "auto", given)
+
+
+def texels(map_):
+    """The texels of all cubes of a map, a face each."""
+    return map_.summary()["maps"] * map_.size**2
+
+
+def stated_error(map_):
+    return total_error(map_.info.predicted_error, map_.info.filter_error)
+
+
+def test_a_picture_is_right_by_default(pixels, probe):
+    """The SHRM of the default tolerance has a tenth of its pixels wrong here."""
+    rho_hat = brute_force.microfacet(0.4)
+    map_ = prefilter(probe, MICROFACET)
+    assert stated_error(map_) <= policy.ERROR
+    error, wrong, negative = measured(pixels, rho_hat, map_)
+    assert error < 1.1 * policy.ERROR
+    assert wrong < policy.WRONG_SHARE + 0.015  # of 1500 points
+    assert negative <= 0.002
+    assert measured(pixels, rho_hat, prefilter(probe, MICROFACET, to="shrm"))[1] > 0.08
+
+
+def test_lobes_of_one_cube_are_shrms_as_ever(probe):
+    for spec in ("lambertian", "phong:exponent=16", "0.6*lambertian+0.4*phong:exponent=16"):
+        found, forced = prefilter(probe, spec), prefilter(probe, spec, to="shrm")
+        assert found.representation == "shrm"
+        np.testing.assert_array_equal(
+            found.radiance([0, 0, 1], [0.6, 0, 0.8]), forced.radiance([0, 0, 1], [0.6, 0, 0.8])
+        )
+
+
+def test_an_shrm_is_taken_where_it_keeps_what_is_asked_in_few_bytes(probe, monkeypatch):
+    found = made(probe, brdf=MICROFACET)
+    assert found.map.representation == "shrm"
+    heading, why = found.notes[0]
+    assert heading == "form"
+    assert why.startswith("SHRM, which keeps")
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)  # unless another form takes fewer
+    found = made(probe, brdf=MICROFACET)
+    assert found.map.representation == "principal"
+
+
+def test_the_line_tells_what_an_shrm_would_be_like(probe, monkeypatch):
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
+    found = made(probe, brdf=SKIN)
+    assert found.map.representation == "principal"
+    why = dict(found.notes)["form"]
+    assert why.startswith("principal: an SHRM of its error takes ")
+    asked = {"brdf": SKIN, "error": stated_error(found.map)}
+    shrm = prefilter_with_facts(probe, "shrm", asked).map
+    assert why.endswith(bytes_text(6 * 6 * texels(shrm)))
+    assert texels(shrm) > 2 * texels(found.map)
+
+
+def test_less_is_asked_and_fewer_bytes_are_made(probe):
+    def size(**given):
+        found = made(probe, brdf=SKIN, **given).map
+        return texels(found), stated_error(found)
+
+    by_default, exact = size(), size(error=0.01)
+    rough = size(error=0.2)
+    assert rough[0] < by_default[0] < exact[0]
+    assert exact[1] <= 0.01 < rough[1] <= 0.2
+    loose, strict = (prefilter(probe, SKIN, to="principal", seen=share) for share in (0.3, 0.01))
+    assert texels(loose) < texels(strict)
+
+
+def test_where_nothing_holds_the_line_says_what_would(pixels):
+    sun = pixels.copy()
+    sun[8, 20] = 1e6
+    found = made(Probe.from_array(sun), brdf="ggx:roughness=0.1,f0=0.04", max_size=200_000)
+    (line,) = [each for each in found.warnings if each.startswith("no map keeps")]
+    assert "in 200 kB" in line
+    assert "shrm sun" in line
+    assert "raise `max_size`" in line
+    assert f"{stated_error(found.map):.1%}" in line
+
+
+def test_dark_places_are_given_more(probe, monkeypatch):
+    """Where a map is negative, those of less error are tried, and the least dark one is taken."""
+    asked = []
+    shares = [0.3, 0.1, 0.2]
+
+    def share(map_):
+        asked.append(texels(map_))
+        return shares[len(asked) - 1]
+
+    monkeypatch.setattr(making, "negative_share", share)
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
+    found = made(probe, brdf=MICROFACET).map
+    assert len(asked) == policy.TRIED_DARK
+    assert asked == sorted(asked)
+    assert texels(found) == asked[1]
+
+
+@pytest.mark.parametrize(
+    ("given", "form"),
+    [
+        ({"eps": 0.03}, "shrm"),
+        ({"order_p": 2}, "shrm"),
+        ({"frame": "local"}, "shrm"),
+        ({"compress": 2}, "shrm"),
+    ],
+)
+def test_what_only_shrms_obey_means_one(probe, form, given):
+    assert made(probe, brdf=SKIN, **given).map.representation == form
+
+
+def test_the_command_names_files_by_what_it_made(folder, monkeypatch):
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
+    done("prefilter", "probe.exr", "--brdf", "lambertian")
+    out = done("prefilter", "probe.exr", "--brdf", SKIN, "--max-size", "2MB")
+    assert "form           principal: an SHRM of its error takes" in out
+    assert (folder / "probe.lambertian.shrm.exr").exists()
+    target = folder / "probe.lafortune-fit-skin.principal.exr"
+    made = target.read_bytes()
+    done("prefilter", "probe.exr", "--brdf", SKIN, "--max-size", "2MB")
+    assert target.read_bytes() == made
+    refused = run("prefilter", "probe.exr", "--brdf", SKIN)
+    assert refused.code == 1
+    assert "--max-size 2000000 there, 32000000 here" in refused.err
+
+
+def test_batches_choose_too_and_know_what_they_chose(folder):
+    command = "batch", "probe.exr", "--brdf", "lambertian", "--brdf", SKIN
+    assert run(*command, "--max-size", "500kB").code == 0
+    names = {path.name for path in folder.glob("probe.*.auto.exr")}
+    assert names == {"probe.lambertian.auto.exr", "probe.lafortune-fit-skin.auto.exr"}
+    again = run(*command, "--max-size", "500kB", "--dry-run")
+    assert (again.code, again.err.count("there already")) == (0, 2)
+    other = run(*command, "--max-size", "400kB", "--dry-run")
+    assert other.err.count("--max-size 500000 there, 400000 here") == 2, other
+    assert run(*command, "--eps", "0.1").code == 0
+    assert (folder / "probe.lambertian.shrm.exr").exists()
+
+
+def test_forms_that_are_named_keep_what_is_seen_too(pixels, probe):
+    rho_hat = brute_force.microfacet(0.4)
+    sizes = {}
+    for form in ("shrm", "principal"):
+        rough = prefilter(probe, MICROFACET, to=form, error=0.2)
+        fine = prefilter(probe, MICROFACET, to=form, seen=0.05)
+        assert measured(pixels, rho_hat, rough)[1] > 0.1
+        assert measured(pixels, rho_hat, fine)[1] < 0.065
+        sizes[form] = texels(fine)
+    assert sizes["principal"] < sizes["shrm"]
+
+
+@pytest.mark.parametrize(
+    ("form", "given"),
+    [("shrm", {"eps": 0.1}), ("shrm", {"frame": "local"}), ("shrm", {"compress": 2}),
+     ("principal", {"maps": 4})],
+)  # fmt: skip
+def test_what_says_the_opposite_is_refused(probe, form, given):
+    (name,) = given
+    with pytest.raises(ArgumentError, match=f"`?{name}`? does not apply with `seen`"):
+        prefilter(probe, MICROFACET, to=form, seen=0.05, **given)
