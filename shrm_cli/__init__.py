@@ -28,6 +28,9 @@ that compute the same write the same bytes.
 _HOMES = {
     "prefilter": "prefilter",
     "reference": "reference",
+    "choose": "choose.choose",
+    "Choice": "choose.offer",
+    "Offer": "choose.offer",
     "open_map": "maps.file",
     "is_map": "maps.file",
     "Map": "maps.base",
@@ -60,6 +63,9 @@ if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf as Brdf
     from shrm_cli.brdf.base import Parameter as Parameter
     from shrm_cli.brdf.spec import parse_spec as parse_spec
+    from shrm_cli.choose.choose import choose as choose
+    from shrm_cli.choose.offer import Choice as Choice
+    from shrm_cli.choose.offer import Offer as Offer
     from shrm_cli.errors import ArgumentError as ArgumentError
     from shrm_cli.errors import BrdfError as BrdfError
     from shrm_cli.errors import MapError as MapError

@@ -51,6 +51,7 @@ STOPS = [
     {"render"},
     {"view", "lookdev"},
     {"analysis"},
+    {"choose"},
     {"report"},
     {"cli"},
     {"__main__"},

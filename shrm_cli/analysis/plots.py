@@ -8,6 +8,7 @@ import importlib.util
 import logging
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,63 @@ _CIRCLE = {
 """Style of the circle around the orders that meet a tolerance."""
 _TRUTH, _MINIMUM, _BRDF, _BOUND = "#111111", "#0072b2", "#d55e00", "#009e73"
 """Colors of the curves; all but the first are from the palette of Okabe and Ito."""
+
+_FORMS = {
+    "principal": ("#d55e00", "o"), "shrm": ("#0072b2", "s"), "splitsum": ("#009e73", "^"),
+    "she": ("#cc79a7", "D"), "cabral": ("#e69f00", "v"), "irradiance": ("#56b4e9", "P"),
+}  # fmt: skip
+"""Color and marker of each form of maps."""
+_OTHER = "0.5", "x"
+_ROW = 3.1
+"""Height of a row of charts, inches."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Errors of maps over one thing that they cost.
+
+    Attributes
+    ----------
+    label : str
+    values : sequence of float
+        The cost of each map, at least 0.
+    on_front : sequence of bool
+        Whether a map has the least error for its cost.
+    limit : float, optional
+        The most that it may cost.
+    """
+
+    label: str
+    values: Sequence[float]
+    on_front: Sequence[bool]
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Offers:
+    """The maps that one row of charts shows.
+
+    Attributes
+    ----------
+    title : str
+    forms : sequence of str
+        Their representations.
+    errors : sequence of float
+        Relative RMS errors.
+    costs : sequence of Costs
+        A chart for each.
+    best : int, optional
+        The index of the map that is recommended.
+    goal : float
+        The error that is good enough.
+    """
+
+    title: str
+    forms: Sequence[str]
+    errors: Sequence[float]
+    costs: Sequence[Costs]
+    best: int | None
+    goal: float
 
 
 def can_plot() -> bool:
@@ -177,6 +235,85 @@ def plot_materials(
         axes.grid(visible=False, axis="x")
         figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", title="P")
         _save(figure, path)
+
+
+def plot_offers(path: str | os.PathLike[str], rows: Sequence[Offers]) -> None:
+    """Draw the errors of maps over their costs, with the front and what is recommended.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG to write, whole or not at all.
+    rows : sequence of Offers
+        At least one, each with as many costs as the others.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    columns = len(rows[0].costs)
+    with _default_style():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
+
+        size = (4.3 * columns, _ROW * len(rows) + 0.5)
+        figure = Figure(size, _DOTS_PER_INCH, layout="constrained")
+        FigureCanvasAgg(figure)
+        parts = figure.subfigures(len(rows), 1, squeeze=False)[:, 0]
+        for part, row in zip(parts, rows, strict=True):
+            title = row.title.encode("utf-8", "replace").decode()
+            part.suptitle(title, fontsize="medium", parse_math=False)
+            axes = part.subplots(1, columns, sharey=True, squeeze=False)[0]
+            for each, costs in zip(axes, row.costs, strict=True):
+                _draw_offers(each, row, costs)
+            axes[0].set(ylabel="RMS error (%)")
+        names = sorted({form for row in rows for form in row.forms})
+        marks = [
+            Line2D([], [], color=color, marker=marker, ls="none")
+            for color, marker in (_FORMS.get(name, _OTHER) for name in names)
+        ]
+        figure.legend(marks, names, loc="outside lower center", ncols=len(names), frameon=False)
+        _save(figure, path)
+
+
+def _draw_offers(axes: Any, row: Offers, costs: Costs) -> None:
+    """Draw the errors over one cost; marks of the front are full."""
+    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
+
+    percent = 100 * np.asarray(row.errors)
+    values = np.asarray(costs.values, dtype=float)
+    for x, y, form, is_front in zip(values, percent, row.forms, costs.on_front, strict=True):
+        color, marker = _FORMS.get(form, _OTHER)
+        style = {"mfc": color if is_front else "none", "mec": color, "mew": 1.2}
+        axes.plot([x], [y], marker, ms=6, ls="none", zorder=3, **style)
+    front = np.flatnonzero(costs.on_front)
+    front = front[np.argsort(values[front], kind="stable")]
+    least = np.minimum.accumulate(percent[front])
+    axes.step(values[front], least, where="post", color="0.6", lw=1, zorder=2)
+    axes.axhline(100 * row.goal, **_LEVEL)
+    if costs.limit is not None:
+        axes.axvline(costs.limit, **_LEVEL)
+    if row.best is not None:
+        circle = {**_CIRCLE, "ms": 13}
+        axes.plot([values[row.best]], [percent[row.best]], ls="none", **circle)
+    if (values < 1).any():  # a logarithmic axis has no zero
+        axes.set_xscale("symlog", linthresh=1)
+        axes.set_xlim(-0.2, 2 * max(values.max(), 1))
+    else:
+        axes.set_xscale("log")
+        axes.set_xlim(values.min() / 2, values.max() * 2)
+    axes.xaxis.set_major_formatter(EngFormatter(sep="\N{NO-BREAK SPACE}"))
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(color="0.9")
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set(xlabel=costs.label)
 
 
 def _default_style() -> Any:

@@ -28,6 +28,7 @@ _COMMANDS = {
     "lookdev": "Show materials under probes, on one sheet.",
     "report": "Report on a probe and its maps: a page to send.",
     "contact": "Put many maps onto one page.",
+    "choose": "Say which form of a map to ship.",
     "compare": "Set maps, and the truth, side by side.",
     "convert": "Convert maps and probes.",
     "export": "Make the files that an engine loads.",

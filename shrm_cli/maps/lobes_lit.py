@@ -15,7 +15,10 @@ are turned in this plane, each view's by an angle of its own.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +35,9 @@ ComplexArray = NDArray[np.complexfloating]
 _KEPT_ORDER = 96
 _known_rings = Memo(2**25)
 """The functions on the rings, up to some orders of the light; those of order 96 take 8 MB."""
+_kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
+_LIGHT_BYTES = 2**28
+"""The most bytes of `keeping_light`. The light to order 512 takes 14 to 80 MB."""
 _RINGS, _AROUND = 8, 30
 """The rings of central directions, and the directions on each of them."""
 _VIEWS, _AZIMUTHS = 24, 6
@@ -243,6 +249,25 @@ def _local_light(light: Array, lobes: Lobes) -> Array:
         The real and the imaginary part of ``A_lq(R)``, zero where q > l.
     """
     order, max_q = lobes.order, lobes.max_q
+    kept = _kept_light.get()
+    if kept is None:
+        return _make_local_light(light, order, max_q)
+    key = blake2b(light.tobytes()).digest(), light.shape, order, max_q
+    return kept.get(key, lambda: _make_local_light(light, order, max_q))
+
+
+@contextmanager
+def keeping_light() -> Iterator[None]:
+    """Keep the light about central directions, for whoever compares many maps of a probe."""
+    token = _kept_light.set(Memo(_LIGHT_BYTES))
+    try:
+        yield
+    finally:
+        _kept_light.reset(token)
+
+
+def _make_local_light(light: Array, order: int, max_q: int) -> Array:
+    """Compute what `_local_light` returns."""
     channels, m = light.shape[1], np.arange(-order, order + 1)[:, None]
     by_degree = complex_from_real(light, order)
     waves = np.exp(1j * m * (2 * np.pi / _AROUND * np.arange(_AROUND)))

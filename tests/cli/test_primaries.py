@@ -21,7 +21,7 @@ AP1_TO_709 = np.array(
 MATTE = ("--brdf", "microfacet:sigma=0.4")
 GGX = ("--brdf", "ggx:roughness=0.7")
 FORMS = {
-    "shrm": (MATTE, ()),
+    "shrm": ((*MATTE, "--to", "shrm"), ()),
     "local": ((*MATTE, "--frame", "local"), ()),
     "sum": (("--brdf", "0.5*lambertian+0.5*ggx:roughness=0.6", "--split"), ()),
     "compressed": ((*MATTE, "--compress", "pca:3"), ()),

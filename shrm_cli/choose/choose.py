@@ -1,0 +1,183 @@
+"""`choose`: every form of a probe and a material, and the one to ship."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.choose.forms import Forms, Known, PrincipalForms, ShrmForms
+from shrm_cli.choose.offer import Choice, Offer, decided
+from shrm_cli.choose.others import made_offer, others_of
+from shrm_cli.choose.truth import Truth
+from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.maps.lobes_lit import keeping_light
+from shrm_cli.maps.options import parse_bytes
+from shrm_cli.plan import policy
+from shrm_cli.plan.search import Goal, Row, fewest_bytes
+from shrm_cli.probe.lighting import Projection
+from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
+from shrm_cli.probe.shared import shared
+from shrm_cli.progress import Progress, Rising, Stages
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
+
+ERRORS = 0.2, 0.1, 0.05, 0.025, 0.0125
+"""The errors for each of which the map of the fewest bytes is offered."""
+_NEAR = 0.9
+"""Maps of this part of the bytes that were found, and more, are looked at one by one, too, because
+errors do not fall with every cube."""
+
+
+def choose(
+    probe: AnyProbe,
+    brdfs: Sequence[Brdf | str] | Brdf | str,
+    budget: int | str | None = None,
+    error: float = policy.ERROR,
+    seen: float = policy.WRONG_SHARE,
+    progress: Progress | None = None,
+) -> tuple[Choice, ...]:
+    """Say which form of a map to ship for a probe and each of some materials.
+
+    Parameters
+    ----------
+    probe : Probe, path-like or array
+    brdfs : sequence of Brdf or str, or one of them
+        The materials, or their specifications.
+    budget : int or str, optional
+        The most bytes of a map, as a number or as text such as ``"200kB"``.
+    error : float
+        The relative RMS error of the reflected light that is good enough, in (0, 1).
+    seen : float
+        The share of what is visible that may be wrong by more than 5 %, in (0, 1).
+    progress : callable, optional
+        Called with the amount of work done and the amount in all.
+
+    Returns
+    -------
+    tuple of Choice
+        One for each material.
+
+    Raises
+    ------
+    ArgumentError, ProbeError, BrdfError
+    """
+    light, most = shared(as_probe(probe)), checked_budget(budget)
+    for name, value in (("error", error), ("seen", seen)):
+        if not 0 < value < 1:
+            raise ArgumentError(name, f"{value:g} is not between 0 and 1")
+    asked = [brdfs] if isinstance(brdfs, Brdf | str) else list(brdfs)
+    stages = Stages(progress, len(asked))
+    found: list[Choice] = []
+    for each in asked:
+        brdf = parse_spec(each, primaries=light.chromaticities) if isinstance(each, str) else each
+        with keeping_light():
+            found.append(_chosen(light, brdf, str(each), Goal(error, seen), most, stages.within))
+        stages.done(len(found), len(asked))
+    return tuple(found)
+
+
+def checked_budget(budget: int | str | None) -> int | None:
+    """Return a number of bytes from itself or from text.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    count = parse_bytes(budget) if isinstance(budget, str) else budget
+    if budget is not None and (count is None or count < 1):
+        raise ArgumentError("budget", f"{budget!r} is not a number of bytes such as 200kB")
+    return count
+
+
+def _chosen(
+    probe: Probe, brdf: Brdf, name: str, goal: Goal, budget: int | None, progress: Progress
+) -> Choice:
+    """Choose for a probe and a material."""
+    work = Rising(progress)
+    truth = Truth(probe, brdf, work)
+    offers: list[Offer] = []
+    warnings: list[str] = []
+    light = Projection(probe, work)
+    most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
+    principal = PrincipalForms(light, brdf)
+    shrm = ShrmForms(light, brdf, principal.single)
+    for forms in (principal, shrm):
+        known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
+        offers += [_offer(each) for each in known]
+    for wanted in others_of(brdf):
+        try:
+            offers.append(made_offer(wanted, probe, brdf, truth, work))
+        except ShrmError as reason:
+            warnings.append(f"{name}: no {wanted.arguments['to']}: {reason}")
+    work.end()
+    return decided(probe.name, name, goal, budget, offers, warnings)
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A map by how far it is from the goal: its `total_error` is 1 where it just keeps it."""
+
+    known: Known
+    goal: Goal
+
+    @property
+    def bytes(self) -> int:
+        return self.known.bytes
+
+    @property
+    def total_error(self) -> float:
+        """The larger of the error and the share of wrong pixels, each over what is asked."""
+        return self.known.candidate.badness(self.goal)
+
+
+def _ladder(forms: Forms) -> Iterator[Known]:
+    """Yield the map of the fewest bytes for each of the `ERRORS`, up to what there is."""
+    for error in ERRORS:
+        found = _least(forms, error, DEFAULT_MAX_SIZE)
+        if found is not None:
+            yield found
+            if found.total_error > error:
+                return
+
+
+def _for_goal(forms: Forms, goal: Goal, max_size: int) -> Iterator[Known]:
+    """Yield the map that keeps the goal in the fewest bytes, or else that of the least error."""
+    found = fewest_bytes((_judged_row(row, goal, max_size) for row in forms.rows), 1.0)
+    if found is None or not found[1]:
+        best = _least(forms, 0.0, max_size)
+        yield from [] if best is None else [best]
+        return
+    known = found[0].known
+    near = (
+        each
+        for row in forms.rows
+        for each in row
+        if _NEAR * known.bytes < each.bytes < known.bytes and each.total_error <= goal.error
+    )
+    by_bytes = sorted(near, key=lambda each: each.bytes)
+    yield next((each for each in by_bytes if _Judged(each, goal).total_error <= 1), known)
+
+
+def _least(forms: Forms, error: float, max_size: int) -> Known | None:
+    """Return the map of the fewest bytes that keeps an error, or the one of the least error."""
+    fitting = [each for row in forms.rows for each in row if each.bytes <= max_size]
+    kept = [each for each in fitting if each.total_error <= error]
+    if kept:
+        return min(kept, key=lambda each: each.bytes)
+    return min(fitting, key=lambda each: each.total_error, default=None)
+
+
+def _judged_row(row: Sequence[Known], goal: Goal, max_size: int) -> Row[_Judged]:
+    """Return those maps of a row that keep the error, as far as it is roughly known."""
+    may = [each for each in row if each.total_error <= goal.error and each.bytes <= max_size]
+    return Row(len(may), lambda index: may[index].bytes, lambda index: _Judged(may[index], goal))
+
+
+def _offer(known: Known) -> Offer:
+    """Return a map as an offer."""
+    candidate = known.candidate
+    return Offer(
+        candidate.form, known.what, candidate.bytes, candidate.total_error, candidate.wrong_share,
+        (), known.cost.look_ups, known.cost.multiply_adds, known.arguments,
+        lambda: candidate.make().map,
+    )  # fmt: skip

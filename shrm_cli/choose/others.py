@@ -1,0 +1,120 @@
+"""Forms that are made to be known: split sums, SH exponentials, irradiance and Cabral's maps."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.models.lambertian import Lambertian
+from shrm_cli.choose.cost import (
+    Cost,
+    cabral_cost,
+    exponential_cost,
+    irradiance_cost,
+    split_sum_cost,
+)
+from shrm_cli.choose.offer import Offer
+from shrm_cli.choose.truth import Truth
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import counted
+from shrm_cli.maps.size import stored_bytes, total_error
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.probe import Probe
+from shrm_cli.progress import Progress
+
+_ORDERS = 2, 4, 8
+"""The orders of irradiance that are offered: nine coefficients, 25 and 81."""
+_LEVELS = 16, 32, 64, None
+"""The sizes of split sums of a single level that are offered; None is their own."""
+_CABRAL = 2 * 10**6
+"""The most bytes of Cabral's maps. Twelve views miss so much of what is glossy that more texels
+help nothing: 27 % in a studio at a roughness of .3 with 24 texels along an edge as with 96."""
+_FLOATS = 12
+"""The bytes of three 32-bit floats."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A map of another form.
+
+    Attributes
+    ----------
+    arguments : dict
+        Those of `shrm_cli.prefilter.prefilter`, without the BRDF.
+    needs_brdf : bool
+    """
+
+    arguments: Mapping[str, Any]
+    needs_brdf: bool = False
+
+
+def others_of(brdf: Brdf) -> list[Wanted]:
+    """Return the maps of other forms that can hold a material."""
+    found = []
+    if isinstance(brdf, Lambertian):
+        found += [Wanted({"to": "irradiance", "order_f": order}) for order in _ORDERS]
+    if isinstance(brdf, Ggx):
+        own = brdf.number("roughness")
+        found.append(Wanted({"to": "splitsum"}))
+        for size in _LEVELS:
+            given = {} if size is None else {"size": size}
+            found.append(Wanted({"to": "splitsum", "levels": (own,), **given}))
+        found.append(Wanted({"to": "she", "roughness": (own, own)}))
+    return [*found, Wanted({"to": "cabral", "max_size": _CABRAL}, needs_brdf=True)]
+
+
+def made_offer(
+    wanted: Wanted, probe: Probe, brdf: Brdf, truth: Truth, progress: Progress | None = None
+) -> Offer:
+    """Make a map, and measure it.
+
+    Raises
+    ------
+    ShrmError
+        If it cannot be made.
+    """
+    arguments = dict(wanted.arguments)
+    form = arguments.pop("to")
+
+    def make(progress: Progress | None = None) -> Map:
+        given = {**arguments, **({"brdf": brdf} if wanted.needs_brdf else {})}
+        return prefilter_with_facts(probe, form, given, progress).map
+
+    made = make(progress)
+    shown, scale = made, np.ones(3)
+    if made.needs_surface:
+        shown = made.shaded(brdf.number("roughness"), brdf.color("f0"))
+    elif form == "irradiance":
+        scale = np.array(brdf.color("albedo"))
+    error, share = truth.errors(shown, scale)
+    what, stored, cost = _described(made, brdf)
+    measured: tuple[str, ...] = ("error", "wrong_share")
+    if not made.needs_surface:
+        info = made.info
+        missing = float(np.hypot(info.predicted_error, info.added_error))
+        error, measured = total_error(missing, info.filter_error), ("wrong_share",)
+    return Offer(
+        form, what, stored, error, share, measured, cost.look_ups, cost.multiply_adds,
+        wanted.arguments, make,
+    )  # fmt: skip
+
+
+def _described(made: Any, brdf: Brdf) -> tuple[str, int, Cost]:
+    """Return a map in words, the bytes that its shader reads, and what that takes."""
+    if made.representation == "irradiance":
+        count = len(made.coefficients)
+        return f"order {made.order_f}", _FLOATS * count, irradiance_cost(made.order_f)
+    if made.representation == "she":
+        count = len(made.p_coefficients) + len(made.q_coefficients)
+        cost = exponential_cost(made.order_p, made.order_q, len(set(brdf.color("f0"))) == 1)
+        return f"orders {made.order_p} and {made.order_q}", _FLOATS * count, cost
+    planes = made.planes()
+    stored = sum(stored_bytes(each.shape[1], 1) for each in planes)
+    what = f"{counted(len(planes), 'cube')} of {made.size}"
+    if made.representation == "splitsum":
+        levels = counted(len(planes), "level")
+        return f"{levels} of {made.size}", stored, split_sum_cost()
+    return what, stored, cabral_cost(made.center)

@@ -1,0 +1,264 @@
+"""`shrm choose` says which form of a map to ship for a probe and a material."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.completion import Spec
+from shrm_cli.cli.options import (
+    conclude,
+    make_read_options,
+    probe_sampling_option,
+    read_options,
+    report_options,
+)
+from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.types import Bytes, Fraction
+from shrm_cli.cli.usage import flags
+from shrm_cli.extras import install
+from shrm_cli.files.inputs import note
+from shrm_cli.maps.options import bytes_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from shrm_cli.choose.offer import Choice, Offer
+
+_MOST_ROWS = 24
+"""The most pairs of a probe and a material that one picture shows."""
+_HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
+
+
+@click.command()
+@click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "--brdf", "specs", type=Spec(), metavar="SPEC", multiple=True, required=True,
+    help="A material, as `shrm prefilter` takes it. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--budget", type=Bytes(), metavar="BYTES",
+    help="The most bytes of a map, such as 200kB.  [default: 32 MB]",
+)  # fmt: skip
+@click.option(
+    "--error", type=Fraction(), metavar="X",
+    help="The RMS error of the light that is good enough.  [default: 0.05]",
+)  # fmt: skip
+@click.option(
+    "--seen", type=Fraction(), metavar="X",
+    help="The share of pixels that may be wrong by over 5 %.  [default: 0.05]",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="PNG",
+    help="Draw error against bytes and against the shader's cost.",
+)  # fmt: skip
+@click.option(
+    "--map", "target", type=click.Path(), metavar="EXR",
+    help="Write the recommended map, of one probe and one material.",
+)  # fmt: skip
+@probe_sampling_option
+@read_options
+@report_options
+def choose(
+    probes: tuple[str, ...],
+    specs: tuple[str, ...],
+    budget: int | None,
+    error: float | None,
+    seen: float | None,
+    output: str | None,
+    target: str | None,
+    sampling: str | None,
+    as_json: bool,
+    quiet: bool,
+    **values: Any,
+) -> None:
+    """Say which form of a map to ship: what each takes, and what it looks like.
+
+    For each of PROBES and each BRDF, a table of SHRMs, maps of principal functions, split sums, SH
+    exponentials, irradiance and Cabral's maps, as far as they hold the BRDF: their bytes, the RMS
+    error, the share of pixels wrong by more than 5 %, and the fetches and multiply-adds of their
+    shader. The one of the fewest bytes whose picture is right is recommended; where none fits, the
+    least wrong.
+
+    \b
+      shrm choose probe.exr --brdf ggx:roughness=0.4 --budget 200kB
+      shrm choose city.exr studio.exr --brdf lambertian --brdf ggx -o choose.png
+      shrm choose probe.exr --brdf 0.94*lambertian+ggx:f0=0.04 --map paint.exr
+    """
+    from shrm_cli.analysis.plots import can_plot, plot_offers
+    from shrm_cli.brdf.spec import parse_spec
+    from shrm_cli.choose.choose import choose as chosen
+    from shrm_cli.errors import ShrmError
+    from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.shared import shared
+    from shrm_cli.progress import Stages
+
+    pairs = len(probes) * len(specs)
+    if target is not None and pairs > 1:
+        raise click.UsageError("--map writes the map of one probe and one --brdf")
+    if output is not None and pairs > _MOST_ROWS:
+        raise click.UsageError(f"-o shows {_MOST_ROWS} pairs of a probe and a --brdf at most")
+    if output is not None and not can_plot():
+        raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
+    reading: ReadOptions = make_read_options(sampling, values)
+    note(*(path for path in probes if "%" not in path))
+    check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
+    check_outputs([each for each in (target,) if each], suffixes=(".exr",))
+    for spec in specs:
+        parse_spec(spec)  # what is wrong with a material is said before the work begins
+    goal = {name: x for name, x in (("error", error), ("seen", seen)) if x is not None}
+    found: list[tuple[str, Choice]] = []
+    failures, warnings = [], []
+    with progress_bar("choosing", quiet) as progress:
+        stages = Stages(progress, pairs)
+        for path in probes:
+            try:
+                light = shared(open_probe(path, reading))
+            except ShrmError as reason:
+                failures.append(flags(str(reason)))
+                continue
+            for spec in specs:
+                try:
+                    found += [
+                        (path, each)
+                        for each in chosen(light, spec, budget, progress=stages.within, **goal)
+                    ]
+                except ShrmError as reason:
+                    failures.append(f"{path}, {spec}: {flags(str(reason))}")
+                stages.done(len(found) + len(failures), pairs)
+            warnings += [f"{path}: {line}" for line in light.report.warnings()]
+    if not found:
+        raise click.ClickException(failures[0])
+    lines = [line for path, each in found for line in _report(path, each)]
+    files = []
+    if output is not None:
+        plot_offers(output, [_charts(path, each) for path, each in found])
+        files.append(output)
+    if target is not None and found[0][1].recommended is not None:
+        found[0][1].recommended.make().save(target)
+        files.append(target)
+    result = {"choices": [_values(path, each) for path, each in found], "files": files}
+    warnings += [line for _, each in found for line in each.warnings]
+    lines += [f"wrote {path}" for path in files]
+    conclude({**result, "failures": failures}, lines, [*warnings, *failures], as_json, quiet)
+    if failures:
+        sys.exit(1)
+
+
+def _values(path: str, choice: Choice) -> dict[str, Any]:
+    """Return a choice as JSON has it; docs/choose.md says what each key means."""
+    return {
+        "probe": path,
+        "brdf": choice.brdf,
+        "budget": choice.budget,
+        "goal": {"error": choice.goal.error, "wrong_share": choice.goal.wrong_share},
+        "recommended": None
+        if choice.recommended is None
+        else choice.offers.index(choice.recommended),
+        "is_kept": choice.is_kept,
+        "offers": [
+            {
+                "form": each.form,
+                "what": each.what,
+                "bytes": each.bytes,
+                "error": each.error,
+                "wrong_share": each.wrong_share,
+                "measured": list(each.measured),
+                "look_ups": each.look_ups,
+                "multiply_adds": each.multiply_adds,
+                "on_front": each.on_front,
+                "on_cost_front": each.on_cost_front,
+                "arguments": each.arguments,
+            }
+            for each in choice.offers
+        ],
+    }
+
+
+def _report(path: str, choice: Choice) -> list[str]:
+    """Return the table of a probe and a material, and what is recommended."""
+    rows = [_HEADS, *(_row(each, each is choice.recommended) for each in choice.offers)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADS))]
+    lines = [f"{path}, {choice.brdf}"]
+    for mark, form, *numbers, what in rows:
+        right = [text.rjust(width) for text, width in zip(numbers, widths[2:], strict=False)]
+        cells = [mark.ljust(widths[0]), form.ljust(widths[1]), *right, what]
+        lines.append("  ".join(cells).rstrip())
+    lines.append("  b: on the front of bytes and error; c: of the shader's cost; ~: measured")
+    return [*lines, *_advice(path, choice)]
+
+
+def _row(offer: Offer, is_best: bool) -> tuple[str, ...]:
+    marks = "".join(
+        sign if holds else " "
+        for sign, holds in ((">", is_best), ("b", offer.on_front), ("c", offer.on_cost_front))
+    )
+    return (
+        f"  {marks}",
+        offer.form,
+        bytes_text(offer.bytes),
+        _share(offer.error, "error" in offer.measured),
+        _share(offer.wrong_share, "wrong_share" in offer.measured),
+        f"{offer.look_ups}",
+        f"{offer.multiply_adds}",
+        offer.what,
+    )
+
+
+def _share(value: float, is_measured: bool) -> str:
+    return f"{'~' if is_measured else ''}{value:.1%}"
+
+
+def _advice(path: str, choice: Choice) -> list[str]:
+    """Return what to take, why, and the command that makes it."""
+    best = choice.recommended
+    room = "" if choice.budget is None else f" within {bytes_text(choice.budget)}"
+    if best is None:
+        return [f"  there is nothing{room}"]
+    asked = f"{choice.goal.error:.2g} RMS error and {choice.goal.wrong_share:.0%} of wrong pixels"
+    if choice.is_kept:
+        why = f"the fewest bytes that keep {asked}"
+    else:
+        why = f"nothing{room} keeps {asked}; this is the least wrong"
+    lines = [f"  take {best.form}, {best.what}, {bytes_text(best.bytes)}: {why}"]
+    if best.arguments is not None:
+        lines.append(f"  shrm prefilter {path}{_flags(best.arguments, choice.brdf)}")
+    return lines
+
+
+def _flags(arguments: Mapping[str, Any], brdf: str) -> str:
+    """Return the options of `shrm prefilter` that make a map."""
+    from shrm_cli.maps.registry import description
+
+    needs_brdf = description(arguments["to"]).needs_brdf
+    texts = [f" --brdf {brdf}"] if needs_brdf else []
+    for name, value in arguments.items():
+        text = ",".join(map(str, value)) if isinstance(value, tuple) else value
+        texts.append(f" --{name.replace('_', '-')} {text}")
+    return "".join(texts)
+
+
+def _charts(path: str, choice: Choice) -> Any:
+    """Return the charts of a probe and a material."""
+    from shrm_cli.analysis.plots import Costs, Offers
+
+    offers = choice.offers
+    on_front = [each.on_front for each in offers]
+    on_cost = [each.on_cost_front for each in offers]
+    best = choice.recommended
+    return Offers(
+        f"{path}, {choice.brdf}",
+        [each.form for each in offers],
+        [each.error for each in offers],
+        (
+            Costs("bytes", [each.bytes for each in offers], on_front, choice.budget),
+            Costs("look-ups", [each.look_ups for each in offers], on_cost),
+            Costs("multiply-adds", [each.multiply_adds for each in offers], on_cost),
+        ),
+        None if best is None else offers.index(best),
+        choice.goal.error,
+    )

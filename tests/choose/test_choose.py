@@ -1,0 +1,192 @@
+"""`shrm.choose` beside a search of all forms, one by one, and beside the truth."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+import shrm_cli as shrm
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.principal.proposal import Proposals
+from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
+from shrm_cli.maps.shrm.proposal import ShrmProposals
+from shrm_cli.maps.size import TRIED_SIZES
+from shrm_cli.plan import policy
+from shrm_cli.probe.lighting import Projection
+from tests.brute_force import unit
+
+LIMIT = 32_000_000
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def light(seed, lamp):
+    """Soft light with a lamp, on 32 rows."""
+    rng = np.random.default_rng(seed)
+    pixels = rng.random((32, 64, 3)) ** 3 + 0.1
+    pixels[8:11, 20 + seed : 23 + seed] += lamp
+    return shrm.Probe.from_array(pixels.astype(np.float32), layout="latlong")
+
+
+def every_form(probe, spec):
+    """(bytes, function that tells error and share) of principal maps and SHRMs, one by one."""
+    projection = Projection(probe, None)
+    asked = Wanted(0.03, policy.LEAST_ERROR, None, LIMIT, None)
+    proposals = Proposals(projection, parse_spec(spec), asked)
+    (planner,) = proposals.planners
+
+    def principal(counts, size):
+        form = planner.form(counts, size)
+        if form.total_error > 0.051:
+            return 1.0, 1.0
+        share = predicted_wrong_share([(planner, form)])
+        return planner.form(counts, size, is_exact=True).total_error, share
+
+    for size in TRIED_SIZES:
+        for counts in planner.choices:
+            cubes = counts[0] + 2 * sum(counts[1:])
+            yield 36 * size**2 * cubes, partial(principal, counts, size)
+    transfer = planner.spectrum.transfer
+    for size in TRIED_SIZES:
+        shrms = ShrmProposals.of(projection, proposals.parts[0], transfer, size).proposing(LIMIT)
+        error, before = 0.05, 0
+        while (found := shrms(error)).total_error <= error and found.bytes > before:
+            yield found.bytes, lambda found=found: (found.total_error, found.wrong_share)
+            error, before = found.total_error * 0.999, found.bytes
+
+
+@pytest.mark.parametrize(
+    ("seed", "lamp", "spec"),
+    [
+        (0, 5, "ggx:roughness=0.7,f0=gold"),
+        (1, 30, "microfacet:sigma=0.4"),
+        (2, 10, "oren-nayar"),
+        (3, 1, "phong:exponent=32"),
+    ],
+)
+def test_no_other_form_keeps_the_goal_in_far_fewer_bytes(seed, lamp, spec):
+    probe = light(seed, lamp)
+    (choice,) = shrm.choose(probe, spec)
+    assert choice.is_kept
+    kept = [
+        each.bytes
+        for each in choice.offers
+        if each.form in ("principal", "shrm") and each.keeps(choice.goal)
+    ]
+    least = min(kept)
+    for size, find in sorted(every_form(probe, spec), key=lambda each: each[0]):
+        if size >= least / 1.05:
+            break
+        error, share = find()
+        assert error > 0.05 or share > 0.05, (size, least)
+    assert choice.recommended.bytes <= least
+
+
+def test_sums_share_their_bytes_among_terms_best():
+    """Every pair of forms of both terms is tried, with errors that are taken as independent."""
+    spec = "0.5*oren-nayar+0.5*ggx:roughness=0.5"
+    probe = light(4, 8)
+    (choice,) = shrm.choose(probe, spec)
+    proposals = Proposals(
+        Projection(probe, None),
+        parse_spec(spec),
+        Wanted(0.03, policy.LEAST_ERROR, None, LIMIT, None),
+    )
+    planners = proposals.planners
+    base = proposals.propose()
+    strengths = np.sqrt([each.whole for each in planners])
+    apart = np.linalg.norm(strengths * [term.form.error for term in base.terms])
+    whole = apart / base.info.predicted_error
+    sizes, errors = [], []
+    for planner, strength in zip(planners, strengths, strict=True):
+        forms = [planner.form(c, size) for size in TRIED_SIZES for c in planner.choices]
+        sizes.append(np.array([form.bytes for form in forms]))
+        errors.append(strength / whole * np.array([form.total_error for form in forms]))
+    both = np.hypot(errors[0][:, None], errors[1])
+    together = sizes[0][:, None] + sizes[1]
+    for rung in (0.2, 0.05):
+        least = together[both <= rung].min()
+        found = min(
+            each.bytes
+            for each in choice.offers
+            if each.form == "principal" and each.error <= rung * 1.01
+        )
+        assert found <= 1.05 * least
+
+
+@pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
+def test_arguments_make_what_is_offered():
+    probe = light(0, 5)
+    (choice,) = shrm.choose(probe, "ggx:roughness=0.6")
+    forms = {each.form for each in choice.offers}
+    assert forms == {"principal", "shrm", "splitsum", "she", "cabral"}
+    for each in choice.offers:
+        needs_brdf = each.form not in ("splitsum", "she")
+        if each.bytes > 10**6:
+            continue
+        brdf = "ggx:roughness=0.6" if needs_brdf else None
+        made = shrm.prefilter(probe, brdf, **each.arguments)
+        if each.form != "she":
+            assert sum(plane.size * 2 for plane in made.planes()) == each.bytes
+        if each.form in ("principal", "shrm"):
+            assert each.error == pytest.approx(
+                np.hypot(made.info.predicted_error, made.info.filter_error), rel=0.01
+            )
+            assert made.cube_count == each.look_ups
+
+
+@pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
+def test_errors_are_those_beside_the_truth():
+    """At other points than those of `choose`; predictions and measurements alike."""
+    probe, spec = light(5, 4), "0.5*lambertian+0.5*ggx:roughness=0.6"
+    rng = np.random.default_rng(1)
+    mirrors, views = unit(rng, 1500), unit(rng, 1500)
+    normals = (mirrors + views) / np.linalg.norm(mirrors + views, axis=1, keepdims=True)
+    truth = shrm.reference(probe, spec, normals, views)
+    (choice,) = shrm.choose(probe, spec)
+    checked = 0
+    for each in choice.offers:
+        if each.bytes > 10**6:
+            continue
+        shown = each.make().radiance(normals, views)
+        error = np.linalg.norm(shown - truth) / np.linalg.norm(truth)
+        assert error == pytest.approx(each.error, rel=0.3, abs=0.003)
+        wrong = np.abs((shown - truth) @ LUMINANCE) > 0.05 * (truth @ LUMINANCE)
+        assert wrong.mean() == pytest.approx(each.wrong_share, abs=0.05)
+        checked += 1
+    assert checked >= 5
+
+
+def test_diffuse_surfaces_need_nothing_but_irradiance():
+    (choice,) = shrm.choose(light(6, 3), "lambertian:albedo=0.8/0.4/0.1")
+    best = choice.recommended
+    assert choice.is_kept
+    assert best.form == "irradiance"
+    assert best.bytes in (108, 300, 972)
+    assert best.look_ups == 0
+
+
+def test_budgets_bound_what_is_recommended():
+    probe, spec = light(1, 20), "ggx:roughness=0.7,f0=1"
+    (bound,) = shrm.choose(probe, [spec], budget="20kB")
+    assert bound.budget == 20_000
+    assert bound.recommended.bytes <= 20_000 < max(each.bytes for each in bound.offers)
+    assert not bound.is_kept
+    shares = [each.wrong_share for each in bound.offers if each.bytes <= 20_000]
+    assert bound.recommended.wrong_share <= 1.1 * min(shares)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"budget": "much"}, {"budget": 0}, {"error": 0.0}, {"seen": float("nan")}]
+)
+def test_what_is_no_number_is_refused(wrong):
+    with pytest.raises(ArgumentError, match=next(iter(wrong))):
+        shrm.choose(light(0, 1), "lambertian", **wrong)
+
+
+def test_progress_never_falls():
+    told = []
+    shrm.choose(light(0, 1), ["lambertian", "oren-nayar"], progress=lambda a, b: told.append(a / b))
+    assert told == sorted(told)
+    assert told[-1] == 1

@@ -1,0 +1,97 @@
+"""`shrm choose`: its table, JSON, picture and map, beside the library."""
+
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+import shrm_cli as shrm
+from tests import oracles
+from tests.cli.helpers import ROOT, assert_refused, done, polynomial_light, run, write_exr
+
+MATTE, PAINT = "lambertian:albedo=0.5", "0.6*lambertian+0.4*ggx:roughness=0.7"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("choose")
+    light = polynomial_light(oracles.latlong_pixels(32, 16)).astype(np.float32)
+    write_exr(path / "p.exr", light)
+    (path / "broken.exr").write_bytes(b"no image")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def within(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def test_json_is_what_the_library_says():
+    said = json.loads(done("choose", "p.exr", "--brdf", MATTE, "--budget", "500", "--json"))
+    (told,) = said["choices"]
+    (choice,) = shrm.choose("p.exr", MATTE, budget=500)
+    assert told["probe"] == "p.exr"
+    assert told["brdf"] == MATTE
+    assert told["budget"] == 500
+    assert told["goal"] == {"error": 0.05, "wrong_share": 0.05}
+    assert told["is_kept"] == choice.is_kept
+    assert choice.offers[told["recommended"]] == choice.recommended
+    for row, each in zip(told["offers"], choice.offers, strict=True):
+        assert row["arguments"] == json.loads(json.dumps(each.arguments))
+        assert row.pop("arguments").keys() == each.arguments.keys()
+        assert row.pop("measured") == list(each.measured)
+        assert row == {name: getattr(each, name) for name in row}
+    page = (ROOT / "docs" / "choose.md").read_text()
+    for key in (*said, *told, *told["offers"][0]):
+        assert f"`{key}`" in page, key
+
+
+def test_the_command_that_is_told_makes_the_map():
+    text = done("choose", "p.exr", "--brdf", MATTE)
+    (line,) = (each.strip() for each in text.splitlines() if each.startswith("  shrm prefilter"))
+    done(*line.split()[1:], "-o", "m.exr")
+    assert shrm.open_map("m.exr").representation == "irradiance"
+    taken = [each for each in text.splitlines() if each.startswith("  >")]
+    assert len(taken) == 1
+    assert "irradiance" in taken[0]
+
+
+def test_the_map_and_the_picture_are_written():
+    said = json.loads(
+        done("choose", "p.exr", "--brdf", PAINT, "--map", "m.exr", "-o", "c.png", "--json")
+    )
+    assert said["files"] == ["c.png", "m.exr"]
+    (told,) = said["choices"]
+    best = told["offers"][told["recommended"]]
+    made = shrm.open_map("m.exr")
+    assert made.representation == best["form"]
+    assert made.cube_count == best["look_ups"]
+    picture = oiio.ImageBuf("c.png")
+    pixels = picture.get_pixels(oiio.UINT8)[..., :3].reshape(-1, 3)
+    assert pixels.shape[0] > 10**5
+    for color in ((0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00)):  # the forms' marks
+        assert (pixels == color).all(axis=1).sum() > 50
+
+
+def test_what_cannot_be_used_leaves_the_rest_alone():
+    result = run("choose", "p.exr", "broken.exr", "--brdf", MATTE)
+    assert result.code == 1
+    assert "take irradiance" in result.out
+    assert "broken.exr" in result.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (("broken.exr", "--brdf", MATTE), 1, "broken.exr"),
+        (("p.exr", "--brdf", "no-such"), 1, "no-such"),
+        (("p.exr", "--brdf", MATTE, "--brdf", PAINT, "--map", "m.exr"), 2, "--map"),
+        (("p.exr", *["--brdf", MATTE] * 25, "-o", "c.png"), 2, "24"),
+        (("p.exr", "--brdf", MATTE, "--budget", "much"), 2, "much"),
+        (("p.exr", "--brdf", MATTE, "-o", "c.jpg"), 1, ".png"),
+        (("p.exr", "--brdf", MATTE, "--map", "p.exr"), 1, "p.exr"),
+    ],
+)
+def test_wrong_usage_is_refused(arguments, code, word):
+    assert_refused(run("choose", *arguments), code, word)
