@@ -71,7 +71,7 @@ def info(
     else:
         options = make_read_options(sampling, reading)
         values, found = _describe_probe(file, options, stats)
-        worded = _in_words(values) if stats else {}
+        worded = _in_words(values) if stats and not as_json else {}
         warnings = [f"{file}: {line}" for line in found]
     width = max(len(key) for key in values)
     lines = [file]

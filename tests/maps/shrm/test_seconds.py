@@ -2,7 +2,7 @@
 
 import pytest
 
-from shrm_cli.maps.shrm.seconds import making_seconds
+from shrm_cli.maps.shrm.single import making_seconds
 from tests.cli.helpers import run
 
 
