@@ -74,10 +74,10 @@ def test_views_that_fade_out_do_not_ring(monkeypatch):
     )
     ball, light = sphere((0.6, 0.0, 0.8), 16), light_of([probe], 32)
     truth = seen.lit(brdf, ball.normals, ball.views, light)
-    fading = prefilter(probe, brdf, to="shrm", **options)
+    fading = prefilter(probe, brdf, **options)
     monkeypatch.setattr(band_module, "_FEW_VIEWS", 99)
-    cut = prefilter(probe, brdf, to="shrm", **options)
-    by_hand = prefilter(probe, brdf, to="shrm", order_p=cut.info.order_p, **options)
+    cut = prefilter(probe, brdf, **options)
+    by_hand = prefilter(probe, brdf, order_p=cut.info.order_p, **options)
     assert cut.info.order_p == fading.info.order_p >= 20
     errors = [seen_errors(each.radiance(ball.normals, ball.views), truth) for each in (fading, cut)]
     assert errors[0].median_relative_error < 0.5 * errors[1].median_relative_error
