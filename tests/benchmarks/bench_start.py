@@ -66,8 +66,9 @@ class _Run:
     def __call__(self) -> None:
         # In a checkout's own folder Python would find its modules before those of the copy.
         subprocess.run(
-            self.command, check=True, cwd=self.tree, env=self.environment, stdout=subprocess.DEVNULL
-        )
+            self.command, check=True, cwd=self.tree, env=self.environment,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,  # it warns of the picture
+        )  # fmt: skip
 
 
 def _environment(way: str, tree: Path) -> dict[str, str]:
