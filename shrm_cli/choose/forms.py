@@ -16,7 +16,7 @@ from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.plan import Form, Planner
-from shrm_cli.maps.principal.proposal import Proposal, Proposals
+from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.terms import Term, Wanted, planner_of
 from shrm_cli.maps.shrm.budget import map_errors
@@ -163,11 +163,7 @@ class PrincipalForms:
             carried=max(term.form.carried for term in terms),
             order_p=max(len(term.form.counts) - 1 for term in terms),
         )  # fmt: skip
-        found: Proposal = replace(self._base, terms=terms, info=info)
-        return Candidate(
-            "principal", found.bytes, found.look_ups, found.total_error, found.wrong_share,
-            found.make,
-        )  # fmt: skip
+        return replace(self._base, terms=terms, info=info).candidate()
 
 
 def _term(part: Brdf, planner: Planner, form: Form) -> Term:

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
+from shrm_cli.maps.negative import visible_pairs
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 
 Array = NDArray[np.floating]
 
@@ -45,8 +45,8 @@ class Truth:
 
     def __init__(self, probe: Probe, brdf: Brdf, progress: Progress | None = None) -> None:
         self._probe, self._brdf, self._progress = probe, brdf, progress
-        self._views = spiral_directions(_POINTS)[scrambled(_POINTS)]
-        self._normals = bisector(spiral_directions(_POINTS), self._views)
+        mirrored, self._views = visible_pairs(_POINTS)
+        self._normals = bisector(mirrored, self._views)
 
     @cached_property
     def _radiance(self) -> Array:

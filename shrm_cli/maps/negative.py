@@ -41,10 +41,10 @@ def negative_share(map_: Map) -> float:
 
 
 @cache
-def visible_pairs() -> tuple[Array, Array]:
+def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
     """Return the mirror directions and the views, which are always the same; read-only."""
-    directions = spiral_directions(_PAIRS)
-    views = directions[scrambled(_PAIRS)]
+    directions = spiral_directions(count)
+    views = directions[scrambled(count)]
     for each in (directions, views):
         each.setflags(write=False)
     return directions, views

@@ -25,7 +25,7 @@ class Sized(Protocol):
         """Its relative RMS error, with those of bilinear look-ups and of half precision."""
 
 
-_ROUNDING = 1 + 1e-9
+ROUNDING = 1 + 1e-9
 """How much more than what was asked for counts as the same."""
 
 C = TypeVar("C", bound=Sized)
@@ -170,7 +170,7 @@ class Candidate(Generic[M]):
     def keeps(self, goal: Goal) -> bool:
         """Tell whether the map keeps what is asked."""
         # What takes long is found out last.
-        return self.total_error <= goal.error * _ROUNDING and self.badness(goal) <= _ROUNDING
+        return self.total_error <= goal.error * ROUNDING and self.badness(goal) <= ROUNDING
 
 
 Propose = Callable[[float], Candidate[Any]]

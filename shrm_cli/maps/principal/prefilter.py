@@ -10,7 +10,7 @@ from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.principal.terms import Wanted, kept_form
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Goal
+from shrm_cli.plan.search import ROUNDING, Goal
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
@@ -18,8 +18,6 @@ from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Sampling
 
 _ANY_SIZE = 2**32
 """More bytes than maps may have."""
-_ROUNDING = 1 + 1e-9
-"""How much more than what was asked for counts as the same."""
 
 
 def prefilter(
@@ -62,7 +60,7 @@ def _unmet(
     """Say that an error is not kept, or that light is wrong because a tolerance is not."""
     total = proposal.total_error
     if error is not None:
-        if total <= error * _ROUNDING:
+        if total <= error * ROUNDING:
             return None
         return unkept_error(error, total, max_size, _sufficient(proposals, proposal))
     if total <= policy.ERROR or all(term.is_met for term in proposal.terms):

@@ -92,6 +92,12 @@ class Proposal:
         facts, further = {"error_bound": None}, {"predicted_wrong_share": self.wrong_share}
         return Prefiltered(made, facts, self.notes, (*remarks, *warnings), further)
 
+    def candidate(self) -> Candidate[Prefiltered]:
+        """Return the map as the search knows it."""
+        return Candidate(
+            "principal", self.bytes, self.look_ups, self.total_error, self.wrong_share, self.make
+        )
+
 
 class Proposals:
     """The maps of a probe and a BRDF that could be made.
@@ -166,11 +172,7 @@ class Proposals:
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
-        found = self.propose(error)
-        return Candidate(
-            "principal", found.bytes, found.look_ups, found.total_error, found.wrong_share,
-            found.make,
-        )  # fmt: skip
+        return self.propose(error).candidate()
 
 
 def _lobe(term: Term, sampling: Sampling) -> Lobe:
