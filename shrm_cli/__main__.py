@@ -4,6 +4,7 @@ Loading the command line takes a tenth of a second, in which Ctrl-C would print 
 """
 
 import atexit
+import contextlib
 import gc
 import os
 import signal
@@ -22,6 +23,7 @@ def main() -> None:
     listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if listens:  # a process in the background ignores it
         signal.signal(signal.SIGINT, _leave)
+    _keep_bytecode()
     from shrm_cli.cli.main import main as run
 
     if listens:
@@ -34,6 +36,20 @@ def main() -> None:
             atexit._run_exitfuncs()
             os._exit(stop.code)
         raise
+
+
+def _keep_bytecode() -> None:
+    """Keep compiled modules where Python is told to keep none; see `shrm_cli.bytecode`."""
+    if not sys.dont_write_bytecode:
+        return
+    import shrm_cli
+    from shrm_cli import bytecode
+    from shrm_cli.errors import OutputError
+    from shrm_cli.settings import cache_folder
+
+    with contextlib.suppress(OutputError):
+        cache, compiled = str(cache_folder()), shrm_cli.__spec__.cached
+        bytecode.keep(shrm_cli.__path__[0], compiled, cache)
 
 
 def _is_told() -> bool:

@@ -13,13 +13,13 @@ all corrections of a point together, so that it is more than the error that is l
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.core import PART
 from shrm_cli.probe.pyramid import Level, Pyramid
+from shrm_cli.records import record
 from shrm_cli.vocabulary import LUMINANCE
 
 Array = NDArray[np.floating]
@@ -52,7 +52,7 @@ them; three quarters where the light is even."""
 _TINY = 1e-30
 
 
-@dataclass(frozen=True)
+@record
 class Points:
     """Points whose light is summed at once: neighbors, each by one cut through the pyramid.
 

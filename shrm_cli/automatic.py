@@ -5,7 +5,7 @@ visible is negative. An SHRM is made wherever it keeps that in few bytes, becaus
 simplest; a map of principal functions otherwise, which keeps it in the fewest bytes of all.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 from shrm_cli.brdf.base import Brdf
@@ -24,10 +24,11 @@ from shrm_cli.plan.search import Candidate, Goal, first_kept
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, NEGATIVE_SHARE, Sampling
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Asked:
     """What is asked for, and the light."""
 

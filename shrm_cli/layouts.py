@@ -5,8 +5,7 @@ list the names. A new arrangement of a cube's faces is one row of `CUBES`; a new
 of `shrm_cli.sphere.grid` and one row of `GRIDS`.
 """
 
-from dataclasses import dataclass
-
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Orientation
 
 Layout = str
@@ -23,7 +22,7 @@ GRIDS = {
 """The grids by their names, and the module and class of each, imported when it is used."""
 
 
-@dataclass(frozen=True)
+@record
 class CubeArrangement:
     """Where the faces of a cube lie in an image.
 

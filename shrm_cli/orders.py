@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.estimates import energy_above, next_octave, power_of_two_times
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ _FIRST_ORDER_P = 8
 """The order P to which coefficients are computed first; it doubles until it suffices."""
 
 
-@dataclass(frozen=True)
+@record
 class Orders:
     """The orders of a map: the largest l and p that it keeps.
 

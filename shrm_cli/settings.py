@@ -10,14 +10,23 @@ Threads that are started inside of such a block do not inherit its settings (a c
 has a value of its own in each thread): read what a worker needs before it is started.
 """
 
+import os
+import sys
+from contextlib import suppress
 from contextvars import ContextVar, Token
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import EllipsisType
 from typing import Self
 
+from shrm_cli.errors import OutputError
+from shrm_cli.records import record
 
-@dataclass(frozen=True)
+FOLDER_VARIABLE = "SHRM_CACHE_DIR"
+"""Environment variable that names the cache's folder."""
+
+
+@record
 class Settings:
     """What `current` returns.
 
@@ -46,6 +55,38 @@ _current: ContextVar[Settings] = ContextVar("shrm_cli.settings", default=_DEFAUL
 def current() -> Settings:
     """The settings that hold here and now."""
     return _current.get()
+
+
+def cache_folder() -> Path:
+    """Return the folder of the cache: what the settings, the environment or the system says.
+
+    Raises
+    ------
+    OutputError
+        If the system knows no home folder of the user, as in containers.
+    """
+    set_here = current().cache
+    if isinstance(set_here, Path):
+        return set_here
+    chosen = os.environ.get(FOLDER_VARIABLE)
+    if chosen:
+        return Path(chosen)
+    with suppress(RuntimeError):  # older versions return a path that begins with ~
+        found = Path(_users_folder())
+        if found.is_absolute():
+            return found
+    raise OutputError(f"there is no home folder for the cache; set HOME or {FOLDER_VARIABLE}")
+
+
+def _users_folder() -> str:
+    """Return the folder of this user's cache, as `platformdirs` says it."""
+    # On Linux it takes two lines, and platformdirs with all that it loads as long as a map's file.
+    if sys.platform == "linux" and "ANDROID_DATA" not in os.environ:
+        base = os.environ.get("XDG_CACHE_HOME", "")
+        return os.path.join(base if os.path.isabs(base) else os.path.expanduser("~/.cache"), "shrm")
+    import platformdirs
+
+    return platformdirs.user_cache_dir("shrm")
 
 
 class using:

@@ -23,9 +23,9 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
+    {"errors", "records"},
     {
         "addresses",
-        "errors",
         "extras",
         "messages",
         "settings",
@@ -33,6 +33,7 @@ STOPS = [
         "vocabulary",
         "progress",
         "memo",
+        "bytecode",
     },
     {"layouts", "parallel", "color"},
     {"sphere"},
@@ -80,7 +81,7 @@ LIGHT = {
     "__init__.py", "errors.py", "extras.py", "files/inputs.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
-    "addresses.py", "messages.py",
+    "addresses.py", "bytecode.py", "messages.py", "records.py",
     *(f"maps/{folder}/options.py" for folder in FOLDERS),
 }  # fmt: skip
 """Modules that `shrm --help` may load, besides those of cli/."""

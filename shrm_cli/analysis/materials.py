@@ -4,7 +4,6 @@ Figures and equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import compute_coefficients
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -22,7 +22,7 @@ _ACCURACY = 1e-3
 """The fraction of a BRDF's energy that the sampling of its coefficients may miss."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class MaterialEnergies:
     """The energy that orders capture of several BRDFs.
 

@@ -6,12 +6,12 @@ They are to be large enough, so that a limit is kept, and not to be exact.
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
 _PROGRAM = 250 * 10**6
@@ -56,7 +56,7 @@ def default_max_memory() -> int:
     return machine_memory() // 2
 
 
-@dataclass(frozen=True)
+@record
 class Memory:
     """The memory of a comparison.
 

@@ -5,7 +5,7 @@ equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from shrm_cli.maps.size import check_size
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.progress import Progress, Rising
+from shrm_cli.records import record
 from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import measure
@@ -42,7 +43,7 @@ _HIGHER = 2
 """The reflected light counts as known at an F that is this many times the F of the grid."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class EnergyGrid:
     """The fraction of a BRDF's energy in every pair of orders (eq. 5.18).
 
@@ -113,7 +114,7 @@ def energy_grid(
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class AccuracyCurve:
     """Accuracy of the reflected light against F, and estimates of it (figure 5.5).
 
@@ -190,7 +191,7 @@ def _missing(degrees: Array, total: Array) -> Array:
     return np.clip(1 - found / whole, 0, 1) if whole > 0 else np.zeros(len(degrees))
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class OrderPictures:
     """Spheres drawn from maps of different P, and as they truly are (figure 5.6).
 

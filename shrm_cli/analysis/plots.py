@@ -8,13 +8,13 @@ import importlib.util
 import logging
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.files.whole import replacing
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -39,7 +39,7 @@ _ROW = 3.1
 """Height of a row of charts, inches."""
 
 
-@dataclass(frozen=True)
+@record
 class Costs:
     """Errors of maps over one thing that they cost.
 
@@ -60,7 +60,7 @@ class Costs:
     limit: float | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Offers:
     """The maps that one row of charts shows.
 

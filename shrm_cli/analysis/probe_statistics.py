@@ -14,6 +14,7 @@ from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lamps import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
@@ -41,7 +42,7 @@ _MOST_PLATEAU = 0.2
 """A larger share of the sphere at the maximum is no clipped light, but a constant probe."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ProbeStatistics:
     """Numbers about the light of a probe. Radiance has the probe's unit, irradiance that times sr.
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from shrm_cli.maps.options import Representation
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Difference, measure
@@ -35,7 +35,7 @@ COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """Names of the representations that are compared."""
 
 
-@dataclass(frozen=True)
+@record
 class Plan:
     """What a comparison will make.
 
@@ -77,7 +77,7 @@ class Plan:
         return sum(len(groups(name, self.surfaces)) for name in COMPARED)
 
 
-@dataclass(frozen=True)
+@record
 class RepresentationResult:
     """The costs and the errors of a representation.
 
@@ -118,7 +118,7 @@ class RepresentationResult:
         return None if self.difference is None else self.difference.relative_rmse
 
 
-@dataclass(frozen=True)
+@record
 class RepresentationTable:
     """The results of all representations, and the truth.
 

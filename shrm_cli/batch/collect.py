@@ -9,7 +9,6 @@ table's metadata.
 import json
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol, get_args
 
@@ -27,6 +26,7 @@ from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import MAX_ORDER_F
 
@@ -65,7 +65,7 @@ class Gathered(Protocol):
     def digest(self) -> str: ...
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Collection:
     """The coefficients of many probes.
 

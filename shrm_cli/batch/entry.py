@@ -4,7 +4,7 @@ import glob
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import PurePath
 from typing import Any
 
@@ -22,6 +22,7 @@ from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.prefilter import check_arguments, checked_options, resolved_form
 from shrm_cli.probe.probe import face_paths
+from shrm_cli.records import record
 from shrm_cli.vocabulary import AUTO, CONTAINERS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
@@ -31,7 +32,7 @@ _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
 
 
-@dataclass(frozen=True)
+@record
 class Entry:
     """Maps that are made with the same options.
 

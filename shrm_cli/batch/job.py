@@ -1,13 +1,13 @@
 """One output of a batch, and the outputs of one probe that are made together."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Precision
 
 
-@dataclass(frozen=True)
+@record
 class Recipe:
     """How a map is made of any probe.
 
@@ -32,7 +32,7 @@ class Recipe:
     runs_code: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Job:
     """One output: a probe, what is made of it, and the file.
 
@@ -54,7 +54,7 @@ class Job:
     output: str
 
 
-@dataclass(frozen=True)
+@record
 class Chunk:
     """Jobs of the same probe, read in the same way, which a worker does one after the other.
 

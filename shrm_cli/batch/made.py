@@ -9,7 +9,6 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from shrm_cli.errors import MapError
@@ -21,12 +20,13 @@ from shrm_cli.maps.file import Recorded, check_amount, recorded
 from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
 from shrm_cli.prefilter import checked_arguments, default_options, options_of
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.vocabulary import AUTO, AUTO_FORMS, Precision
 
 _DAMAGED = "it is damaged"
 
 
-@dataclass(frozen=True)
+@record
 class Difference:
     """In what a file differs from the map that a run would write.
 

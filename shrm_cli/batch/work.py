@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from shrm_cli.maps.file import store
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
+from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
 
 Array = NDArray[np.floating]
@@ -49,7 +50,7 @@ _materials: dict[tuple[Any, ...], Brdf] = {}
 """The BRDFs that this process has parsed, so that measured files are read once."""
 
 
-@dataclass(frozen=True)
+@record
 class Gathering:
     """The coefficients that are gathered of all probes.
 
@@ -67,7 +68,7 @@ class Gathering:
     window: str
 
 
-@dataclass(frozen=True)
+@record
 class Terms:
     """What holds for all jobs of a run.
 
@@ -89,7 +90,7 @@ class Terms:
     gathering: Gathering | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Result:
     """What a worker hands back of one probe.
 

@@ -8,13 +8,14 @@ import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import BrdfError
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
 
 Array = NDArray[np.floating]
@@ -24,7 +25,7 @@ Value = float | Sequence[float] | str
 """What `Brdf.values` holds and a constructor takes: a number, a color's channels, or a name."""
 
 
-@dataclass(frozen=True)
+@record
 class Parameter:
     """A parameter of a model. It is a number, a color or a choice of names, as its default is.
 

@@ -18,7 +18,6 @@ import json
 import math
 import os
 import stat
-import sys
 import time
 from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
@@ -33,6 +32,7 @@ from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sources import COEFFICIENTS, fingerprint
 
 if TYPE_CHECKING:
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
 
 Known = TypeVar("Known")
 Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions")
-
-FOLDER_VARIABLE = "SHRM_CACHE_DIR"
-"""Environment variable that names the cache's folder."""
 
 MOST_BYTES = 256 * 2**20
 """The size of all entries together; those that were used longest ago make room for new ones."""
@@ -57,40 +54,6 @@ _UNSOUND = ValueError, TypeError, AttributeError, LookupError, ArithmeticError, 
 _in_memory = Memo(2**25)
 """Coefficients, lobes and their widths. Coefficients to F = 128 and P = 8 take 0.25 MB, those to
 the limits of the orders 13 MB."""
-
-
-def folder() -> Path:
-    """The folder of the entries: what the settings, else the environment, else the system says.
-
-    Raises
-    ------
-    OutputError
-        If the system knows no home folder of the user, as in containers.
-    """
-    set_here = settings.current().cache
-    if isinstance(set_here, Path):
-        return set_here
-    chosen = os.environ.get(FOLDER_VARIABLE)
-    if chosen:
-        return Path(chosen)
-    with contextlib.suppress(RuntimeError):  # older versions return a path that begins with ~
-        found = Path(_users_folder())
-        if found.is_absolute():
-            return found
-    raise OutputError(
-        f"there is no home folder for the cache of coefficients; set HOME or {FOLDER_VARIABLE}"
-    )
-
-
-def _users_folder() -> str:
-    """Return the folder of this user's cache, as `platformdirs` says it."""
-    # On Linux it takes two lines, and platformdirs with all that it loads as long as a map's file.
-    if sys.platform == "linux" and "ANDROID_DATA" not in os.environ:
-        base = os.environ.get("XDG_CACHE_HOME", "")
-        return os.path.join(base if os.path.isabs(base) else os.path.expanduser("~/.cache"), "shrm")
-    import platformdirs
-
-    return platformdirs.user_cache_dir("shrm")
 
 
 def cached_coefficients(
@@ -160,7 +123,7 @@ def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]
     return make() if record is None else _in_memory.get((record, *what), make)
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class _Kind(Generic[Content]):
     """A kind of entries: a dataclass of arrays of floats, and of what JSON holds exactly.
 
@@ -225,7 +188,7 @@ def _from_disk(
     if key is None:
         return compute(brdf, *parameters, **more)
     try:
-        path = folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
+        path = settings.cache_folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
     except OutputError:
         return compute(brdf, *parameters, **more)
     found = _read(path, key, kind, parameters[:2])
@@ -245,7 +208,7 @@ def usage() -> tuple[int, int]:
     count, size : int
         How many there are, and how many bytes they have together.
     """
-    sizes = [size for _, size, _ in _entries(folder())]
+    sizes = [size for _, size, _ in _entries(settings.cache_folder())]
     return len(sizes), sum(sizes)
 
 
@@ -262,7 +225,7 @@ def clear() -> tuple[int, int]:
     OutputError
         If an entry cannot be removed.
     """
-    where = folder()
+    where = settings.cache_folder()
     count = size = 0
     for path, length, _ in _entries(where):
         try:

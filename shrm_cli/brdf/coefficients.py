@@ -15,7 +15,6 @@ Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.estimates import accuracy_remark, both_signs, energy_above
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_P
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class BrdfCoefficients:
     """Coefficients of a transfer function up to the orders F and P, and its whole energy.
 

@@ -1,10 +1,9 @@
 """The core of a lobe: how finely sums must look for its peak, and where."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 
 _VIEWS = np.concatenate([np.linspace(0, 2.6, 9), [2.8, 2.95, 3.05, 3.1, 3.13]])
@@ -23,7 +22,7 @@ _PEAK = 0.75
 """Azimuths count that come so near to the peak."""
 
 
-@dataclass(frozen=True)
+@record
 class Core:
     """How narrow the peak of a lobe is, and how far from the central direction C it reaches.
 

@@ -1,11 +1,11 @@
 """Properties of a BRDF: its values, its albedo, and whether a real surface could have it."""
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
 from shrm_cli.sphere.quadrature import gauss_legendre
 
@@ -21,7 +21,7 @@ _ACCURACY = 1e-3  # the relative change of an albedo that counts as settled
 _SAMPLES_AT_ONCE = 2**17
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Examination:
     """What `examine` finds; arrays of three are linear RGB.
 

@@ -1,7 +1,6 @@
 """The lobes of a BRDF for given views, expanded into harmonics of the light about C."""
 
 from collections import OrderedDict
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from shrm_cli.brdf.lobe_samples import every_third, transfer_samples
 from shrm_cli.brdf.polar_rule import PolarRule, SplitRule, azimuths, squeezed_azimuths
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import at_once
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_table
 
@@ -90,7 +90,7 @@ def squared_lobes(brdf: Brdf, theta: Array, phi: Array, from_normal: Array) -> t
     return light, np.sum(brdf.transfer(light, view) ** 2, axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Expansion:
     """Lobes of several views as harmonics, with estimates of what their sampling misses.
 
@@ -268,7 +268,7 @@ def _with_thirds(weights: Array) -> Array:
     return np.append(weights, thirds, axis=2)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Sums:
     """Integrals of samples over the azimuth, as far as they are known; 0 elsewhere.
 

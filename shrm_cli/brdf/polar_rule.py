@@ -8,12 +8,12 @@ Every third node of a rule is the rule with a third of the nodes. The samples of
 a second, coarser integral, from which its error is estimated.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 from shrm_cli.vocabulary import Center
 
@@ -27,7 +27,7 @@ _ITERATIONS = 60
 """Halvings of an interval, after which nothing is left of it."""
 
 
-@dataclass(frozen=True)
+@record
 class PolarRule:
     """Nodes in the angle theta from C, of which a part crowds within some distance from C.
 
@@ -68,7 +68,7 @@ class PolarRule:
         return theta, weights * np.sin(theta) / (np.sin(s) * (_EVEN + (1 - _EVEN) * narrow))
 
 
-@dataclass(frozen=True)
+@record
 class SplitRule:
     """Nodes above the horizon about the normal, where BRDFs jump or bend, and maybe below it.
 

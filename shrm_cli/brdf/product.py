@@ -12,7 +12,7 @@ Spherical Harmonics", section 3 and eq. 1.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import ceil
 from typing import Self
@@ -26,6 +26,7 @@ from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import in_order
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import harmonic_planes
 from shrm_cli.sphere.parabolic import project, unproject
 
@@ -38,7 +39,7 @@ _LEAST_NODES = 12, 24
 """The numbers of nodes along the radius and around it that are tried first."""
 
 
-@dataclass(frozen=True)
+@record
 class _Effort:
     """How many nodes a rule may have.
 
@@ -74,7 +75,7 @@ _SCOUT_EDGE = 0.005
 """How near to the rim of the map views are tried; N.V is 0.005 there."""
 
 
-@dataclass(frozen=True)
+@record
 class ProductQuadrature:
     """A rule with enough nodes for a BRDF, and what it still misses.
 
@@ -204,7 +205,7 @@ class ProductQuadrature:
         )
 
 
-@dataclass(frozen=True)
+@record
 class ProductFunctions:
     """The product functions of any BRDF, also of a sum, with rules that suffice for them.
 

@@ -13,8 +13,6 @@ BRDFs about the normal have a rule in the light's own polar coordinates, and so 
 no horizon, about their central direction.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +20,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, local_frame, to_angles
 from shrm_cli.sphere.quadrature import gauss_legendre
 
@@ -31,7 +30,7 @@ _LEAST_COSINE = 1e-3
 """The least N.V that the crowding of azimuths knows."""
 
 
-@dataclass(frozen=True)
+@record
 class LightRule:
     """Nodes over the light for any view.
 

@@ -7,7 +7,6 @@ or passed to a function, may be read as such a term: not what a file says.
 import os
 import re
 import sys
-from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -18,11 +17,12 @@ from shrm_cli.brdf.discovery import brdf_classes
 from shrm_cli.brdf.foreign import checked_model, explained
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.inputs import note
+from shrm_cli.records import record
 
 _TERM = re.compile(r"(?P<path>.+?\.py)(:(?P<name>[^:]*))?(:(?P<values>.*))?")
 
 
-@dataclass(frozen=True)
+@record
 class FileTerm:
     """A term that names a class in a Python file.
 

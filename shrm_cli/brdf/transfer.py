@@ -11,7 +11,6 @@ Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +24,7 @@ from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import in_order
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
@@ -59,7 +59,7 @@ _SCALE = 1000
 """The number of steps in which progress is reported."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class TransferFunctions:
     """The lobes of a BRDF for all views, as harmonics of the light about the central direction.
 

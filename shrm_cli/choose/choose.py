@@ -1,7 +1,6 @@
 """`choose`: every form of a probe and a material, and the one to ship."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
@@ -18,6 +17,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Rising, Stages
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
 ERRORS = 0.2, 0.1, 0.05, 0.025, 0.0125
@@ -115,7 +115,7 @@ def _chosen(
     return decided(probe.name, name, goal, budget, offers, warnings)
 
 
-@dataclass(frozen=True)
+@record
 class _Judged:
     """A map by how far it is from the goal: its `total_error` is 1 where it just keeps it."""
 

@@ -7,7 +7,8 @@ numbers follow the code line by line, and a test counts the same by running it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from shrm_cli.records import record
 
 _MIRROR = 7
 """Of the mirror direction, ``2 (n.v) n - v``."""
@@ -21,7 +22,7 @@ _GREY = 47
 """Of an SH exponential for one f0, without its series."""
 
 
-@dataclass(frozen=True)
+@record
 class Cost:
     """The work of a look-up.
 

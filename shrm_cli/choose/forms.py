@@ -4,7 +4,7 @@ They are known by bytes and errors before any is made, so that hundreds of them 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, Protocol
 
@@ -31,6 +31,7 @@ from shrm_cli.maps.size import (
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE
 
 WANTED = Wanted(DEFAULT_EPS, policy.LEAST_ERROR, None, DEFAULT_MAX_SIZE, None)
@@ -39,7 +40,7 @@ _ROUNDING = 1e-9
 """How much more than an error may be asked for, to get the map that has it."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Known:
     """A map that could be made, and what is known of it before its errors are looked at closely.
 

@@ -1,15 +1,16 @@
 """What can be shipped for a probe and a material, which of it is on a front, and which is best."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from shrm_cli.choose.cost import Cost
 from shrm_cli.maps.base import Map
 from shrm_cli.plan.search import Candidate, Goal, least_wrong
+from shrm_cli.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Offer:
     """A map that could be shipped.
 
@@ -67,7 +68,7 @@ class Offer:
         return Cost(self.look_ups, self.multiply_adds)
 
 
-@dataclass(frozen=True)
+@record
 class Choice:
     """What can be shipped for a probe and a material.
 

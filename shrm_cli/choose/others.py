@@ -1,7 +1,6 @@
 """Forms that are made to be known: split sums, SH exponentials, irradiance and Cabral's maps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 
 _ORDERS = 2, 4, 8
 """The orders of irradiance that are offered: nine coefficients, 25 and 81."""
@@ -36,7 +36,7 @@ _FLOATS = 12
 """The bytes of three 32-bit floats."""
 
 
-@dataclass(frozen=True)
+@record
 class Wanted:
     """A map of another form.
 

@@ -1,14 +1,16 @@
-"""`shrm cache` describes or clears the cache of BRDF coefficients, which runs share."""
+"""`shrm cache` describes or clears what runs share: coefficients of BRDFs, and compiled modules."""
 
 import click
 
+from shrm_cli import bytecode, settings
 from shrm_cli.cli.options import report_options
 from shrm_cli.cli.terminal import echo, echo_json
 
 
 @click.group()
 def cache() -> None:
-    """Coefficients of BRDFs, kept between runs where computing them takes long.
+    """What is kept between runs: coefficients of BRDFs that take long to compute, and, where Python
+    keeps none, compiled modules.
 
     The environment variable SHRM_CACHE_DIR names another folder for them.
     """
@@ -18,10 +20,10 @@ def cache() -> None:
 @report_options
 def info(as_json: bool, quiet: bool) -> None:
     """Say where the cache is, and how large."""
-    from shrm_cli.brdf.cache import MOST_BYTES, folder, usage
+    from shrm_cli.brdf.cache import MOST_BYTES, usage
 
-    count, size = usage()
-    where = str(folder())
+    where = str(settings.cache_folder())
+    count, size = _with_modules(where, *usage())
     if as_json:
         echo_json({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES})
     elif not quiet:
@@ -33,14 +35,22 @@ def info(as_json: bool, quiet: bool) -> None:
 @report_options
 def clear(as_json: bool, quiet: bool) -> None:
     """Remove everything in the cache."""
-    from shrm_cli.brdf.cache import clear, folder
+    from shrm_cli.brdf.cache import clear
 
-    where = str(folder())
-    count, size = clear()
+    where = str(settings.cache_folder())
+    modules = _with_modules(where)
+    bytecode.clear(where)
+    count, size = (a + b for a, b in zip(clear(), modules, strict=True))
     if as_json:
         echo_json({"folder": where, "removed": count, "bytes": size})
     elif not quiet:
         echo(f"{where}: {_amount(count, size)} removed")
+
+
+def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:
+    """Add the number and the bytes of the compiled modules in a cache."""
+    sizes = [length for _, length in bytecode.kept_files(where)]
+    return count + len(sizes), size + sum(sizes)
 
 
 def _amount(count: int, size: int) -> str:

@@ -8,7 +8,6 @@ for programs that read plain images.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +20,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
+from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from shrm_cli.vocabulary import Orientation, Precision, Sampling
 
 
-@dataclass(frozen=True)
+@record
 class Conversion:
     """What is converted, to what, and how it is read and written: what all ways share.
 
@@ -69,7 +69,7 @@ class Conversion:
         return "float" if is_lossy else self.precision
 
 
-@dataclass(frozen=True)
+@record
 class Converted:
     """What became of a conversion.
 

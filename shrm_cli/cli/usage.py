@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import click
 from click.core import ParameterSource
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.messages import ARGUMENT
+from shrm_cli.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Applies:
     """Whether an option applies.
 

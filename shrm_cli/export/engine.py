@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class Light:
     """Light as an engine asked for it, in world axes. What is not known is None.
 
@@ -66,7 +67,7 @@ class Light:
         return None if self.irradiance is None else self.irradiance.nine()
 
 
-@dataclass(frozen=True)
+@record
 class OutputFile:
     """A file of an export: its name in the folder, and what writes it to a path.
 
@@ -122,7 +123,7 @@ class Package:
             self.warnings.append(warning)
 
 
-@dataclass(frozen=True)
+@record
 class Wishes:
     """What the user asked for. What is None is the engine's to choose.
 

@@ -8,12 +8,12 @@ version 1.3, section 5 (the basic descriptor) and table 96 (the descriptor of RG
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib.util import find_spec
 from math import lcm
 
 from shrm_cli import __release__
 from shrm_cli.export.pixels import TexelFormat
+from shrm_cli.records import record
 
 _IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 _FACES = 6
@@ -28,7 +28,7 @@ _ONE, _MINUS_ONE = 0x3F800000, 0xBF800000
 """The bits of the 32-bit floats 1 and -1."""
 
 
-@dataclass(frozen=True)
+@record
 class _Sample:
     """One channel of a texel: where its bits are, what they are, and which numbers 0 and 1 are."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -30,6 +30,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 
@@ -42,7 +43,7 @@ TABLE_SIZE = 128
 """Texels along both edges of the environment-BRDF table."""
 
 
-@dataclass(frozen=True)
+@record
 class Source:
     """What is exported: a probe, or a split sum, an irradiance map, or both.
 
@@ -126,7 +127,7 @@ class Source:
         )
 
 
-@dataclass(frozen=True)
+@record
 class Asked:
     """What the user asked for; what is None is the engine's to choose.
 

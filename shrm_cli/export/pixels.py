@@ -11,18 +11,18 @@ EXT_packed_float and EXT_texture_shared_exponent.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 Words = NDArray[np.unsignedinteger]
 
 
-@dataclass(frozen=True)
+@record
 class TexelFormat:
     """A packed format of RGB texels.
 
@@ -48,7 +48,7 @@ class TexelFormat:
     pack: Callable[[Array], Words]
 
 
-@dataclass(frozen=True)
+@record
 class Clipped:
     """What a format could not hold of one image.
 

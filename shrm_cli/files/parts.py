@@ -10,7 +10,7 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.inputs import note
 from shrm_cli.parallel import in_order
+from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
 
 Array = NDArray[np.floating]
@@ -37,7 +38,7 @@ LARGE = 2**20
 """The values of planes above which several threads are worth their start."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Part:
     """One part of a file to write.
 
@@ -57,7 +58,7 @@ class Part:
     header: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@record
 class Storage:
     """How values are stored.
 

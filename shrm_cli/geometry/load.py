@@ -12,7 +12,6 @@ import logging
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from shrm_cli.geometry.claims import MOST_BYTES, check_ply, check_stl
 from shrm_cli.geometry.gltf import read_gltf
 from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.obj import read_obj
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 Parts = list[SurfaceMaterial | None]
@@ -37,7 +37,7 @@ _MOST_STEPS = 64
 """The most nodes of a scene on the way from its root to a mesh."""
 
 
-@dataclass(frozen=True)
+@record
 class _Prepared:
     """What trimesh is given: bytes, their format, and the materials of the parts in order."""
 

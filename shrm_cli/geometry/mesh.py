@@ -1,13 +1,14 @@
 """Triangle meshes as everything else takes them: finite, indexed soundly, with unit normals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.normals import face_normals, smooth_normals
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 Integers = NDArray[np.int64]
@@ -23,7 +24,7 @@ _SINGULAR = 1e-30
 """Least determinant of a transformation, which would otherwise flatten the mesh."""
 
 
-@dataclass(frozen=True)
+@record
 class SurfaceMaterial:
     """What a file says of a surface, in the terms of glTF's metallic-roughness model.
 
@@ -46,7 +47,7 @@ class SurfaceMaterial:
     textures: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Mesh:
     """Triangles that share vertices.
 

@@ -1,6 +1,6 @@
 """What a lamp is: the light that was taken out of some pixels, and the discs that give it back."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.lights.search import brightness_of, typical_brightness
 from shrm_cli.probe.disc import Disc, radius_of
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize, to_azimuth_elevation
 
 Array = NDArray[np.floating]
@@ -24,7 +25,7 @@ _LONG, _PIXELS_LONGER = 1.5, 2.0
 """A lamp is called elongated if its length is its width times this, and as many pixels more."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Light:
     """Light at points of the sphere.
 
@@ -99,7 +100,7 @@ def disc_of(light: Light, radius: float | None = None) -> Disc:
     return replace(disc, radiance=np.maximum(light.flux, 0) / disc.solid_angle)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Lamp:
     """A lamp of a probe.
 

@@ -4,11 +4,10 @@ Seams and poles of lat-longs and the edges of cube faces are nothing special her
 space is near on the sphere.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
 
@@ -22,7 +21,7 @@ _HALF_OF_THE_NEIGHBOURS = [
 ]
 
 
-@dataclass(frozen=True)
+@record
 class SpherePixels:
     """The cells of an image, by the number of each pixel in row-major order.
 

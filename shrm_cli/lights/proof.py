@@ -1,7 +1,6 @@
 """What putting discs in place of pixels does to the irradiance, over all normals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.lights.lamp import Light
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.disc import Disc, disc_coefficients
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -23,7 +23,7 @@ _NORMALS = 2048
 _VALUES_AT_ONCE = 2**23
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Proof:
     """How far the irradiance of residual and discs is from that of the probe.
 

@@ -6,12 +6,11 @@ level, so that every lamp has a level of its own. Pieces that give less irradian
 that is allowed are not followed.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.lights.pixels import Indices, SpherePixels, clusters
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -33,7 +32,7 @@ _REACH = 1.3
 face they are 1.27 times as far apart as on average."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Region:
     """The pixels of a lamp.
 

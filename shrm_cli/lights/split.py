@@ -24,6 +24,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
 
@@ -33,7 +34,7 @@ _MOST_DISCS = 16
 """Discs of a lamp, at most."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class LampSplit:
     """A probe as lamps and a residual, whose sum it is.
 

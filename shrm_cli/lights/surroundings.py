@@ -1,12 +1,12 @@
 """What a lamp hides: the pixels of lamps, and some around them, filled from farther around."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.lights.pixels import Indices, SpherePixels, near
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 
 Array = NDArray[np.floating]
@@ -20,7 +20,7 @@ _POWER = 3
 _VALUES_AT_ONCE = 2**22
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Filled:
     """The place of a lamp without the lamp.
 

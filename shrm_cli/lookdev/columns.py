@@ -5,7 +5,6 @@ pair, or with one probe, leaves the others alone, as in `shrm batch`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, background_rows
 from shrm_cli.render.image import expose
 from shrm_cli.render.sphere import render_background, render_sphere
@@ -29,7 +29,7 @@ from shrm_cli.render.sphere import render_background, render_sphere
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class Wanted:
     """What is made of every probe.
 
@@ -54,7 +54,7 @@ class Wanted:
     exposure: float | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Cell:
     """A material under a probe: its map, or why there is none."""
 
@@ -62,7 +62,7 @@ class Cell:
     error: str = ""
 
 
-@dataclass(frozen=True)
+@record
 class Column:
     """A probe and its maps.
 

@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import OutputError
 from shrm_cli.files.lettering import text_coverage
 from shrm_cli.files.picture import Picture
+from shrm_cli.records import record
 from shrm_cli.render.sheet import MAX_PIXELS, PAPER
 
 Array = NDArray[np.floating]
@@ -22,7 +22,7 @@ _LINES = 8
 """The most lines of an error in a cell."""
 
 
-@dataclass(frozen=True)
+@record
 class Grid:
     """Where the cells of a sheet lie, in pixels.
 

@@ -1,6 +1,5 @@
 """Laying out the planes of a map in other layouts than OpenEXR's stacked cube, and back."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,12 +8,13 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredPart
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, Layout
+from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Sampling
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class Arrangement:
     """How the planes of a file are laid out.
 

@@ -6,12 +6,12 @@ smoothly to nothing, by half a wave of a cosine, as a tapered cosine (or Tukey) 
 costs a part of what they would have shown, which predicted errors count.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.records import record
 from shrm_cli.reflected import last_visible
 
 Array = NDArray[np.floating]
@@ -30,7 +30,7 @@ measured to take from the 95th percentile of what is seen as well as from the me
 the percentile rose as often as it fell."""
 
 
-@dataclass(frozen=True)
+@record
 class Band:
     """Degrees from 0 on, of which the last may be weakened.
 

@@ -9,13 +9,12 @@ Both signs of q together keep every other J, so that each coefficient is a sum o
 For a small p that takes far less time than the rings of `shrm_cli.maps.shrm.coupling`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.parallel import in_order
+from shrm_cli.records import record
 from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
 
@@ -109,7 +108,7 @@ def _halves(mode: Array) -> Array:
     return np.moveaxis(mode, 2, 0)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Table:
     """What couples light of all degrees l with the degree p of the view to coefficients over R.
 

@@ -6,7 +6,6 @@ whose part of the reflected light is visible, and fade out where that is not pos
 truncated series rings beside a lamp.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.size import furthest_order, largest_f, supported_order
 from shrm_cli.orders import Orders, extended
 from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.records import record
 from shrm_cli.reflected import (
     energy_beyond,
     error_bound,
@@ -38,7 +38,7 @@ _UNKNOWN = 0.02
 """The part of the predicted squared error that may be an estimate."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Expansion:
     """A BRDF and the light of a probe in the frequency domain, and the orders of their map.
 

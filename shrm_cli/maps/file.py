@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +26,7 @@ from shrm_cli.maps.attributes import (
 )
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.size import MAX_VALUES
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Orientation, Precision
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def open_map(path: str | os.PathLike[str]) -> Map:
     return found
 
 
-@dataclass(frozen=True)
+@record
 class Recorded:
     """What the beginning of a map's file tells of how it was made.
 

@@ -1,18 +1,19 @@
 """How a map was made: a record that travels in the attributes of the map's file."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.records import record
 from shrm_cli.vocabulary import CENTERS, FRAMES, SAMPLINGS, Domain
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
 
 
-@dataclass(frozen=True)
+@record
 class MapInfo:
     """The provenance of a map.
 

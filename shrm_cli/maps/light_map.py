@@ -1,6 +1,6 @@
 """What the maps of light alone have in common: no BRDF is named when they are made."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
 from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame
 
 Array = NDArray[np.floating]
@@ -46,7 +47,7 @@ class SurfaceLightMap(LightMap):
         return shown
 
 
-@dataclass(frozen=True)
+@record
 class Shaded:
     """A GGX surface under the light of a map. Subclasses have the method `radiance` of a map.
 

@@ -17,13 +17,13 @@ are turned in this plane, each view's by an angle of its own.
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
 from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.memo import Memo
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame
 from shrm_cli.sphere.harmonics import complex_from_real
 from shrm_cli.sphere.wigner import small_d_degrees
@@ -54,7 +54,7 @@ _TURNS = np.pi * (3 - np.sqrt(5)) * np.arange(_RINGS)
 """Rings are turned against each other by the golden angle, so that no meridian is special."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Lobes:
     """Lobes of a BRDF for some views, and what a map leaves out of them.
 

@@ -7,10 +7,10 @@ This module and the module ``options`` in each representation's folder load no n
 import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.records import record
 from shrm_cli.vocabulary import (
     AUTO,
     CENTERS,
@@ -28,7 +28,7 @@ from shrm_cli.vocabulary import (
 )
 
 
-@dataclass(frozen=True)
+@record
 class Option:
     """An argument of `shrm_cli.prefilter.prefilter`, which is an option of the command too.
 
@@ -163,7 +163,7 @@ _CHECKS: dict[str, Callable[[Option, object], Any]] = {
 }
 
 
-@dataclass(frozen=True)
+@record
 class Representation:
     """The description of a representation, and of the arguments that it obeys.
 
@@ -366,10 +366,13 @@ def own_options(
     descriptions: Mapping[str, Representation],
 ) -> list[tuple[list[str], list[Option]]]:
     """Return the options of single representations, with the names of those that share them."""
+    sharing: dict[str, list[str]] = {}
+    for name, each in descriptions.items():
+        for option in each.options:
+            sharing.setdefault(option.name, []).append(name)
     found: dict[tuple[str, ...], list[Option]] = {}
     for option in all_options(descriptions).values():
-        of = [name for name, each in descriptions.items() if option in each.options]
-        found.setdefault(tuple(of), []).append(option)
+        found.setdefault(tuple(sharing[option.name]), []).append(option)
     return [(list(names), options) for names, options in found.items()]
 
 

@@ -6,17 +6,18 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.records import record
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Prefiltered:
     """A map, and what is known of how it was made.
 

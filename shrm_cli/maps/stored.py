@@ -1,7 +1,6 @@
 """One image of a map in an opened file: its part, its attributes, and how it is laid out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,12 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart
 from shrm_cli.maps.arrangement import Arrangement, stored_arrangement
 from shrm_cli.maps.attributes import COLORS, map_info, read_attributes
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class StoredImage:
     """A part of a map's file, with its checked attributes.
 

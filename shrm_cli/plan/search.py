@@ -6,11 +6,12 @@ is found by halving.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
 from shrm_cli.plan import policy
+from shrm_cli.records import record
 
 
 class Sized(Protocol):
@@ -32,7 +33,7 @@ C = TypeVar("C", bound=Sized)
 M = TypeVar("M")
 
 
-@dataclass(frozen=True)
+@record
 class Row(Generic[C]):
     """Candidates of one size, from the fewest bytes to the most that are allowed.
 
@@ -99,7 +100,7 @@ def least_errors(rows: Iterable[Row[C]]) -> list[C]:
 # ---- what is seen --------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@record
 class Goal:
     """What the picture made with a map has to keep.
 
@@ -128,7 +129,7 @@ class Goal:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Candidate(Generic[M]):
     """A map that could be made.
 

@@ -1,7 +1,6 @@
 """The pixels of images, brought to a grid in blocks of rows, without NaN or infinite ones."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from shrm_cli.layouts import Layout
 from shrm_cli.probe.image import ProbeImage
 from shrm_cli.probe.layout import clear_unused, stack_faces
 from shrm_cli.probe.pixels import PixelReport, fill_nonfinite, find_nonfinite, refuse_nonfinite
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import reoriented
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import Orientation
@@ -27,7 +27,7 @@ _HOLE_ROWS = 32
 """Rows that are read before and behind a block with holes, at first."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class BlockReader:
     """Reads the pixels of a probe.
 

@@ -1,7 +1,7 @@
 """The primaries of a probe: what its file says, what the user says, and what they are made."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from shrm_cli.color import are_unset, conversion, fault_of, same_primaries, title_of
 from shrm_cli.probe.image import ConvertedImage, ProbeImage
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
+from shrm_cli.records import record
 from shrm_cli.vocabulary import PRIMARIES
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ColorReading:
     """How the colors of a probe are understood.
 

@@ -7,7 +7,6 @@ with all its mip levels; only the first level is read.
 import math
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import FACES
 from shrm_cli.probe.encoding import Encoding
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -34,7 +34,7 @@ _MOST_ON_A_SIDE = 2**15
 _CHANNELS = 4
 
 
-@dataclass(frozen=True)
+@record
 class DdsFile:
     """A `ProbeImage` in a DDS file of floats: a lat-long, or six faces stacked.
 

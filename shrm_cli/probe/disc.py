@@ -1,12 +1,12 @@
 """Circular lights, whose harmonic coefficients are known in closed form."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.probe.make import latlong_solid_angles
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
 from shrm_cli.sphere.latlong import latlong_coordinates
 
@@ -19,7 +19,7 @@ _LEAST_PARTS, _MOST_PARTS = 16, 32
 _PARTS_IN_A_RADIUS = 64
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Disc:
     """A light of one radiance within an angle of its axis, such as the sun.
 

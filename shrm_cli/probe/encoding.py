@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.parts import sound_primaries
 from shrm_cli.probe.radiance_header import RadianceHeader
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 Curve = Callable[[Array], Array]
@@ -22,7 +22,7 @@ _FILM = ("dpx", "cineon")
 """Formats of scanned film, whose integers are logarithms of densities if nothing else is said."""
 
 
-@dataclass(frozen=True)
+@record
 class Encoding:
     """How the numbers of an image file become linear radiance.
 

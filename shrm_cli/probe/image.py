@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -53,7 +53,7 @@ class ProbeImage(Protocol):
         """Yield, piece by piece, the bytes that tell this image from others."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ImageOfImage:
     """An image that reads the pixels of another one, and is that image in all else.
 
@@ -105,7 +105,7 @@ class ImageOfImage:
         return self.image.read(start, stop)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ConvertedImage(ImageOfImage):
     """An image in other primaries.
 
@@ -124,7 +124,7 @@ class ConvertedImage(ImageOfImage):
             return self.image.read(start, stop) @ self.matrix.T.astype(np.float32)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ArrayImage:
     """An image in memory.
 

@@ -25,6 +25,7 @@ from shrm_cli.files.whole import fault_of_name
 from shrm_cli.probe.encoding import Encoding, encoding_of
 from shrm_cli.probe.layers import Layer, choose_layer
 from shrm_cli.probe.radiance_header import RadianceHeader
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -49,7 +50,7 @@ class _Held:
     pixels: Any = None
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ImageFile:
     """A `ProbeImage` in a file that was opened: its header, and its pixels on demand.
 

@@ -7,11 +7,11 @@ and what stands out of it within the polar rows, such as a sun in the zenith, by
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 
 Array = NDArray[np.floating]
@@ -30,7 +30,7 @@ _PASSES, _SETTLED = 16, 0.99
 A lamp that raised its own limit would be smooth in part: a row of 32 lost .8 % of its light."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Lamps:
     """What integrals over a block of polar rows must add for lamps.
 

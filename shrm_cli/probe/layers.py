@@ -6,12 +6,12 @@ light beyond doubt; where none is, all are listed, and the user names one.
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.noise import quiet
+from shrm_cli.records import record
 
 _COLORS = (("R", "G", "B"), ("RED", "GREEN", "BLUE"))
 _ALPHA = ("A", "ALPHA")
@@ -27,7 +27,7 @@ _MOST_PARTS = 256
 _MOST_LISTED = 12
 
 
-@dataclass(frozen=True)
+@record
 class Layer:
     """Three channels, or one that serves as three, of a part of a file.
 

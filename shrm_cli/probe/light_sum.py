@@ -6,7 +6,7 @@ pixels that it covers.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
 
 Array = NDArray[np.floating]
@@ -29,7 +30,7 @@ _LEAST_ROWS, _MOST_ROWS = 512, 2048
 """The range of the rows of the lat-long; within it, those of the finest probe are taken."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Term:
     """A probe that is part of a sum.
 
@@ -44,7 +45,7 @@ class Term:
     scale: Array
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class SumImage:
     """The lat-long of a sum, which is made when it is first read; a `ProbeImage`.
 
@@ -135,7 +136,7 @@ class SumImage:
                 yield start, coverage[..., None] * disc.radiance
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class LightSum(Probe):
     """A sum of probes and discs.
 

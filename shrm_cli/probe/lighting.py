@@ -1,6 +1,5 @@
 """Probe -> Lighting: the spherical harmonic coefficients of the incident light."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ from shrm_cli.probe.lamps import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 
@@ -23,7 +23,7 @@ _ROWS_AT_ONCE = 16
 """The rows whose squares are summed at a time, which stay in the processor's cache."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Lighting:
     """Incident light in the frequency domain.
 

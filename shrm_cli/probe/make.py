@@ -5,12 +5,12 @@ of the width left of it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions
 
@@ -24,7 +24,7 @@ LARGEST_HALF = 65504.0
 """The largest number that half floats hold."""
 
 
-@dataclass(frozen=True)
+@record
 class SoftBox:
     """A rectangular light on the tangent plane of a direction, with a smooth edge.
 

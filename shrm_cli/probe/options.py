@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from typing import Any, Literal, TypedDict
 
 import numpy as np
@@ -12,6 +12,7 @@ from shrm_cli.color import fault_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import LAYOUTS, Layout
 from shrm_cli.probe.pixels import PixelPolicy
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import turn_matrix
 from shrm_cli.vocabulary import ORIENTATIONS, PRIMARIES, SAMPLINGS, Orientation, Sampling
 
@@ -20,7 +21,7 @@ Array = NDArray[np.floating]
 _UP = ("y", "z")
 
 
-@dataclass(frozen=True)
+@record
 class ReadOptions:
     """How a file is to be understood; None leaves it to the file.
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -64,7 +65,7 @@ class PixelReport:
         return lines
 
 
-@dataclass(frozen=True)
+@record
 class PixelPolicy:
     """How pixels are checked and changed.
 

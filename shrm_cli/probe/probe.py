@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
@@ -22,6 +22,7 @@ from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
 from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid, Sampler
 from shrm_cli.vocabulary import Orientation, Sampling
 
@@ -34,7 +35,7 @@ _DDS = b"DDS "
 """The bytes that a DDS file begins with."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Probe:
     """A probe whose pixels are read on demand, and checked as they are.
 

@@ -11,7 +11,6 @@ Barnes and Hut 1986, A hierarchical O(N log N) force-calculation algorithm; Walt
 Lightcuts: a scalable approach to illumination.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import source_pixels
+from shrm_cli.records import record
 from shrm_cli.vocabulary import LUMINANCE
 
 Array = NDArray[np.floating]
@@ -31,7 +31,7 @@ _HAS_CENTROID = 0.1
 _TINY = 1e-300
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Level:
     """The cells of one size. Cells 4 i .. 4 i + 3 of the next finer level make up cell i.
 
@@ -54,7 +54,7 @@ class Level:
     radii: Array
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Pyramid:
     """A probe in cells of all sizes.
 

@@ -5,10 +5,10 @@ that light is something else: what the pixels hold, divided by every factor that
 """
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 from shrm_cli.errors import ProbeError
+from shrm_cli.records import record
 
 _MAGIC = (b"#?RADIANCE", b"#?RGBE")
 _LONGEST = 2**16
@@ -16,7 +16,7 @@ _LONGEST = 2**16
 _XYZE = "32-bit_rle_xyze"
 
 
-@dataclass(frozen=True)
+@record
 class RadianceHeader:
     """What the header of a Radiance picture says of its numbers.
 

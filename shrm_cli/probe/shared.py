@@ -1,6 +1,6 @@
 """A probe of which several maps are made: it is read once, and projected once to each order."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shrm_cli.probe.image import ImageOfImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -18,7 +19,7 @@ MOST_BYTES = 128 * 2**20
 _PIXEL = 3 * 4  # bytes
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class HeldImage(ImageOfImage):
     """An image whose pixels stay in memory from the first time that they are read."""
 
@@ -31,7 +32,7 @@ class HeldImage(ImageOfImage):
         return self.image.read(0, self.height)
 
 
-@dataclass(frozen=True)
+@record
 class SharedProbe(Probe):
     """A probe that remembers its pixels, its digest, and its coefficients to each order.
 

@@ -1,6 +1,5 @@
 """A probe as many small lights, for sums over its pixels."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,6 +9,7 @@ from shrm_cli.probe.coarse import LEAST_ROWS, coarse_probe
 from shrm_cli.probe.lamps import lamps_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
+from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.latlong import LatLong
 
@@ -22,7 +22,7 @@ _BAND_ROWS = 16 * _TILE_ROWS
 _TINY = 1e-300
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Source:
     """A probe as many small lights, in tiles of neighboring pixels.
 

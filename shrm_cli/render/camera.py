@@ -7,11 +7,10 @@ with the same axes and the angle of view `FIELD_OF_VIEW`. It looks along -V, as 
 probe, so that letters in a probe are not mirrored.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation, normalize
 
 Array = NDArray[np.floating]
@@ -26,7 +25,7 @@ _STRIPS_PER_PIXEL = 16
 """Strips into which `sphere_coverage` divides a pixel on the silhouette."""
 
 
-@dataclass(frozen=True)
+@record
 class Viewer:
     """A distant viewer.
 

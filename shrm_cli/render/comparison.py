@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
 from shrm_cli.render.flip import FlipError, hdr_flip
 from shrm_cli.render.image import expose
@@ -20,7 +21,7 @@ from shrm_cli.render.sphere import ReflectionMap, render_sphere
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class Difference:
     """How far pictures of a sphere are from pictures of the baseline.
 
@@ -91,7 +92,7 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
     )
 
 
-@dataclass(frozen=True)
+@record
 class Comparison:
     """Pictures of a baseline, and of other maps from the same views.
 

@@ -10,12 +10,13 @@ exposures: in a black truth, and in one darker than 1e-7. This module never lets
 """
 
 import importlib.util
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.records import record
 from shrm_cli.render.seen import spread_weights
 from shrm_cli.vocabulary import LUMINANCE
 
@@ -29,7 +30,7 @@ larger values look the same. Their squares could overflow.
 """
 
 
-@dataclass(frozen=True)
+@record
 class FlipExposures:
     """The exposures at which FLIP compared two pictures.
 
@@ -48,7 +49,7 @@ class FlipExposures:
     number: int
 
 
-@dataclass(frozen=True)
+@record
 class FlipError:
     """The result of HDR-FLIP.
 

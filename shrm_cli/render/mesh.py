@@ -5,8 +5,6 @@ pixels, at silhouettes, creases and where a surface curves away, get 4 x 4 sampl
 that miss the mesh show the background.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +13,7 @@ from shrm_cli.geometry.normals import face_normals
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.perspective import Aim, Lens
 from shrm_cli.render.sphere import Surroundings
@@ -37,7 +36,7 @@ MIN_COSINE = 0.01
 """The least N.V that surfaces are shaded with."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Hits:
     """What rays meet; arrays of one entry a ray, and of -1 in `faces` for no triangle."""
 

@@ -5,12 +5,12 @@ shorter edge of the picture. The surroundings behind a mesh are seen by the same
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.records import record
 from shrm_cli.render.camera import SPHERE_FILL, Viewer, in_world
 from shrm_cli.sphere.directions import normalize
 
@@ -22,7 +22,7 @@ LIMITS = (0.01, 170.0)
 """The least and the largest angle of view, degrees."""
 
 
-@dataclass(frozen=True)
+@record
 class Lens:
     """What a camera has in common in all frames of a turntable.
 
@@ -69,7 +69,7 @@ class Lens:
         return min(int(np.ceil(np.pi / self.pixel)), 2**16)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Aim:
     """Where a camera looks and from how far.
 

@@ -1,7 +1,7 @@
 """Maps and probes that are shown together, brought to the same primaries."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.records import record
 from shrm_cli.render.shading import KnownMap
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Recolored:
     """A map whose radiance is shown in other primaries; that is exact for maps of every form.
 

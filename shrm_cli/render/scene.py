@@ -1,12 +1,12 @@
 """A scene: everything that the pictures of one command share, and how one of them is drawn."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
@@ -36,7 +36,7 @@ class Subject(Protocol[_Drawn]):
         """Draw the subject of a material before a background, shape (*shape, 3), linear."""
 
 
-@dataclass(frozen=True)
+@record
 class SphereSubject:
     """A sphere in a square picture of some width in pixels; its material is a map."""
 
@@ -62,7 +62,7 @@ class SphereSubject:
         return render_sphere(material, viewer, self.size, background, progress)
 
 
-@dataclass(frozen=True)
+@record
 class Scene(Generic[Material]):
     """One subject of one material, or a sheet of it in several.
 

@@ -17,7 +17,7 @@ An example, with everything that an object may have:
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.records import record
 from shrm_cli.render.shading import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.variation import open_variation
@@ -43,7 +44,7 @@ _KEYS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@record
 class Shown:
     """What is said about a mesh besides its file, on the command line or in a scene file.
 

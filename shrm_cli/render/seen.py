@@ -6,18 +6,17 @@ luminance, the share of pixels where it exceeds 5 %, and the share of pixels who
 negative, which a screen shows as black.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.records import record
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class SeenErrors:
     """How far the luminance of a picture's pixels is from the truth.
 

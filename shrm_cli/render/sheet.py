@@ -1,7 +1,6 @@
 """Contact sheets: several pictures in a grid, with a label under each."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import ceil, isqrt
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.lettering import text_coverage
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 Picture = NDArray[np.float32]
@@ -20,7 +20,7 @@ PAPER = 0.02
 """Linear grey of the paper, which is 39 of 255 in sRGB; the labels are 1."""
 
 
-@dataclass(frozen=True)
+@record
 class SheetLayout:
     """Where the tiles of a sheet lie, in pixels.
 

@@ -1,7 +1,7 @@
 """What stands before the camera: meshes in one, and what each triangle is made of."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, joined
 from shrm_cli.geometry.tangents import projected_tangents, tangents_from_uvs
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.records import record
 from shrm_cli.render.shading import ggx_surface, outside_range
 from shrm_cli.render.variation import Variation
 from shrm_cli.sphere.directions import horizontal_tangents
@@ -22,7 +23,7 @@ _DIELECTRIC = 0.04
 """Reflectance at normal incidence of glTF's materials that are no metals."""
 
 
-@dataclass(frozen=True)
+@record
 class Look:
     """How a surface reflects: a map, and the parameters that maps of light alone need.
 
@@ -96,7 +97,7 @@ class Look:
         return outside_range({name: chosen}, roughness)
 
 
-@dataclass(frozen=True)
+@record
 class Reflector:
     """A map as one surface shows it."""
 
@@ -135,7 +136,7 @@ class Reflector:
         return found + self.irradiance.radiance(normals, views) * np.array(self.albedo)
 
 
-@dataclass(frozen=True)
+@record
 class Actor:
     """A mesh in its place, and how it looks.
 
@@ -173,7 +174,7 @@ class Actor:
         return tangents_from_uvs(self.mesh)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Stage:
     """All meshes of a picture as one.
 

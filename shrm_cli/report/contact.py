@@ -17,6 +17,7 @@ from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.image import suitable_exposure
 from shrm_cli.render.shading import ggx_surface
@@ -34,7 +35,7 @@ MOST_MAPS = 2000
 _VIEWER = Viewer(30, 15)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Thumbnail:
     """A map as the page shows it.
 

@@ -20,6 +20,7 @@ from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
@@ -27,7 +28,7 @@ from shrm_cli.render.flip import FlipError, can_flip
 from shrm_cli.render.shading import KnownMap, ggx_surface, outside_range
 
 
-@dataclass(frozen=True)
+@record
 class Plan:
     """What is made and how it is measured.
 
@@ -72,7 +73,7 @@ class Plan:
         return entry.recipes()
 
 
-@dataclass(frozen=True)
+@record
 class Made:
     """A map that was made, as it was read from its file.
 

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib.metadata import version
 from typing import Any
 
@@ -11,6 +11,7 @@ from shrm_cli.analysis.probe_statistics import ProbeStatistics
 from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.report import words
 from shrm_cli.report.markup import Html, details, facts, joined, table, tag, whole_page
 from shrm_cli.report.material_part import (
@@ -40,7 +41,7 @@ _TRUTH_SIZE = 192
 """The most points along the edge of the truth in a view, which takes as long as a picture."""
 
 
-@dataclass(frozen=True)
+@record
 class Look:
     """What a page shows, and how large it may be.
 
@@ -68,7 +69,7 @@ class Look:
     worded: Callable[[str], str] = str
 
 
-@dataclass(frozen=True)
+@record
 class Report:
     """A page and what was left out of it.
 
@@ -226,7 +227,7 @@ def _view(
     return joined(tag("h3.view-heading", "To turn and compare"), tag("div.view", frame), note)
 
 
-@dataclass(frozen=True)
+@record
 class _Fitting:
     """The maps that a view has room for, their files, and what was done to them, if anything."""
 

@@ -1,7 +1,6 @@
 """What a report says about the probe: pictures, numbers, lamps, irradiance and harmonics."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
+from shrm_cli.records import record
 from shrm_cli.render.image import suitable_exposure
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, details, facts, figure, joined, table, tag
@@ -32,7 +32,7 @@ _LEAST_STOPS = 4.0
 """The fewest stops that false colours span."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Preview:
     """A probe as a small lat-long.
 

@@ -8,13 +8,13 @@ is then a few turns of pairs, and two products with matrices that are the same f
 import itertools
 import threading
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.memo import Memo, kept_order
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees
 
@@ -397,7 +397,7 @@ class _QuarterTurn(Protocol):
         """Turn functions, shape (2l+1, ...), or turn them back."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _WholeTurn:
     """The matrix of Ry(pi/2) between real harmonics of one degree: one product for few of them."""
 
@@ -408,7 +408,7 @@ class _WholeTurn:
         return np.asarray(matrix @ block.reshape(len(block), -1)).reshape(block.shape)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _SplitTurn:
     """The same by the parts of that matrix that are not zero, a quarter of it.
 

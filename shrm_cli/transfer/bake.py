@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli import settings
 from shrm_cli.errors import ArgumentError
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.transfer.gather import Gathering, Rays
@@ -36,7 +36,7 @@ _MOST_SAMPLES = 2**16
 """The most rays of a vertex."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Plan:
     """What is to be baked, and what it will take.
 

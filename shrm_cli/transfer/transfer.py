@@ -1,18 +1,18 @@
 """The transfer of a mesh: what its vertices need to know to shadow and light themselves."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import TransferError
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import order_of
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class Facts:
     """How a transfer was made.
 
@@ -34,7 +34,7 @@ class Facts:
     samples: int
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Transfer:
     """Precomputed radiance transfer of a mesh, for light of any coefficients.
 

@@ -2,12 +2,12 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any
 
 from shrm_cli.files.html_page import digest, html_page
+from shrm_cli.records import record
 from shrm_cli.view.scene import Scene
 
 SCRIPTS = (
@@ -18,7 +18,7 @@ SCRIPTS = (
 _FULL = "html, body { height: 100%; margin: 0; }\n"
 
 
-@dataclass(frozen=True)
+@record
 class Section:
     """A view of maps as parts of a page; a page holds one style and one script for all views.
 

@@ -18,6 +18,7 @@ from shrm_cli.maps.provenance import common_brdf, record_of, spec_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.shading import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -37,7 +38,7 @@ TRUTH_SIZE = 192
 """Pixels along the edge of a picture of the truth, where no other number is asked for."""
 
 
-@dataclass(frozen=True)
+@record
 class Start:
     """What the page shows first.
 
@@ -59,7 +60,7 @@ class Start:
     f0: Color = (1.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True)
+@record
 class Truth:
     """How the truth is computed.
 

@@ -172,11 +172,11 @@ def test_the_settings_can_name_its_folder(folder, tmp_path):
     with settings.using(cache=tmp_path / "mine"):
         for _ in range(2):
             cached_coefficients(parse_spec("phong"), *ORDERS, compute)
-        assert cache.folder() == tmp_path / "mine"
+        assert settings.cache_folder() == tmp_path / "mine"
         assert cache.usage()[0] == 1
     assert compute.calls == 1
     assert not folder.exists()
-    assert cache.folder() == folder
+    assert settings.cache_folder() == folder
 
 
 # Damaged and hostile entries.
@@ -326,7 +326,7 @@ def test_a_folder_that_cannot_be_written_is_no_cache(tmp_path, monkeypatch):
         if "\0" not in name:
             monkeypatch.setenv("SHRM_CACHE_DIR", str(tmp_path / name))
         else:
-            monkeypatch.setattr(cache, "folder", lambda: tmp_path / "a\0b")
+            monkeypatch.setattr(settings, "cache_folder", lambda: tmp_path / "a\0b")
         compute = Counted()
         for _ in range(2):
             cached_coefficients(parse_spec("phong"), *ORDERS, compute)
@@ -411,8 +411,8 @@ def test_the_default_is_the_users_cache_folder(monkeypatch, tmp_path):
     monkeypatch.setenv("SHRM_CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     if sys.platform == "linux":
-        assert cache.folder() == tmp_path / "home" / "shrm"
-    assert "shrm" in str(cache.folder())
+        assert settings.cache_folder() == tmp_path / "home" / "shrm"
+    assert "shrm" in str(settings.cache_folder())
 
 
 def no_home():
@@ -423,7 +423,7 @@ def no_home():
 def test_users_without_a_home_have_no_cache(monkeypatch, tmp_path, asked):
     """As in containers whose user is a number without a name; versions of platformdirs differ."""
     monkeypatch.setenv("SHRM_CACHE_DIR", "")
-    monkeypatch.setattr("shrm_cli.brdf.cache._users_folder", asked)
+    monkeypatch.setattr("shrm_cli.settings._users_folder", asked)
     monkeypatch.chdir(tmp_path)
     compute = Counted()
     for _ in range(2):
@@ -443,7 +443,7 @@ def test_the_folder_of_users_is_that_of_platformdirs(monkeypatch, tmp_path, base
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     if base is not None:
         monkeypatch.setenv("XDG_CACHE_HOME", base.format(tmp_path))
-    assert cache._users_folder() == platformdirs.user_cache_dir("shrm")
+    assert settings._users_folder() == platformdirs.user_cache_dir("shrm")
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """Files of the environment-BRDF tables that split sums and SH exponentials are used with."""
 
 import os
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.files.parts import Part, StoredPart, peek, write_parts
+from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 
 Array = NDArray[np.floating]
@@ -18,7 +18,7 @@ _MOMENTS = 2
 """The value of ``shrm:moments`` of tables of moments. In those of 1, T was normalized."""
 
 
-@dataclass(frozen=True)
+@record
 class Meaning:
     """The texts that say in a file's attributes what a kind of table holds.
 

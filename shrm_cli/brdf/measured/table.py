@@ -15,7 +15,6 @@ Matusik et al. 2003, A Data-Driven Reflectance Model (the square-root spacing of
 
 import hashlib
 import os
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values
 from shrm_cli.errors import BrdfError
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
 
 AXES = ("theta_h", "theta_d", "phi_d")
@@ -37,7 +37,7 @@ _LOWEST = np.sin(np.radians(0.5))  # the cosine of directions that are raised to
 _TINY = 1e-12
 
 
-@dataclass(frozen=True)
+@record
 class TableSettings:
     """What a table's values mean.
 
@@ -54,6 +54,9 @@ class TableSettings:
     includes_cosine: bool = False
     has_horizon: bool = True
     made_from: str = ""
+
+
+_ORDINARY = TableSettings()
 
 
 class Table(MeasuredBrdf):
@@ -79,7 +82,7 @@ class Table(MeasuredBrdf):
         self,
         table: Array,
         axes: tuple[Array, ...],
-        settings: TableSettings = TableSettings(),  # it is frozen, so all may share it
+        settings: TableSettings = _ORDINARY,
         values: dict[str, str] | None = None,
     ) -> None:
         lengths = tuple(len(axis) for axis in axes)

@@ -10,7 +10,7 @@ Equations and sections 5.x are those of chapter 5 of Ramamoorthi's thesis.
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -21,6 +21,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
@@ -43,7 +44,7 @@ _NOISE = 0.02
 it counts as zero."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ExplicitMap(Map):
     """Reflected light tabulated over the central direction and samples of the view.
 

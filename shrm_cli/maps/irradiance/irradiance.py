@@ -5,7 +5,7 @@ Forward and Inverse Rendering" (2002).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.light_map import LightMap
 from shrm_cli.maps.size import choose_size
+from shrm_cli.records import record
 from shrm_cli.sphere.extremes import lowest, series_values
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -88,7 +89,7 @@ def matrix_constants() -> tuple[float, float, float, float, float]:
     return float(c1), float(c2), float(c3), float(a0 * constant), float(a2 * zonal)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Irradiance(LightMap):
     """The irradiance of a surface as a function of its normal.
 

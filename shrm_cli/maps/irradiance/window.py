@@ -3,7 +3,6 @@
 Without them, a sun or another small bright light may leave a side where the irradiance is negative.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.quadratic import shortest_within
+from shrm_cli.records import record
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -32,7 +32,7 @@ _MOST_PLACES = 64
 """The most directions of each channel that are added after a round."""
 
 
-@dataclass(frozen=True)
+@record
 class Window:
     """A factor for every degree of a series.
 

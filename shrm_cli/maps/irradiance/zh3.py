@@ -22,7 +22,7 @@ References
 Roughton, Sloan, Silvennoinen, Iwanicki and Shirley 2024, ZH3: Quadratic Zonal Harmonics.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.irradiance.window import Window
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import real_harmonics
 
 Array = NDArray[np.floating]
@@ -46,7 +47,7 @@ _LEAST = 1e-6
 """The least degree 1, beside degree 0, that has a direction; weaker ones get no degree 2."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Zh3(Irradiance):
     """An irradiance map whose degree 2 is zonal; `coefficients` hold it as five numbers too.
 

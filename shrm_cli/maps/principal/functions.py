@@ -17,7 +17,6 @@ Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separab
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.estimates import both_signs
 from shrm_cli.brdf.transfer import TransferFunctions
+from shrm_cli.records import record
 from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Center
 
@@ -61,7 +61,7 @@ def _with_sign(basis: Array) -> Array:
     return basis * np.where(basis[largest, np.arange(basis.shape[1])] < 0, -1.0, 1.0)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Spectrum:
     """The singular vectors of a BRDF, weighted by light, for every azimuthal order and channel.
 

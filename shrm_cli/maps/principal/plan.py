@@ -1,7 +1,6 @@
 """How many functions and texels a map gets: from a tolerance, an error or a number of cubes."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -23,6 +22,7 @@ from shrm_cli.maps.size import (
 from shrm_cli.plan.policy import NEARLY_AS_GOOD
 from shrm_cli.plan.search import Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.records import record
 from shrm_cli.reflected import (
     cube_energies,
     energy_beyond,
@@ -40,7 +40,7 @@ _FEW_TEXELS = 48
 """The most texels along an edge of cubes that are looked through instead of predicted."""
 
 
-@dataclass(frozen=True)
+@record
 class Form:
     """How many functions a map has, how large its cubes are, and what errors that makes.
 
@@ -85,7 +85,7 @@ class Form:
         return total_error(self.error, self.filter_error)
 
 
-@dataclass(frozen=True)
+@record
 class Planner:
     """The choices for one lobe.
 

@@ -9,7 +9,7 @@ part of each q, which is multiplied with its function.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from itertools import groupby
 from typing import Any
@@ -27,6 +27,7 @@ from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, to_angles, views_around
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
@@ -51,7 +52,7 @@ _PAIRS = 4096
 """Pairs of mirror directions and views that tell how bright the lobes of a map are."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Lobe:
     """The light that one term of a BRDF reflects, about its own central direction.
 
@@ -221,7 +222,7 @@ def plane_rule(degree: int) -> tuple[Array, Array]:
     return angles, np.linalg.inv(functions)
 
 
-@dataclass(frozen=True)
+@record
 class PrincipalMap(Map):
     """A map of the terms of a BRDF, each with its own functions of the view.
 

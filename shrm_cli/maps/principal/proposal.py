@@ -1,7 +1,7 @@
 """A map that could be made: the form of each of its terms, its errors, and how it is made."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,7 @@ from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
+from shrm_cli.records import record
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
 
@@ -40,7 +41,7 @@ _SMALL = 16
 """The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Proposal:
     """The form of each term of a map, and what the map would be.
 

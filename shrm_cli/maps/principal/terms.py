@@ -4,7 +4,7 @@ A diffuse term needs a single cube, and a glossy one many. They share what is as
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from shrm_cli.orders import octaves_to_come
 from shrm_cli.plan.policy import NEARLY_BEST
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
@@ -56,7 +57,7 @@ _PART_BEYOND = 0.1
 """The part of the squared error that may lie beyond the transfer functions."""
 
 
-@dataclass(frozen=True)
+@record
 class Wanted:
     """What is asked of the map of one term."""
 
@@ -67,7 +68,7 @@ class Wanted:
     size: int | None
 
 
-@dataclass(frozen=True)
+@record
 class Term:
     """A term of the BRDF, and what the light makes of it."""
 

@@ -12,7 +12,7 @@ Spherical Harmonics", sections 3 and 4.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -23,6 +23,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
@@ -126,7 +127,7 @@ class ProductMap(FixedMap):
         )
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ProductTexture(ProductMap):
     """The product functions of a BRDF over the view, and maybe the light that it is under.
 

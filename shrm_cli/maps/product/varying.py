@@ -10,7 +10,7 @@ by whichever parameters q are to be spatially varied".
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -20,12 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.product.product import ProductMap, ProductTexture
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class VaryingProduct(ProductMap):
     """Product textures for rising values of a parameter.
 

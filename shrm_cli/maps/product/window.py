@@ -6,7 +6,7 @@ of the degrees are sought that keep the reflected light from showing black spots
 least; the light alone may stay negative.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, 
 from shrm_cli.maps.negative import visible_pairs
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
@@ -41,7 +42,7 @@ _HALVINGS = 10
 """How often the interval is halved in which the strength of the factors lies."""
 
 
-@dataclass(frozen=True)
+@record
 class LightWindow(Window):
     """A window of the light, and what it costs in what surfaces reflect.
 

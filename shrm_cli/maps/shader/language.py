@@ -7,12 +7,12 @@ changes the words.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 
@@ -86,7 +86,7 @@ _WORDS: dict[str, list[tuple[str, str]]] = {
 LANGUAGES = tuple(_WORDS)
 
 
-@dataclass(frozen=True)
+@record
 class Language:
     """A language that code is written in.
 

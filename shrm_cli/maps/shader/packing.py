@@ -1,6 +1,5 @@
 """The textures that the code of a map reads in the layout ``layers``."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.code import source_of
 from shrm_cli.maps.shader.pages import arrange, drawn
+from shrm_cli.records import record
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class PackedTexture:
     """An array of images, as graphics APIs take it.
 

@@ -11,12 +11,12 @@ mean of the three texels that meet there, so that bilinear filtering within a fa
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.vocabulary import Sampling
 
@@ -28,7 +28,7 @@ MAX_EDGE = 8192
 """The most texels along an edge of a layer; all WebGL2 take 2048, and desktops 16384."""
 
 
-@dataclass(frozen=True)
+@record
 class Run:
     """Cubes of one size that lie in a regular grid.
 
@@ -69,7 +69,7 @@ class Run:
         )
 
 
-@dataclass(frozen=True)
+@record
 class Pages:
     """The size of an array, and the runs that lie in it."""
 

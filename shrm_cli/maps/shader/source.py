@@ -1,7 +1,6 @@
 """What the shader of a form consists of: the cubes it looks up, its table, and its functions."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -9,12 +8,13 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.environment.environment_brdf import moments_table
 from shrm_cli.maps.shader.language import Language
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Sampling
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
+@record
 class Words:
     """How the functions of a form read cubes and the table in some language and layout.
 
@@ -38,7 +38,7 @@ class Words:
         return f"shrm_cell({column}, {row}, {layer})"
 
 
-@dataclass(frozen=True)
+@record
 class Table:
     """Numbers that functions look up, entry by entry.
 
@@ -60,7 +60,7 @@ class Table:
     in_code: bool = True
 
 
-@dataclass(frozen=True)
+@record
 class Source:
     """The shader of a map, whatever the language.
 

@@ -32,7 +32,7 @@ efficient glossy reflections, eq. 5, 9-12 and 15.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -44,6 +44,7 @@ from shrm_cli.brdf.environment.lobe_moments import LobeMoments, mean_vectors, wh
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
@@ -66,7 +67,7 @@ class FactorOrders(Protocol):
     def law(self) -> Law: ...
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class SphericalHarmonicExponential(SurfaceLightMap):
     """The light that GGX surfaces reflect, as the logarithms of two factors P and Q.
 
@@ -192,7 +193,7 @@ class SphericalHarmonicExponential(SurfaceLightMap):
         return ShadedExponential(self, roughness, f0)
 
 
-@dataclass(frozen=True)
+@record
 class ShadedExponential(Shaded):
     """A GGX surface under the light of a `SphericalHarmonicExponential`."""
 
@@ -228,7 +229,7 @@ class ShadedExponential(Shaded):
         return LobeMoments(self.roughness)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ExponentSeries:
     """The numbers that the coefficients are multiplied by at some normals and views.
 

@@ -6,7 +6,7 @@ squares. The law ``lobe`` starts from such a fit, and then fits the exponential 
 themselves by Gauss and Newton's method.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.vocabulary import (
     DEFAULT_FACTOR_ORDERS,
     DEFAULT_FITTED_ROUGHNESS,
@@ -78,7 +79,7 @@ _LARGEST_EXPONENT = 60.0
 """Exponents are kept within plus and minus this number during the fit."""
 
 
-@dataclass(frozen=True)
+@record
 class _Factors:
     """The orders of the two factors that are fitted, and the law."""
 
@@ -87,7 +88,7 @@ class _Factors:
     law: Law
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Problem:
     """The n samples of one channel that k coefficients are fitted to.
 

@@ -4,7 +4,6 @@ Samples from the frequency domain have no noise, and take few operations.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.lobe_harmonics import lobe_harmonics
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, local_frame
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames, turn_about_z
@@ -28,7 +28,7 @@ _GOLDEN = (np.sqrt(5) - 1) / 2
 """By this part of a step, a ring of samples is turned from the one before, for even coverage."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ReflectanceSamples:
     """Light reflected at pairs of mirror direction R and view V that fill both spheres evenly.
 

@@ -6,7 +6,7 @@ known before the map is made, so that the best pair of the two can be chosen. Wh
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -29,6 +29,7 @@ from shrm_cli.maps.size import (
 )
 from shrm_cli.orders import Orders, choose_orders, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error
 from shrm_cli.vocabulary import (
     DEFAULT_MAX_SIZE,
@@ -41,7 +42,7 @@ _LEAST_TOLERANCE = 1e-4
 """The least part of a BRDF's energy that its coefficients are computed to."""
 
 
-@dataclass(frozen=True)
+@record
 class Choice:
     """The orders and the size of an SHRM, and what they cost.
 
@@ -61,7 +62,7 @@ class Choice:
         return _bytes_of_p(self.size, self.orders.order_p)
 
 
-@dataclass(frozen=True)
+@record
 class Form:
     """What a map holds that is made from an SHRM of order P.
 
@@ -320,7 +321,7 @@ def _sufficient_tolerance(error: float) -> float:
     return float(np.clip(error**2 / 2, _LEAST_TOLERANCE, 0.5))
 
 
-@dataclass(frozen=True)
+@record
 class Tried:
     """Orders and a size of an SHRM, and the total error of its map."""
 

@@ -4,7 +4,7 @@ Section 5.8 of Ramamoorthi's thesis names this as future work.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -16,13 +16,14 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.maps.size import check_size
+from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class CompressedShrm(Map):
     """An SHRM as K spatial maps and the matrix that mixes its coefficients from them.
 

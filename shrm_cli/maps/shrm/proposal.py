@@ -5,7 +5,6 @@ the errors of SHRMs without sampling the BRDF again.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
@@ -18,10 +17,11 @@ from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
 from shrm_cli.maps.wrong_share import predicted_wrong_share
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
+from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P, Sampling
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ShrmProposals:
     """The SHRMs of a probe and a BRDF of a single term.
 

@@ -1,7 +1,6 @@
 """SHRMs as source code: the harmonics of the view, each times the cube of its coefficients."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -13,12 +12,13 @@ from shrm_cli.maps.shader.source import Source, Table, Words, central_direction,
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
+from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Term:
     """A term of the map: its cubes, shape (6N, N, K, 3), and the matrix that mixes them, if any."""
 

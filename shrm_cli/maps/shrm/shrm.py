@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, cast
 
@@ -22,6 +22,7 @@ from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
@@ -37,7 +38,7 @@ _VALUES_AT_ONCE = 2**25
 """The number of values that `second_moments` takes at a time, as doubles of 256 MB."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Shrm(Map):
     """A spherical harmonic reflection map.
 

@@ -1,7 +1,7 @@
 """Sums of SHRMs, for BRDFs whose terms are each kept about their own central direction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -14,6 +14,7 @@ from shrm_cli.maps.joint import brightness, joint_error
 from shrm_cli.maps.look_up import look_up_error
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles
 from shrm_cli.sphere.directions import bisector, views_around
 from shrm_cli.vocabulary import Frame, Sampling
@@ -44,7 +45,7 @@ def rms(term: Shrm | CompressedShrm) -> float:
     return float(np.sqrt(energy / 3) / (4 * np.pi))
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class SummedShrm(Map):
     """SHRMs whose radiances add up.
 

@@ -1,7 +1,7 @@
 """Prefiltering a sum term by term, each about its own central direction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
 from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error, reflected_rms
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
 
@@ -37,7 +38,7 @@ _LARGEST_TOLERANCE = 0.7
 """The largest tolerance that is tried for the terms."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Term:
     """A term of a sum with its orders.
 
@@ -66,7 +67,7 @@ class Term:
         return coefficient_count(self.choice.orders, self.coefficients)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Plan:
     """A BRDF that is split into terms whose combined error is at most that of the whole.
 

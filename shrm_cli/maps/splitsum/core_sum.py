@@ -12,13 +12,13 @@ light, which side by side are one matrix.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.maps.splitsum.core import LobeCore
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.intp]
@@ -76,7 +76,7 @@ def sum_core(
     return sums[folded.source, folded.image].reshape(directions.shape)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Folded:
     """Directions in a 16th of the sphere, and which of them, in which image, each direction is.
 
@@ -109,7 +109,7 @@ def _fold(directions: Array) -> _Folded:
     return _Folded(polar[first], turn[first], source, image)
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class _Table:
     """The values of a core, tabulated, which takes a third of the time.
 

@@ -6,14 +6,13 @@ none, so more of them are carried than that. They fade out slowly: an expansion 
 rings about lamps, and the rings are large beside the light of dark places.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
 from shrm_cli.probe.lighting import Lighting
+from shrm_cli.records import record
 from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
@@ -27,7 +26,7 @@ _FADE = 0.05
 """The least number of degrees over which an expansion fades out, as a part of its order."""
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class Expansion:
     """What the degrees of the light are multiplied with for a level, and what is known of it.
 

@@ -1,7 +1,7 @@
 """Prefiltering for the split sum: light averaged by lobes of GGX for N = V = R."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.probe.source import latlong_light
 from shrm_cli.progress import Progress
+from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -219,7 +220,7 @@ def _facts(made: SplitSum) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
+@record
 class LevelLobe:
     """The lobe of a level, and how the level is to be made.
 

@@ -4,7 +4,7 @@ The light is prefiltered for some roughnesses. The table holds the environment-B
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -17,13 +17,14 @@ from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.maps.splitsum.roughness import blend
+from shrm_cli.records import record
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class SplitSum(SurfaceLightMap):
     """Light prefiltered by the lobes of GGX for N = V = R, one cube for each roughness.
 
@@ -205,7 +206,7 @@ class SplitSum(SurfaceLightMap):
         return {}
 
 
-@dataclass(frozen=True)
+@record
 class ShadedSplitSum(Shaded):
     """A GGX surface under the light of a split sum."""
 

@@ -6,12 +6,12 @@ Whoever has an image asks its grid, and never which grid it is. A new grid is a 
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import Sampling
 
@@ -45,7 +45,7 @@ class Analysis(Protocol):
         """Real coefficients in the grid's axes, shape ((order+1)^2, channels)."""
 
 
-@dataclass(frozen=True)
+@record
 class Grid(ABC):
     """The pixels of an image of the sphere.
 

@@ -3,7 +3,6 @@
 import os
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.errors import BrdfError
+from shrm_cli.records import record
 
 MAGIC = b"tensor_file\0"
 
@@ -25,7 +25,7 @@ _MOST_HEADER = 2**17
 _MOST_BYTES = 2**28  # of one array in memory
 
 
-@dataclass(frozen=True)
+@record
 class Field:
     """The type and shape of an array, and where it begins in the file."""
 
@@ -40,7 +40,7 @@ class Field:
         return prod(self.shape) * self.dtype.itemsize
 
 
-@dataclass(frozen=True)
+@record
 class TensorFile:
     """A tensor file whose header is sound: its fields lie inside the file and do not overlap.
 

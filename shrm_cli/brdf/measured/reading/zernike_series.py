@@ -16,7 +16,6 @@ Mueller matrix bidirectional reflectance distribution function of sintered
 polytetrafluoroethylene", Applied Optics (the normalisation, and the files of coefficients).
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
 from typing import NamedTuple
@@ -26,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.brdf.base import Array
 from shrm_cli.errors import BrdfError
+from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 
 MAX_ORDER = 20
@@ -53,7 +53,7 @@ def terms_of(order: int) -> list[Term]:
     ]
 
 
-@dataclass(frozen=True, eq=False)
+@record(eq=False)
 class ZernikeSeries:
     """An expansion of a BRDF in the functions H.
 

@@ -1,0 +1,103 @@
+"""Records do as frozen dataclasses do; `dataclasses` itself is the judge."""
+
+import copy
+import dataclasses
+import inspect
+from dataclasses import FrozenInstanceError, dataclass, field, fields, replace
+
+import pytest
+
+from shrm_cli.records import record
+
+
+def both(body, **options):
+    """The same class as a frozen dataclass and as a record."""
+    made = []
+    for decorate in (dataclass(frozen=True, **options), record(**options)):
+        found = type("Found", (), {**body, "__annotations__": dict(body["__annotations__"])})
+        made.append(decorate(found))
+    return made
+
+
+BODY = {
+    "__annotations__": {"a": int, "b": str, "c": list, "d": float, "e": int},
+    "b": "none",
+    "c": field(default_factory=list, compare=False),
+    "d": field(default=2.0, kw_only=True, repr=False),
+    "e": field(default=7, init=False),
+}
+CALLS = [((1,), {}), ((1, "x", [3]), {"d": 4.0}), ((), {"a": 2, "c": [1]}), ((1,), {"b": "y"})]
+FAULTS = [((), {}), ((1,), {"a": 2}), ((1, "x", [], 4.0), {}), ((1,), {"z": 1}), ((1,), {"e": 1})]
+
+
+@pytest.mark.parametrize(("values", "named"), CALLS)
+@pytest.mark.parametrize("eq", [True, False])
+def test_a_record_is_a_frozen_dataclass(values, named, eq):
+    expected, found = (cls(*values, **named) for cls in both(BODY, eq=eq))
+    assert dataclasses.asdict(found) == dataclasses.asdict(expected)
+    assert repr(found) == repr(expected)
+    assert [each.name for each in fields(found)] == [each.name for each in fields(expected)]
+    changed = replace(found, b="changed")
+    assert (changed.b, changed.a, changed.d) == ("changed", found.a, found.d)
+    assert (found == copy.copy(found)) is (expected == copy.copy(expected)) is eq
+    assert (found == replace(found, c=[9])) is (expected == replace(expected, c=[9])) is eq
+    assert found != changed
+    assert found != expected
+    assert inspect.signature(type(found)).parameters.keys() == {"a", "b", "c", "d"}
+    assert (hash(found) == hash(copy.copy(found))) is eq
+
+
+@pytest.mark.parametrize(("values", "named"), FAULTS)
+def test_wrong_fields_are_refused(values, named):
+    for cls in both(BODY):
+        with pytest.raises(TypeError):
+            cls(*values, **named)
+
+
+def test_nothing_is_set_or_deleted():
+    for cls in both(BODY):
+        one = cls(1)
+        for name in ("a", "new"):
+            with pytest.raises(FrozenInstanceError):
+                setattr(one, name, 2)
+        with pytest.raises(FrozenInstanceError):
+            del one.a
+        assert one.a == 1
+
+
+def test_default_lists_are_not_shared():
+    _, cls = both(BODY)
+    assert cls(1).c is not cls(1).c
+
+
+@record
+class Base:
+    """A record with a check."""
+
+    a: int
+    b: tuple[int, ...] = ()
+
+    def __post_init__(self):
+        if self.a < 0:
+            raise ValueError("negative")
+
+
+@record
+class Derived(Base):
+    """A record of a record."""
+
+    c: str = "c"
+
+    def __repr__(self):
+        return "own"
+
+
+def test_records_inherit_fields_checks_and_own_methods():
+    found = Derived(1, (2,), "x")
+    assert (found.a, found.b, found.c, repr(found)) == (1, (2,), "x", "own")
+    assert found == Derived(1, c="x", b=(2,))
+    assert found != Base(1, (2,))
+    with pytest.raises(ValueError, match="negative"):
+        Derived(-1)
+    assert copy.deepcopy(found) == found  # as processes hand them to each other
+    assert {found: 1}[Derived(1, (2,), "x")] == 1
