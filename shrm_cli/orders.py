@@ -26,8 +26,6 @@ from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 if TYPE_CHECKING:
     from shrm_cli.brdf.transfer import TransferFunctions
 
-Array = NDArray[np.floating]
-
 _FIRST_ORDER_F = 32
 """The least order F to which coefficients are computed first; it doubles until it suffices."""
 _WAVES_A_LOBE = 4.0

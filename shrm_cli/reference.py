@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.adaptive import Cap, Points, adaptive_sums
+from shrm_cli.arrays import Array
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.centers import central_directions
@@ -28,7 +29,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
 Evaluate = Callable[[Array, Indices], Array]
 

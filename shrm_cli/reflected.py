@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.estimates import energy_above
 from shrm_cli.probe.lighting import Lighting
@@ -24,8 +24,6 @@ from shrm_cli.vocabulary import Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.transfer import TransferFunctions
-
-Array = NDArray[np.floating]
 
 _LAST_DEGREES = 16
 """The number of the light's last known degrees whose mean density the unknown degrees take."""

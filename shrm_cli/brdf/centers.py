@@ -5,13 +5,9 @@ References
 Ramamoorthi 2002, "A Signal-Processing Framework for Forward and Inverse Rendering", section 5.3.1.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.directions import horizontal_tangents, reflect
 from shrm_cli.vocabulary import Center
-
-Array = NDArray[np.floating]
 
 
 def central_directions(center: Center, normals: Array, views: Array) -> Array:

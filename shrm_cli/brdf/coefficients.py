@@ -19,8 +19,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.estimates import accuracy_remark, both_signs, energy_above
 from shrm_cli.progress import Progress
@@ -30,8 +30,6 @@ from shrm_cli.vocabulary import MAX_ORDER_P
 if TYPE_CHECKING:
     from shrm_cli.brdf.sums import Sum
     from shrm_cli.brdf.transfer import TransferFunctions
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

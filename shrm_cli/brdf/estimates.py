@@ -1,9 +1,8 @@
 """What known degrees of a BRDF tell of the others, and how sampling is told and refined."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 _FALLING = 0.8
 """The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""

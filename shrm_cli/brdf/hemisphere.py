@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array
+from shrm_cli.arrays import Array
 
 _PAIRS_AT_ONCE = 2**14
 """Arrays of so many pairs of directions stay in the processor's cache."""

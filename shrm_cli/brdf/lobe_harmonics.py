@@ -3,15 +3,13 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.lobe_samples import transfer_samples
 from shrm_cli.brdf.polar_rule import PolarRule, azimuths
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
-
-Array = NDArray[np.floating]
 
 
 def lobe_harmonics(

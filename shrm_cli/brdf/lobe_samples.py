@@ -4,13 +4,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
 from shrm_cli.sphere.directions import from_angles, tilted_frame
-
-Array = NDArray[np.floating]
 
 _SAMPLES_AT_ONCE = 2**15
 """Arrays of so many samples stay in the processor's cache."""

@@ -11,13 +11,12 @@ a second, coarser integral, from which its error is estimated.
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 from shrm_cli.vocabulary import Center
-
-Array = NDArray[np.floating]
 
 _EVEN = 0.35
 """The share of the nodes of a focused rule that is spread evenly over all angles."""

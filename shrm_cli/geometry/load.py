@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.extras import install
 from shrm_cli.files.inputs import note
@@ -27,7 +28,6 @@ from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, ma
 from shrm_cli.geometry.obj import read_obj
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Parts = list[SurfaceMaterial | None]
 
 SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")

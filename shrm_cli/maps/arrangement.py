@@ -3,15 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredPart
 from shrm_cli.layouts import CUBES, IMAGE_LAYOUTS, Layout
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Orientation, Sampling
-
-Array = NDArray[np.floating]
 
 
 @record

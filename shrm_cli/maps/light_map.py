@@ -3,17 +3,15 @@
 from dataclasses import replace
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
 from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame
-
-Array = NDArray[np.floating]
 
 
 class LightMap(FixedMap):

@@ -3,16 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart
 from shrm_cli.maps.arrangement import Arrangement, stored_arrangement
 from shrm_cli.maps.attributes import COLORS, map_info, read_attributes
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.base import Grid
-
-Array = NDArray[np.floating]
 
 LEAST_ROWS = 2048
 """A probe of no more rows is kept as it is: it takes 100 MB as float32. None becomes coarser."""

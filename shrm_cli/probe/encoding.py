@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.parts import sound_primaries
 from shrm_cli.probe.radiance_header import RadianceHeader
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Curve = Callable[[Array], Array]
 
 _SQUARE = 0.01

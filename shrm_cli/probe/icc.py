@@ -4,11 +4,10 @@ import struct
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import adaptation, is_possible
 
-Array = NDArray[np.floating]
 Curve = Callable[[Array], Array]
 
 _TAG_COUNT_AT = 128

@@ -21,8 +21,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.files import inputs
@@ -34,8 +34,6 @@ from shrm_cli.probe.light_sum import LightSum, SumImage, Term
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
 from shrm_cli.probe.probe import is_light_file, open_probe
 from shrm_cli.sphere.directions import from_azimuth_elevation
-
-Array = NDArray[np.floating]
 
 _MOST_BYTES = 2**20
 _MOST_LIGHTS = 1000

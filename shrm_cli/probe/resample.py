@@ -8,8 +8,8 @@ parts, and their light is added to the cells that they fall upon. That keeps the
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, Layout, default_orientation, grid_name
 from shrm_cli.probe.coarse import coarse_probe
@@ -19,9 +19,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.registry import grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
-
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
 
 MAX_PIXELS = 2**27
 """Pixels that a source may have: 1.6 GB as float32, which it takes twice while it is read."""

@@ -8,10 +8,9 @@ and up is +Y.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 
 def angular_directions(size: int, sampling: Sampling = "center") -> tuple[Array, NDArray[np.bool_]]:

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 _GRAZING = 1e-6
 """Length of R + V below which both are taken to be opposite."""

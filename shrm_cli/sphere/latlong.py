@@ -7,12 +7,11 @@ This is a lat-long seen from inside, with the world axes that it looks at::
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 LATLONG_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """World axes of a lat-long's own x, y and polar z, as rows: longitude 0 is +Z, 90 degrees +X."""

@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.sampling import catmull_rom
 
-Array = NDArray[np.floating]
 Weigh = Callable[[Array], tuple[NDArray[np.intp], list[Array]]]
 """From places, in texels, to the first texel of a filter and the weights of all its texels."""
 

@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _RIM = 2
 """Texels of the faces beside it that are put around each face: as far as a cubic filter reaches."""

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo
 from shrm_cli.parallel import at_once, in_order
@@ -31,8 +32,6 @@ from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo
 from shrm_cli.sphere.double_fourier import harmonics_from_moments
 from shrm_cli.sphere.harmonics import index, legendre_degrees
@@ -12,8 +13,6 @@ from shrm_cli.sphere.latlong import LATLONG_AXES
 from shrm_cli.sphere.quadrature import colatitude_weights, longitude_weights
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _known_waves = Memo(2**24)
 """The waves of each size and order; those of 1024 x 512 pixels and order 64 take 0.8 MB."""

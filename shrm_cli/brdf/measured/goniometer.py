@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.half_angles import half_angles
 from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import MeasuredBrdf

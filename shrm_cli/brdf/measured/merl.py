@@ -8,7 +8,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import MeasuredBrdf

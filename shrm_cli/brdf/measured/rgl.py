@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Value
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values

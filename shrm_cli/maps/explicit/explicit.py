@@ -14,8 +14,9 @@ from dataclasses import field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
@@ -29,11 +30,8 @@ from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
-Array = NDArray[np.floating]
-
 _MOST_VALUES = 2**28
 """The most values of all images: 1 GiB, of which some copies are made on the way to a file."""
-Indices = NDArray[np.intp]
 
 _RANK_TOLERANCE = 1e-6
 """Singular values of the harmonics at the samples below this one count as zero."""

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
@@ -21,8 +22,6 @@ from shrm_cli.maps.irradiance.zh3 import FORMS, Zh3, zonal_harmonics
 from shrm_cli.maps.stored import StoredImage, image_channels
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.sphere.quadrature import nodes, spiral_directions
-
-Array = NDArray[np.floating]
 
 _CHECKED_TEXELS = 256
 """The number of texels all over the cube that are compared with the coefficients."""

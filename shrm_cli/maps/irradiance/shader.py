@@ -8,17 +8,13 @@ and Inverse Rendering" (2002).
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance, matrix_constants
 from shrm_cli.maps.irradiance.zh3 import Zh3
 from shrm_cli.maps.irradiance.zh3_shader import zh3_snippet
 from shrm_cli.maps.shader.harmonics import harmonic_loop
 from shrm_cli.maps.shader.language import C_MAY_BE_UNUSED, Language, harmless
-
-Array = NDArray[np.floating]
 
 _MOST_ORDER = 16
 """The largest order whose coefficients the code holds, 289 colours. Degree 16 of E has a thousandth

@@ -17,8 +17,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.fixed_map import FixedMap
@@ -29,8 +30,6 @@ from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.vocabulary import Center, Frame, Sampling
-
-Array = NDArray[np.floating]
 
 _POINTS_AT_ONCE = 2**14
 """Points that are shaded at a time."""

@@ -15,15 +15,14 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.product.product import ProductMap, ProductTexture
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -37,8 +37,9 @@ from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments, mean_vectors, whole_lobe
 from shrm_cli.errors import MapError
@@ -49,8 +50,6 @@ from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LAWS, Law, Sampling
-
-Array = NDArray[np.floating]
 
 _LARGEST_EXPONENT = 80.0
 """Larger exponents count as this one, whose exponential is still finite in single precision."""

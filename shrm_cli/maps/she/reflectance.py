@@ -6,8 +6,8 @@ Samples from the frequency domain have no noise, and take few operations.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe_harmonics import lobe_harmonics
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.probe.lighting import Lighting
@@ -15,8 +15,6 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, local_frame
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames, turn_about_z
-
-Array = NDArray[np.floating]
 
 _AZIMUTHS = 24
 """Nodes over half a turn of the azimuth, for the integrals that expand a lobe."""

@@ -9,14 +9,13 @@ rings about lamps, and the rings are large beside the light of dark places.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
-
-Array = NDArray[np.floating]
 
 DARK_ERROR = 3e-4
 """Degrees are carried until the RMS of what is left beyond them is this part of the mean radiance.

@@ -6,8 +6,8 @@ roughness 1 in a whole chain, its light is averaged over ever larger pixels.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
@@ -15,8 +15,6 @@ from shrm_cli.sphere.latlong import latlong_directions, latlong_points
 from shrm_cli.sphere.quadrature import cell_edges
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LevelMapping, Sampling
-
-Array = NDArray[np.floating]
 
 _SAMPLES = 16
 """Samples along the edge of a pixel that light is averaged over."""

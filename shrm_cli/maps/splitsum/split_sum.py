@@ -10,8 +10,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.centers import central_directions
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.maps.info import MapInfo
@@ -20,8 +21,6 @@ from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, LevelMapping, Sampling
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

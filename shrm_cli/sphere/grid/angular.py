@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.layouts import FACES
 from shrm_cli.sphere.angular import (
     angular_coordinates,
@@ -11,7 +12,7 @@ from shrm_cli.sphere.angular import (
     angular_solid_angles,
 )
 from shrm_cli.sphere.cube import face_axes, right_angles, turned_face
-from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler, WholeImageAnalysis
+from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, WholeImageAnalysis
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.sampling import AngularSampler
 from shrm_cli.sphere.transform import analyze_angular

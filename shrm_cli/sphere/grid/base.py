@@ -11,12 +11,11 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import Sampling
 
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
 Sampler = Callable[[ArrayLike], Array]
 """From directions of any length, shape (..., 3), to filtered values, shape (..., channels)."""
 

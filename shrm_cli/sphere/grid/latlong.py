@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler
 from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights
 from shrm_cli.sphere.transform import LatLongAnalysis
 
