@@ -50,7 +50,7 @@ class Arrangement:
         A lat-long gets a height of 2N, which keeps the resolution at the equator.
         """
         from shrm_cli.probe.layout import arrange_faces
-        from shrm_cli.sphere.latlong import latlong_directions
+        from shrm_cli.sphere.grid.latlong import latlong_directions
         from shrm_cli.sphere.sampling import CubeSampler
 
         if self.layout == "latlong":
@@ -62,7 +62,7 @@ class Arrangement:
         """Return the stacked cube, shape (6N, N, C), from an image in this arrangement."""
         from shrm_cli.probe.layout import stack_faces
         from shrm_cli.sphere.cube import cube_directions
-        from shrm_cli.sphere.sampling import sample_latlong_cubic
+        from shrm_cli.sphere.grid.latlong import sample_latlong_cubic
 
         if self.layout == "latlong":
             directions = cube_directions(len(image) // 2, self.sampling)

@@ -7,8 +7,8 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.records import record
+from shrm_cli.sphere.grid.latlong import latlong_coordinates
 from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
-from shrm_cli.sphere.latlong import latlong_coordinates
 
 _VALUES_AT_ONCE = 2**22
 _ROWS_AT_ONCE = 32

@@ -13,7 +13,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
-from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_coordinates, latlong_directions
 
 Image = NDArray[np.float32]
 

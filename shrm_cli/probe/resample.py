@@ -16,8 +16,7 @@ from shrm_cli.probe.coarse import coarse_probe
 from shrm_cli.probe.layout import arrange_faces
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
-from shrm_cli.sphere.grid.base import Grid
-from shrm_cli.sphere.grid.registry import grid_class
+from shrm_cli.sphere.grid.base import Grid, grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
 
 MAX_PIXELS = 2**27

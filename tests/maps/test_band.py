@@ -12,7 +12,7 @@ from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import visible_order
 from shrm_cli.render.seen import seen_errors
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests import brute_force
 from tests.paper import seen
 from tests.paper.glossy_truth import light_of, sphere

@@ -11,7 +11,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.sphere.latlong import latlong_directions, latlong_points
+from shrm_cli.sphere.grid.latlong import latlong_directions, latlong_points
 from shrm_cli.sphere.quadrature import cell_edges
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LevelMapping, Sampling
