@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.estimates import energy_above
+from shrm_cli.brdf.coefficients import BrdfCoefficients, energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
 from shrm_cli.sphere.clebsch_gordan import zonal_coupling

@@ -6,8 +6,14 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.lobe_samples import every_third, transfer_samples
-from shrm_cli.brdf.polar_rule import PolarRule, SplitRule, azimuths, squeezed_azimuths
+from shrm_cli.brdf.polar_rule import (
+    PolarRule,
+    SplitRule,
+    azimuths,
+    every_third,
+    squeezed_azimuths,
+    transfer_samples,
+)
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import at_once
 from shrm_cli.records import record

@@ -6,8 +6,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, scaled
-from shrm_cli.brdf.lobe_samples import transfer_samples
-from shrm_cli.brdf.polar_rule import PolarRule, azimuths
+from shrm_cli.brdf.polar_rule import PolarRule, azimuths, transfer_samples
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 

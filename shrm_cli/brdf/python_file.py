@@ -13,8 +13,8 @@ from pathlib import Path
 from types import ModuleType
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.discovery import brdf_classes
 from shrm_cli.brdf.foreign import checked_model, explained
+from shrm_cli.brdf.library import brdf_classes
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.inputs import note
 from shrm_cli.records import record

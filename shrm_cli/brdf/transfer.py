@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.estimates import accuracy_remark, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import accuracy_remark, both_signs, power_of_two_times
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
 from shrm_cli.brdf.lobe_views import Views
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes

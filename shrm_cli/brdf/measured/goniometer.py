@@ -9,11 +9,9 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.half_angles import half_angles
-from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values
+from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.text_file import first_lines, parse_numbers, read_lines
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 from shrm_cli.parallel import at_once
@@ -98,11 +96,7 @@ class Goniometer(MeasuredBrdf):
         light, view = from_angles(theta_i, phi_i), from_angles(theta_s, phi_s)
         return cls(light, view, colors, file_values(path))
 
-    def evaluate(self, light: Array, view: Array) -> Array:
-        return evaluate_above(self._interpolated, light, view)
-
-    def _interpolated(self, light: Array, view: Array) -> Array:
-        """Values at directions above the horizon, shape (n, 3)."""
+    def above(self, light: Array, view: Array) -> Array:
         total = np.zeros((len(light), _RECORD), dtype=light.dtype)
         corners = [(np.zeros(len(light), dtype=np.intp), np.ones(len(light), dtype=light.dtype))]
         for part, nodes in zip(_unit_angles(light, view), _NODES, strict=True):
