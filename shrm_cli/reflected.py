@@ -182,30 +182,6 @@ def own_energies_beyond(
     return above, rest - above
 
 
-def visible_order(
-    lighting: Lighting, coefficients: BrdfCoefficients, order_p: int | None = None
-) -> int:
-    """Find the order l beyond which nothing of the reflected light is visible.
-
-    A truncated series rings, and beside a lamp rings are seen where the RMS error is small. What
-    is left out is therefore compared with the mean of the reflected light, channel by channel.
-
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
-    order_p : int, optional
-        The order P of the map; every p by default.
-
-    Returns
-    -------
-    int
-        At most the order of the coefficients.
-    """
-    return last_visible(visible_beyond(lighting, coefficients, order_p))
-
-
 def last_visible(beyond: Array) -> int:
     """Return the first order after which nothing is visible, of what `visible_beyond` returns."""
     return int(np.argmin(beyond > INVISIBLE))

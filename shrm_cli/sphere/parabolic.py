@@ -54,13 +54,6 @@ def unproject(x: ArrayLike, y: ArrayLike) -> Array:
     return np.stack([2 * x, 2 * y, 1 - square], axis=-1) / (1 + square)[..., None]
 
 
-def parabolic_solid_angles(size: int) -> Array:
-    """Return the solid angles of texels, shape (size, size), by their middles; 0 off the circle."""
-    at = (2 * np.arange(size) + 1) / size - 1
-    square = at**2 + at[:, None] ** 2
-    return np.where(square < 1, 4 / (1 + square) ** 2 * (2 / size) ** 2, 0.0)
-
-
 class ParabolicSampler:
     """Filtered look-ups in a parabolic map.
 

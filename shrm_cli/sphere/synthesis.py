@@ -309,30 +309,10 @@ def _waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
     )
 
 
-def integrate_cube(planes: Array, order: int, sampling: Sampling = "center") -> Array:
+class CubeIntegral:
     """Integrals of cube images with every real harmonic: the transpose of `synthesize_cube`.
 
-    Parameters
-    ----------
-    planes : ndarray, shape (maps, 6 N, N)
-        Values at the texels, each already multiplied by its solid angle.
-    order : int
-        Largest degree.
-    sampling : {"center", "border"}
-
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, maps)
-    """
-    maps, _, size = planes.shape
-    faces = planes.reshape(maps, 6, size, size)
-    result = CubeIntegral(order, sampling)
-    result.add({name: faces[:, index] for index, name in enumerate(FACES)})
-    return result.coefficients()
-
-
-class CubeIntegral:
-    """The integrals of `integrate_cube`, of faces that arrive one after the other.
+    The faces arrive one after the other, each of whose values is multiplied by its solid angle.
 
     Parameters
     ----------
