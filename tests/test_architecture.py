@@ -78,7 +78,7 @@ EXTRAS = {
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/inputs.py", "files/whole.py", "layouts.py",
+    "__init__.py", "errors.py", "extras.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "addresses.py", "bytecode.py", "messages.py", "records.py",

@@ -105,7 +105,7 @@ def _of_profile(path: Path, spec: Any, file_format: str) -> tuple[float, ...] | 
         found = profile_primaries(profile.tobytes())
     if file_format != "png":
         return found
-    from shrm_cli.probe.png_header import png_primaries
+    from shrm_cli.probe.icc import png_primaries
 
     return png_primaries(path, found is not None) or found
 

@@ -15,7 +15,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.library import load_class, module_names
 from shrm_cli.brdf.measured.reading.file import check_file, first_bytes
 from shrm_cli.errors import BrdfError
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 
 _HEAD = 4096
 _PAIRS_AT_ONCE = 2**14

@@ -155,17 +155,7 @@ class Irradiance(LightMap):
         return values.reshape(normals.shape)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the radiance of a white Lambertian surface, E / pi.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes. The views change nothing.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Return the radiance E / pi of a white Lambertian surface, whatever the views are."""
         normals = np.asarray(normals, dtype=float)
         shape = np.broadcast_shapes(normals.shape, np.shape(views))
         return np.broadcast_to(self.irradiance(normals) / np.pi, shape)
