@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients, remembered
-from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
-from shrm_cli.brdf.estimates import energy_above, next_octave, power_of_two_times
+from shrm_cli.brdf.coefficients import (
+    BrdfCoefficients,
+    compute_coefficients,
+    energy_above,
+    next_octave,
+    power_of_two_times,
+)
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -25,8 +30,6 @@ from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.transfer import TransferFunctions
-
-Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
 """The least order F to which coefficients are computed first; it doubles until it suffices."""

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.adaptive import Cap, Points, adaptive_sums
+from shrm_cli.arrays import Array
 from shrm_cli.brdf import lobe
 from shrm_cli.brdf.base import Brdf, scaled
-from shrm_cli.brdf.centers import central_directions
 from shrm_cli.brdf.core import MOST_CELLS, Core
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.parallel import in_order
@@ -25,10 +25,9 @@ from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.pyramid import Pyramid
 from shrm_cli.probe.source import Source
 from shrm_cli.progress import Progress
-from shrm_cli.sphere.directions import bisector, horizontal_tangents
+from shrm_cli.sphere.directions import bisector, central_directions, horizontal_tangents
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
 Evaluate = Callable[[Array, Indices], Array]
 

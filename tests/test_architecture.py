@@ -23,7 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # The stops on the way from a probe to a picture; imports point only to earlier ones, or stay
 # within their own. Stops beside each other do not know each other.
 STOPS = [
-    {"errors", "records"},
+    {"arrays", "errors", "records"},
     {
         "addresses",
         "extras",
@@ -78,7 +78,7 @@ EXTRAS = {
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/inputs.py", "files/whole.py", "layouts.py",
+    "__init__.py", "errors.py", "extras.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "addresses.py", "bytecode.py", "messages.py", "records.py",

@@ -19,9 +19,8 @@ from shrm_cli import __release__, addresses
 from shrm_cli.errors import MapError, OrderError, OutputError
 from shrm_cli.extras import install
 from shrm_cli.files import npz, remote
-from shrm_cli.files.inputs import note
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, replacing
+from shrm_cli.files.whole import check_target, note, replacing
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.probe.lighting import project

@@ -13,10 +13,9 @@ from shrm_cli.batch.job import Chunk, Job, Recipe
 from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
-from shrm_cli.files.exr_header import holds_nothing
-from shrm_cli.files.inputs import is_input
-from shrm_cli.files.origin import is_output
+from shrm_cli.files.exr_header import holds_nothing, is_output
 from shrm_cli.files.remote import matching
+from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
 from shrm_cli.naming import brdf_label, probe_stem, unsound

@@ -12,8 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import holds_nothing
-from shrm_cli.files.origin import says_map
+from shrm_cli.files.exr_header import holds_nothing, says_map
 from shrm_cli.files.parts import peek
 from shrm_cli.files.seal import condition
 from shrm_cli.maps.file import Recorded, check_amount, recorded

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 
 from shrm_cli.addresses import is_remote
-from shrm_cli.files.origin import is_output
+from shrm_cli.files.exr_header import is_output
 from shrm_cli.vocabulary import REPRESENTATIONS
 
 _NO_PROBES = (

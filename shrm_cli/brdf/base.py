@@ -14,11 +14,11 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
 
-Array = NDArray[np.floating]
 Color = tuple[float, float, float]
 
 Value = float | Sequence[float] | str

@@ -13,10 +13,10 @@ from pathlib import Path
 from types import ModuleType
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.discovery import brdf_classes
 from shrm_cli.brdf.foreign import checked_model, explained
+from shrm_cli.brdf.library import brdf_classes
 from shrm_cli.errors import BrdfError
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 from shrm_cli.records import record
 
 _TERM = re.compile(r"(?P<path>.+?\.py)(:(?P<name>[^:]*))?(:(?P<values>.*))?")

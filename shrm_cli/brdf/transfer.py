@@ -16,8 +16,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.estimates import accuracy_remark, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import accuracy_remark, both_signs, power_of_two_times
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
 from shrm_cli.brdf.lobe_views import Views
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
@@ -27,8 +28,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
-
-Array = NDArray[np.floating]
 
 _MOST_SAMPLES = 2**25, 2**23
 """The most samples of a BRDF in all, of models and of measured ones, which take longer."""

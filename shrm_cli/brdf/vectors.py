@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Color, grey
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Color, grey
 
 GRAZING = 1e-5
 """The least value of cosines in denominators.

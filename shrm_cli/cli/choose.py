@@ -20,7 +20,7 @@ from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import Bytes, Fraction
 from shrm_cli.cli.usage import flags
 from shrm_cli.extras import install
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:

@@ -124,7 +124,7 @@ def export(
 def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source:
     """Open one probe, or some maps."""
     from shrm_cli.export.make import Source
-    from shrm_cli.files.inputs import note
+    from shrm_cli.files.whole import note
     from shrm_cli.maps.file import is_map, open_map
     from shrm_cli.probe.probe import open_probe
 

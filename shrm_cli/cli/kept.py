@@ -77,7 +77,7 @@ def keep_edited(target: str) -> None:
 
 def readable_map(path: str) -> Map | None:
     """Return the map in a file that is only looked at, and is no input; None if it is no map."""
-    from shrm_cli.files.inputs import protecting
+    from shrm_cli.files.whole import protecting
     from shrm_cli.maps.file import open_map
 
     with suppress(MapError), protecting():

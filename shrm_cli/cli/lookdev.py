@@ -22,7 +22,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes, Within
 from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
 

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from shrm_cli.files.inputs import note
-from shrm_cli.files.whole import check_target
+from shrm_cli.files.whole import check_target, note
 
 
 def map_stem(path: str) -> str:

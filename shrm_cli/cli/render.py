@@ -135,8 +135,8 @@ def render(
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
-    from shrm_cli.probe.coarse import coarse_probe
     from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.resample import coarse_probe
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer, background_rows
     from shrm_cli.render.frames import frame_paths, turntable

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from numpy.typing import NDArray
 
 from shrm_cli import settings
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import MOST_CHANNELS, ends_whole, excess
 from shrm_cli.files.noise import quiet
@@ -23,8 +23,6 @@ from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.seal import SEAL, UNSEALED, seal
 from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.parallel import in_order
-
-Array = NDArray[np.floating]
 
 # OpenImageIO's default limit would refuse SHRMs of high orders. Whoever reads a file must check
 # that it does not hold too many values to load, as `maps.file.open_map` does.

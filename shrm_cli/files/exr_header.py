@@ -3,7 +3,7 @@
 Libraries take minutes for a file of a hundred thousand attributes, and cannot be interrupted in
 that time. This reads nothing but names and lengths, stops at a limit, and leaves damaged headers to
 the libraries, which say what is wrong with them. Of files that were just written it tells whether
-the end is missing, which the library does not.
+the end is missing, which the library does not, and of any files whether `shrm` has made them.
 
 References
 ----------
@@ -36,6 +36,16 @@ _BEGINNING = 64  # bytes of a value
 _MOST_CUT = 2**16
 """The most bytes of a header that is cut off: what is longer may hold pixels, whatever it says."""
 _CHANNEL = 16  # bytes of a channel behind its name
+_ATTRIBUTES = frozenset(
+    ("shrm:representation", "shrm:table", "shrm:textures", "shrm:brdf_table")
+)  # fmt: skip
+"""What maps, tables, textures for shaders and tables of BRDFs have."""
+_OF_MAPS = frozenset(("shrm:brdf", "shrm:representation"))
+"""What maps alone have; of a header that is cut off the first one is there sooner."""
+_RECIPE = "shrm:recipe"
+"""What pictures and made probes have."""
+_OF_PROBE = b'{"probe"'
+"""How the recipe of a made probe begins."""
 
 
 def excess(path: str | os.PathLike[str]) -> str:
@@ -226,3 +236,19 @@ def _count_channels(data: mmap.mmap, at: int, end: int) -> int:
         at += _CHANNEL
         count += 1
     return count
+
+
+def is_output(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is a map, a table or a picture that `shrm` made, and so no probe.
+
+    Only its first header is read. Made probes, converted ones, and what is left of a probe without
+    its lamps are probes. So is what cannot be read: its reader says what is wrong with it.
+    """
+    found = beginnings(path)
+    is_picture = not found.get(_RECIPE, _OF_PROBE).startswith(_OF_PROBE)
+    return is_picture or not _ATTRIBUTES.isdisjoint(found)
+
+
+def says_map(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file's first header says, as far as it goes, that the file is a map."""
+    return not _OF_MAPS.isdisjoint(beginnings(path))

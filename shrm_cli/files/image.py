@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.files.parts import Part, choose_pixel_type, write_parts
 from shrm_cli.files.whole import together
 from shrm_cli.vocabulary import PixelType, Precision
-
-Array = NDArray[np.floating]
 
 
 def write_image(

@@ -17,15 +17,13 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, OutputError
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 from shrm_cli.parallel import in_order
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
-
-Array = NDArray[np.floating]
 
 _HALF_MAX = float(np.finfo(np.float16).max)
 _FLOAT_MAX = float(np.finfo(np.float32).max)

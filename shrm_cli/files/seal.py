@@ -38,17 +38,6 @@ def seal(path: str | os.PathLike[str]) -> None:
             data[place : place + len(UNSEALED)] = _digest(data, place)
 
 
-def is_intact(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file has a digest that fits its bytes; files without one are not known.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
-    return condition(path) == "intact"
-
-
 def condition(path: str | os.PathLike[str]) -> Condition:
     """Return in what condition a file is, by its digest.
 

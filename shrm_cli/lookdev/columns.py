@@ -16,9 +16,9 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.lookdev.exposure import metered
 from shrm_cli.maps.base import Map
 from shrm_cli.prefilter import prefilter_with_facts
-from shrm_cli.probe.coarse import coarse_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe, open_probe
+from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record

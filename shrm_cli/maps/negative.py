@@ -8,14 +8,12 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE
-
-Array = NDArray[np.floating]
 
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""

@@ -3,16 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.color import are_unset, conversion, fault_of, same_primaries, title_of
 from shrm_cli.probe.image import ConvertedImage, ProbeImage
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
 from shrm_cli.records import record
 from shrm_cli.vocabulary import PRIMARIES
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.parts import sound_primaries
 from shrm_cli.probe.radiance_header import RadianceHeader
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Curve = Callable[[Array], Array]
 
 _SQUARE = 0.01
@@ -106,7 +105,7 @@ def _of_profile(path: Path, spec: Any, file_format: str) -> tuple[float, ...] | 
         found = profile_primaries(profile.tobytes())
     if file_format != "png":
         return found
-    from shrm_cli.probe.png_header import png_primaries
+    from shrm_cli.probe.icc import png_primaries
 
     return png_primaries(path, found is not None) or found
 

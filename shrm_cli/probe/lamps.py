@@ -9,12 +9,10 @@ and what stands out of it within the polar rows, such as a sun in the zenith, by
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
-
-Array = NDArray[np.floating]
 
 _MOST_ROWS = 32
 """Rows at each pole; farther away the rule and the areas differ by less than 1e-4."""

@@ -4,8 +4,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.probe.lamps import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
@@ -16,8 +16,6 @@ from shrm_cli.sphere.rotation import transform_coefficients
 
 if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
-
-Array = NDArray[np.floating]
 
 _ROWS_AT_ONCE = 16
 """The rows whose squares are summed at a time, which stay in the processor's cache."""

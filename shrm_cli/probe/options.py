@@ -6,8 +6,8 @@ from dataclasses import field, fields, replace
 from typing import Any, Literal, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import fault_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import LAYOUTS, Layout
@@ -15,8 +15,6 @@ from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import turn_matrix
 from shrm_cli.vocabulary import ORIENTATIONS, PRIMARIES, SAMPLINGS, Orientation, Sampling
-
-Array = NDArray[np.floating]
 
 _UP = ("y", "z")
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
@@ -28,8 +29,6 @@ from shrm_cli.vocabulary import Orientation, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.probe.dds_file import DdsFile
-
-Array = NDArray[np.floating]
 
 _DDS = b"DDS "
 """The bytes that a DDS file begins with."""

@@ -4,15 +4,11 @@ from dataclasses import field, fields
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.probe.image import ImageOfImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 MOST_BYTES = 128 * 2**20
 """The most bytes of an image's pixels that are held. Larger images are read again for each map."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.errors import ArgumentError
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import bisector, normalize
-from shrm_cli.sphere.latlong import latlong_points
+from shrm_cli.sphere.grid.latlong import latlong_points
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.vocabulary import LOOKUPS, Lookup, Sampling
 

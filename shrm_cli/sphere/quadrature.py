@@ -8,11 +8,9 @@ OpenEXR defines its environment maps.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
-
 
 _known_weights = Memo(2**20)
 """The weights of rows, for some heights."""

@@ -15,17 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import TransferError
 from shrm_cli.files import npz
-from shrm_cli.files.inputs import note
 from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.whole import note
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
-
-Array = NDArray[np.floating]
 
 SUFFIX = ".npz"
 _VERSION = 1

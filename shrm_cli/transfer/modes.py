@@ -21,11 +21,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.parabolic import parabolic_directions
 from shrm_cli.sphere.rotation import rotate_each_into_frame, rotate_into_frames
 from shrm_cli.transfer.shading import Product, fitted
-
-Array = NDArray[np.floating]
 
 TOLERANCE = 1e-3
 """Relative RMS error of the product function that leaving out functions of the view may cause."""

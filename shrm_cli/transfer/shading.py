@@ -3,11 +3,10 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.transfer.transfer import Transfer
-
-Array = NDArray[np.floating]
 
 _VERTICES_AT_ONCE = 2**13
 """Vertices whose products are in memory at a time."""

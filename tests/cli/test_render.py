@@ -15,8 +15,8 @@ from click.testing import CliRunner
 from shrm_cli.cli.render import render
 from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
 from shrm_cli.files.image import write_image
-from shrm_cli.files.inputs import protecting
 from shrm_cli.files.png import encode_srgb
+from shrm_cli.files.whole import protecting
 from shrm_cli.maps.file import save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance

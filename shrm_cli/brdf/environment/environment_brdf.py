@@ -1,13 +1,12 @@
 """The environment BRDF of GGX: what it reflects of a white, uniform environment."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments, lobe_moments
 from shrm_cli.errors import MapError
 from shrm_cli.progress import Progress
-
-Array = NDArray[np.floating]
 
 
 def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array]:

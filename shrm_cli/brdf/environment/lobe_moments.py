@@ -3,13 +3,12 @@
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
 from shrm_cli.errors import MapError
 from shrm_cli.sphere.quadrature import gauss_legendre
-
-Array = NDArray[np.floating]
 
 _SLOPES = 40  # nodes of each half of the integral over the slope of the half vector
 _AZIMUTHS = 16  # and of the integral over its azimuth

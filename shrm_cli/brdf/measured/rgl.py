@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Value
-from shrm_cli.brdf.hemisphere import evaluate_above
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values
 from shrm_cli.brdf.measured.reading.rgl_warp import Grid, Slices, Warp
@@ -96,11 +96,7 @@ class Rgl(MeasuredBrdf):
             raise BrdfError(f"{path}: larger than {_MOST_BYTES:,} bytes; use the RGB file instead")
         return cls(file, file_values(path))
 
-    def evaluate(self, light: Array, view: Array) -> Array:
-        return evaluate_above(self._interpolated, light, view)
-
-    def _interpolated(self, light: Array, view: Array) -> Array:
-        """Values at directions above the horizon, shape (n, 3)."""
+    def above(self, light: Array, view: Array) -> Array:
         if self._symmetry > 1:
             signs = _to_measured(view, self._symmetry)
             light, view = light * signs, view * signs

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter, scaled
 from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
 from shrm_cli.brdf.vectors import GRAZING, above_horizon, cosines, half_vector, schlick
 

@@ -5,7 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter, Value, scaled
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter, Value, scaled
 from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
 from shrm_cli.brdf.vectors import Half, above_horizon, cosines, half_vector, schlick
 from shrm_cli.errors import BrdfError
@@ -47,7 +48,9 @@ class Ggx(Brdf):
         Parameter(
             "ax", 0.16, _LEAST_ALPHA, 1.0, "alpha along x, instead of roughness", is_optional=True
         ),
-        Parameter("ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True),
+        Parameter(
+            "ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True
+        ),
         NORMAL_REFLECTANCE,
     )  # fmt: skip
 

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.sphere.harmonics import real_harmonics
 
 _COUNT = 12

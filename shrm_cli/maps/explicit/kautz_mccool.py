@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.maps.explicit.explicit import Array, ExplicitMap, Indices
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import colatitude_weights

@@ -10,7 +10,7 @@ import numpy as np
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
-from shrm_cli.brdf.estimates import power_of_two_times
+from shrm_cli.brdf.coefficients import power_of_two_times
 from shrm_cli.brdf.gathered import gathering_center
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.sums import Sum, split

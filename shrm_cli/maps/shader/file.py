@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, peek, write_parts
+from shrm_cli.maps.arrangement import image_channels
 from shrm_cli.maps.shader.language import harmless
 from shrm_cli.maps.shader.packing import pack
-from shrm_cli.maps.stored import image_channels
 from shrm_cli.vocabulary import Precision
 
 if TYPE_CHECKING:

@@ -13,8 +13,6 @@ from shrm_cli.records import record
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
 
-Array = NDArray[np.floating]
-
 
 @record(eq=False)
 class PackedTexture:

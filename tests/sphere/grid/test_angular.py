@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from shrm_cli.sphere import angular
+from shrm_cli.sphere.grid import angular
 from tests import oracles
 from tests.oracles import EPS
 from tests.sphere.strategies import directions
