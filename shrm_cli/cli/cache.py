@@ -3,8 +3,7 @@
 import click
 
 from shrm_cli import bytecode, settings
-from shrm_cli.cli.options import report_options
-from shrm_cli.cli.terminal import echo, echo_json
+from shrm_cli.cli.options import report_options, tell
 
 
 @click.group()
@@ -18,22 +17,19 @@ def cache() -> None:
 
 @cache.command()
 @report_options
-def info(as_json: bool, quiet: bool) -> None:
+def info() -> None:
     """Say where the cache is, and how large."""
     from shrm_cli.brdf.cache import MOST_BYTES, usage
 
     where = str(settings.cache_folder())
     count, size = _with_modules(where, *usage())
-    if as_json:
-        echo_json({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES})
-    elif not quiet:
-        limit = f"at most {MOST_BYTES / 2**20:.0f} MB"
-        echo(f"{where}: {_amount(count, size)}, {limit}")
+    line = f"{where}: {_amount(count, size)}, at most {MOST_BYTES / 2**20:.0f} MB"
+    tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
 
 @cache.command()
 @report_options
-def clear(as_json: bool, quiet: bool) -> None:
+def clear() -> None:
     """Remove everything in the cache."""
     from shrm_cli.brdf.cache import clear
 
@@ -41,10 +37,8 @@ def clear(as_json: bool, quiet: bool) -> None:
     modules = _with_modules(where)
     bytecode.clear(where)
     count, size = (a + b for a, b in zip(clear(), modules, strict=True))
-    if as_json:
-        echo_json({"folder": where, "removed": count, "bytes": size})
-    elif not quiet:
-        echo(f"{where}: {_amount(count, size)} removed")
+    line = f"{where}: {_amount(count, size)} removed"
+    tell({"folder": where, "removed": count, "bytes": size}, [line])
 
 
 def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
+from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
@@ -103,14 +104,7 @@ class Package:
 
     def add_bytes(self, name: str, data: bytes) -> None:
         """Add a file of some bytes."""
-
-        def write(path: Path) -> None:
-            from shrm_cli.files.whole import replacing
-
-            with replacing(path) as temporary:
-                temporary.write_bytes(data)
-
-        self.files.append(OutputFile(name, write))
+        self.files.append(OutputFile(name, lambda path: write_bytes(path, data)))
 
     def add_text(self, name: str, text: str) -> None:
         """Add a file of text, in UTF-8 and with Unix's ends of lines."""

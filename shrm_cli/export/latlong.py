@@ -13,7 +13,6 @@ from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Light, OutputFile, Package
 from shrm_cli.export.pixels import FORMATS, Clipped, clip_warning
 from shrm_cli.files.image import probe_attributes, write_image
-from shrm_cli.files.whole import replacing
 
 Array = NDArray[np.floating]
 
@@ -67,13 +66,7 @@ def add_radiance(made: Package, name: str, image: Array) -> None:
     limited = _limited(made, name, image)
     height, width = limited.shape[:2]
     header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
-    data = header + rgbe(limited).tobytes()
-
-    def write(path: Path) -> None:
-        with replacing(path) as temporary:
-            temporary.write_bytes(data)
-
-    made.files.append(OutputFile(name, write))
+    made.add_bytes(name, header + rgbe(limited).tobytes())
 
 
 def rgbe(image: Array) -> NDArray[np.uint8]:
