@@ -68,7 +68,7 @@ EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
     "batch/cluster.py": {"distributed", "dask", "threadpoolctl"},
     "batch/collect.py": {"pyarrow"},
-    "export/ktx2.py": {"zstandard"},
+    "export/ktx.py": {"zstandard"},
     "files/animation.py": {"PIL"},
     "files/remote.py": {"fsspec"},
     "render/flip.py": {"flip_evaluator"},

@@ -12,6 +12,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options, tell, warn
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import Fraction, Spec
+from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
@@ -115,7 +116,7 @@ def _save(spec: str, target: str) -> None:
     written = open_measured(target)
     size, error = Path(target).stat().st_size, difference(chosen, written)
     lines = [
-        f"{target}: {written.summary}, {size / 2**20:.1f} MB",
+        f"{target}: {written.summary}, {bytes_text(size)}",
         f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal",
     ]
     tell({"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines)

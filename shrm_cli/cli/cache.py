@@ -4,6 +4,7 @@ import click
 
 from shrm_cli import bytecode, settings
 from shrm_cli.cli.options import report_options, tell
+from shrm_cli.maps.options import bytes_text
 
 
 @click.group()
@@ -23,7 +24,7 @@ def info() -> None:
 
     where = str(settings.cache_folder())
     count, size = _with_modules(where, *usage())
-    line = f"{where}: {_amount(count, size)}, at most {MOST_BYTES / 2**20:.0f} MB"
+    line = f"{where}: {_amount(count, size)}, at most {bytes_text(MOST_BYTES)}"
     tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
 
@@ -48,5 +49,4 @@ def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:
 
 
 def _amount(count: int, size: int) -> str:
-    unit = f"{size / 2**20:.1f} MB" if size >= 2**20 else f"{size / 2**10:.1f} kB"
-    return f"{count} {'entry' if count == 1 else 'entries'}, {unit}"
+    return f"{count} {'entry' if count == 1 else 'entries'}, {bytes_text(size)}"

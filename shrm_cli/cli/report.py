@@ -26,6 +26,7 @@ from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
 from shrm_cli.cli.types import STOPS, Bytes
 from shrm_cli.cli.usage import flags
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
 
 if TYPE_CHECKING:
@@ -164,13 +165,13 @@ def _lines(output: str, size: int, measured: Measured) -> list[str]:
     from shrm_cli.report import words
     from shrm_cli.report.measure import names_of
 
-    lines = [f"{output}: {words.storage(size)}, opens in a browser without a network"]
+    lines = [f"{output}: {bytes_text(size)}, opens in a browser without a network"]
     for material, index, made in names_of(measured.materials):
         found = material.numbers(index)
         lines.append(
             f"  {material.spec}, {made.form}: RMS {words.percent(found['relative_rmse'])}, median "
             f"{words.percent(found['median_relative_error'])}, 95 % within "
             f"{words.percent(found['p95_relative_error'])}, "
-            f"{words.storage(made.summary['bytes'])}, {words.duration(made.seconds)}"
+            f"{bytes_text(made.summary['bytes'])}, {words.duration(made.seconds)}"
         )
     return lines

@@ -22,6 +22,7 @@ from shrm_cli.cli.shading import needs_surface, surface_of, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
+from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
     from shrm_cli.view.scene import Scene
@@ -152,7 +153,7 @@ def view(
         "views": [list(each) for each in views],
         "truths": len(scene.description["truths"]),
     }
-    lines = [f"{output}: {len(text) / 1e6:.3g} MB, opens in a browser without a network"]
+    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network"]
     conclude(result, lines, warnings)
 
 
