@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.options import conclude, report_options, warn
+from shrm_cli.cli.options import conclude, report_options, tell, warn
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import echo, echo_json
-from shrm_cli.cli.types import Fraction
+from shrm_cli.cli.types import Fraction, Spec
+from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
@@ -45,8 +44,6 @@ def brdf(
     spec: str | None,
     tolerances: tuple[float, ...],
     target: str | None,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """List the BRDFs, or explain one: a name with parameters, or a measured file.
 
@@ -57,32 +54,30 @@ def brdf(
     if spec is None:
         if target is not None:
             raise click.UsageError("--save needs a BRDF to write; name one before it")
-        _list(as_json, quiet)
+        _list()
         return
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.progress import Rising
 
     if target is not None:
-        _save(spec, target, as_json, quiet)
+        _save(spec, target)
         return
     remarks: list[str] = []
-    with progress_bar("expanding", quiet) as progress:
+    with progress_bar("expanding") as progress:
         chosen = parse_spec(spec)
         rising = None if progress is None else Rising(progress)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
         rows, captured = _orders(chosen, asked, remarks, rising) if asked else ([], [])
         report = _explain(chosen, rows, captured)
-    conclude(report, _text(chosen, report), remarks, as_json, quiet)
+    conclude(report, _text(chosen, report), remarks)
 
 
-def _list(as_json: bool, quiet: bool) -> None:
+def _list() -> None:
     from shrm_cli.brdf.library import all_models
     from shrm_cli.brdf.measured import formats
 
     models, problems = all_models()
     groups = {center: [each for each in models if each.center == center] for center in _GROUPS}
-    if as_json:
-        echo_json([_describe(model) for group in groups.values() for model in group])
     lines = []
     for center, title in _GROUPS.items():
         lines.append(f"{title}:")
@@ -92,12 +87,11 @@ def _list(as_json: bool, quiet: bool) -> None:
             lines += [f"  {'':<18}   {line}" for line in _anisotropy(model)]
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
-    if not (as_json or quiet):
-        echo("\n".join(lines))
-    warn(problems, quiet)
+    tell([_describe(model) for group in groups.values() for model in group], lines)
+    warn(problems)
 
 
-def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
+def _save(spec: str, target: str) -> None:
     """Write a BRDF as a table, read it back, and print how far the table is from the BRDF."""
     from shrm_cli.brdf.examine import difference
     from shrm_cli.brdf.measured import open_measured
@@ -121,11 +115,11 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
         write_table(target, sample_table(chosen))
     written = open_measured(target)
     size, error = Path(target).stat().st_size, difference(chosen, written)
-    if as_json:
-        echo_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
-    elif not quiet:
-        echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
-        echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
+    lines = [
+        f"{target}: {written.summary}, {bytes_text(size)}",
+        f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal",
+    ]
+    tell({"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines)
 
 
 def _describe(model: Any) -> dict[str, Any]:

@@ -49,8 +49,6 @@ class Conversion:
         Where the edge pixels to write lie.
     precision : str
         The pixel type.
-    quiet : bool
-        Whether to show no progress.
     """
 
     source: str
@@ -61,7 +59,6 @@ class Conversion:
     orientation: Orientation | None
     sampling: Sampling | None
     precision: Precision
-    quiet: bool
 
     def precision_of(self, made: Map) -> Precision:
         """Return the pixel type for what is made of a map: a conversion must not lose precision."""
@@ -246,7 +243,7 @@ def convert_probe(job: Conversion) -> Converted:
     files = face_paths(path) if target == "faces" else [path]
     check_outputs(files, suffixes=CONTAINERS)
     orientation = job.orientation or default_orientation(target)
-    with progress_bar("converting", job.quiet) as progress:
+    with progress_bar("converting") as progress:
         image = to_layout(probe, target, orientation, job.size, sampled, progress)
     marked = (target, orientation) in (("openexr", "openexr"), ("latlong", "openexr"))
     envmap = target if sampled == "border" and marked else None

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.kept import force_option, keep_edited, readable_map
 from shrm_cli.cli.options import conclude, precision_option, report_options
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, readable_map
+from shrm_cli.cli.types import Spec
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.naming import brdf_label
 from shrm_cli.vocabulary import (
@@ -64,8 +63,6 @@ def product(
     output: str | None,
     force: bool,
     precision: Precision,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Make the product texture of a BRDF: its harmonics over the light, for every view.
 
@@ -101,7 +98,7 @@ def product(
         varying = interval[0], values
     if not (output or force):
         _keep_other_texture(target, brdf, order, size, varying)
-    with progress_bar("integrating", quiet) as progress:
+    with progress_bar("integrating") as progress:
         if varying is None:
             made = product_texture(brdf, order, size, progress)
         else:
@@ -122,7 +119,7 @@ def product(
             f"{target}: between two of {steps} values {step_error:.1%} is missed; leave `steps` "
             "out, or give more"
         )
-    conclude(result, [title, *(f"  {line}" for line in lines)], warnings, as_json, quiet)
+    conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
 
 
 def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:

@@ -13,32 +13,29 @@ from shrm_cli.cli.options import (
     exposure_option,
     make_read_options,
     precision_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     reading_rules,
     report_options,
+    view_option,
 )
 from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
-    f0_option,
     lit_maps,
-    roughness_option,
     shaded_maps,
+    surface_options,
     surface_values,
     to_unlit,
     window_option,
 )
 from shrm_cli.cli.stage import (
     mesh_options,
-    mesh_stem,
-    mesh_subject,
     mesh_values,
     open_stage,
     refuse_mesh_options,
     refuse_transfer_options,
     shadowed,
 )
-from shrm_cli.cli.types import AzimuthElevation, PictureSize
+from shrm_cli.cli.types import PictureSize
 from shrm_cli.cli.usage import refuse_inapplicable
 
 if TYPE_CHECKING:
@@ -57,17 +54,13 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "-o", "--output", type=click.Path(),
     help="PNG or EXR to write.  [default: MAP.png, of several sheet.png, in the current folder]",
 )  # fmt: skip
-@click.option(
-    "--view", type=AzimuthElevation(), default="0,0", show_default=True,
-    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
-)  # fmt: skip
+@view_option
 @click.option(
     "--size", type=PictureSize(16, 8192), default="512", show_default=True,
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
 @mesh_options
-@roughness_option
-@f0_option
+@surface_options
 @exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
@@ -87,8 +80,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
 @precision_option
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def render(
     maps: tuple[str, ...],
@@ -112,9 +104,6 @@ def render(
     frames: int | None,
     columns: int | None,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **reading: Any,
 ) -> None:
     """Render a sphere from each MAP, as a distant viewer sees it, or a mesh.
@@ -152,7 +141,7 @@ def render(
     refuse_transfer_options(transfer, mesh)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
-    options = make_read_options(sampling, reading)
+    options = make_read_options(reading)
     probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
     sky = None if background is None else probes[background]
     named = [path for path in (mesh, vary) if path not in (None, "vertex")]
@@ -177,8 +166,13 @@ def render(
         seen = [each.info for each in loaded]
         said = {"size": width, **surface_values(surface)}
     else:
+        from shrm_cli.render.mesh import MeshSubject
+        from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
+
         stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance, vary)
-        subject = mesh_subject(stage, viewers, size, fov, distance, target)
+        lens = Lens(*size, DEFAULT_FOV if fov is None else fov)
+        aim = aimed(stage.mesh.vertices, viewers, lens, target, distance)
+        subject = MeshSubject(stage, lens, aim)
         seen = [each.info for each in (*opened, *stage.maps())]
         primaries = one_of({each.chromaticities for each in seen})
         sky = None if sky is None else sky.in_primaries(primaries)
@@ -214,7 +208,7 @@ def render(
         "height": height,
     }
     written = []
-    with progress_bar("rendering", quiet) as progress:
+    with progress_bar("rendering") as progress:
         stages = Stages(progress, len(targets))
         for path, viewer in zip(targets, viewers, strict=True):
             pixels = scene.picture(viewer, stages.within)
@@ -225,13 +219,13 @@ def render(
     warnings += negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    conclude({"files": written, **settings}, lines, warnings, as_json, quiet)
+    conclude({"files": written, **settings}, lines, warnings)
 
 
 def _default_name(maps: Sequence[str], mesh: str | None, frames: int | None) -> str:
     stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps)
     if mesh is not None:
-        stem = f"{stem}.{mesh_stem(mesh)}".lstrip(".")
+        stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from shrm_cli.cli.options import several
 from shrm_cli.cli.types import Within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MIN_ROUGHNESS
@@ -48,6 +49,22 @@ f0_option = click.option(
     "--f0", type=Reflectance(),
     help="Its reflectance at normal incidence: a number, R/G/B or a metal's name.  [default: 1]",
 )  # fmt: skip
+surface_options = several(roughness_option, f0_option)
+
+
+def needs_surface(maps: Sequence[Map]) -> dict[str, Applies]:
+    """Return when the options of a surface apply: to maps of light alone."""
+    holds = any(each.needs_surface for each in maps)
+    applies = Applies(holds, "to split sums and SH exponentials, and no MAP is one")
+    return {"roughness": applies, "f0": applies}
+
+
+def surface_of(roughness: float | None, f0: str | None, primaries: tuple[float, ...] | None) -> Ggx:
+    """Return the surface that the options ask for, under light of some primaries."""
+    from shrm_cli.render.shading import ggx_surface, reflectance
+
+    color = None if f0 is None else reflectance(f0, primaries)
+    return ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
 
 
 def shaded_maps(
@@ -83,18 +100,12 @@ def shaded_maps(
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import ggx_surface, outside_range, reflectance
+    from shrm_cli.render.shading import outside_range
 
-    needs_surface = any(each.needs_surface for each in maps)
-    applies = Applies(needs_surface, "to split sums and SH exponentials, and no MAP is one")
-    refuse_inapplicable({"roughness": applies, "f0": applies})
-    if not needs_surface:
+    refuse_inapplicable(needs_surface(maps))
+    if not any(each.needs_surface for each in maps):
         return list(maps), None, []
-    rough = DEFAULT_ROUGHNESS if roughness is None else roughness
-    surfaces = [
-        ggx_surface(rough, None if f0 is None else reflectance(f0, each.info.chromaticities))
-        for each in maps
-    ]
+    surfaces = [surface_of(roughness, f0, each.info.chromaticities) for each in maps]
     surface = surfaces[0]
     warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
     pairs = zip(maps, surfaces, strict=True)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import with_options
+from shrm_cli.cli.options import several
 from shrm_cli.cli.types import Brush, Vector, Within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
@@ -16,11 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from shrm_cli.maps.base import Map
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.stage import Stage
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 _OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "transfer")
 _LARGEST = 1e30
@@ -28,47 +23,45 @@ _NAMED = 3
 """How many materials a warning names."""
 
 
-def mesh_options(command: Command) -> Command:
-    """Add --mesh and the options that apply with it."""
-    options = [
-        click.option(
-            "--mesh", type=click.Path(), metavar="FILE",
-            help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
-        ),
-        click.option(
-            "--fov", type=Within(0.01, 170), metavar="DEGREES",
-            help="Angle of view of the camera before a mesh, across the shorter edge.  "
-            "[default: 35]",
-        ),
-        click.option(
-            "--distance", type=Within(0, _LARGEST), metavar="D",
-            help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
-        ),
-        click.option(
-            "--target", type=Vector(),
-            help="What the camera looks at.  [default: the middle of the mesh]",
-        ),
-        click.option(
-            "--brush", type=Brush(),
-            help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
-            "direction.  [default: around +Y]",
-        ),
-        click.option(
-            "--vary", metavar="vertex|IMAGE",
-            help="What the parameter of a product texture follows that varies: the brightness of "
-            "the mesh's vertex colours, or of an image over its texture coordinates.",
-        ),
-        click.option(
-            "--irradiance", type=click.Path(), metavar="MAP",
-            help="Irradiance map: light of the diffuse part of a glTF's materials.",
-        ),
-        click.option(
-            "--transfer", type=click.Path(), metavar="FILE",
-            help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
-            "product textures.",
-        ),
-    ]  # fmt: skip
-    return with_options(command, options)
+mesh_options = several(
+    click.option(
+        "--mesh", type=click.Path(), metavar="FILE",
+        help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
+    ),
+    click.option(
+        "--fov", type=Within(0.01, 170), metavar="DEGREES",
+        help="Angle of view of the camera before a mesh, across the shorter edge.  "
+        "[default: 35]",
+    ),
+    click.option(
+        "--distance", type=Within(0, _LARGEST), metavar="D",
+        help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
+    ),
+    click.option(
+        "--target", type=Vector(),
+        help="What the camera looks at.  [default: the middle of the mesh]",
+    ),
+    click.option(
+        "--brush", type=Brush(),
+        help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
+        "direction.  [default: around +Y]",
+    ),
+    click.option(
+        "--vary", metavar="vertex|IMAGE",
+        help="What the parameter of a product texture follows that varies: the brightness of "
+        "the mesh's vertex colours, or of an image over its texture coordinates.",
+    ),
+    click.option(
+        "--irradiance", type=click.Path(), metavar="MAP",
+        help="Irradiance map: light of the diffuse part of a glTF's materials.",
+    ),
+    click.option(
+        "--transfer", type=click.Path(), metavar="FILE",
+        help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
+        "product textures.",
+    ),
+)  # fmt: skip
+"""--mesh and the options that apply with it."""
 
 
 def refuse_mesh_options(mesh: str | None) -> None:
@@ -195,28 +188,6 @@ def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]
     return [[vertex_colors(stage.mesh, baked, each)] * len(stage.looks) for each in maps]
 
 
-def mesh_subject(
-    stage: Stage,
-    viewers: Sequence[Viewer],
-    size: tuple[int, int],
-    fov: float | None,
-    distance: float | None,
-    target: tuple[float, float, float] | None,
-) -> MeshSubject:
-    """Return the stage before a camera that sees all of it from all sides.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of range.
-    """
-    from shrm_cli.render.mesh import MeshSubject
-    from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
-
-    lens = Lens(*size, DEFAULT_FOV if fov is None else fov)
-    return MeshSubject(stage, lens, aimed(stage.mesh.vertices, viewers, lens, target, distance))
-
-
 def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
     """Return what the results and the attributes of pictures say about a mesh and its camera."""
     return {
@@ -226,8 +197,3 @@ def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
         "target": [float(each) for each in subject.aim.target],
         "distance": subject.aim.distance,
     }
-
-
-def mesh_stem(mesh: str) -> str:
-    """Return the name of a mesh's file without its folder and suffix."""
-    return Path(mesh).stem

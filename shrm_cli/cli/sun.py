@@ -10,14 +10,14 @@ from shrm_cli.cli.options import (
     conclude,
     make_read_options,
     precision_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     report_options,
     warn,
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import Fraction, Within
+from shrm_cli.cli.usage import wants_json
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:
@@ -56,8 +56,7 @@ if TYPE_CHECKING:
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
 @precision_option
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def sun(
     probe: str,
@@ -69,9 +68,6 @@ def sun(
     count: int,
     sun_radius: float | None,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **reading: Any,
 ) -> None:
     """Find the lamps of PROBE, such as the sun, and take them out of it.
@@ -90,9 +86,9 @@ def sun(
             raise click.UsageError(
                 f"{name} names the residual; give -o FILE.exr, too", click.get_current_context()
             )
-    if engine is not None and as_json:
+    if engine is not None and wants_json():
         raise click.UsageError("--for excludes --json", click.get_current_context())
-    options = make_read_options(sampling, reading)
+    options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.probe.probe import open_probe
 
@@ -109,9 +105,9 @@ def sun(
         from shrm_cli.lights.snippets import snippet
 
         echo(snippet(engine, split.discs))
-        warn(warnings, quiet)
+        warn(warnings)
         return
-    conclude(result, _lines(probe, split, written), warnings, as_json, quiet)
+    conclude(result, _lines(probe, split, written), warnings)
 
 
 def _write(
@@ -124,13 +120,12 @@ def _write(
     """Write what was asked for, all of it or nothing, and return the names of the files."""
     if output is None:
         return {}
-    from shrm_cli.files.whole import together
+    from shrm_cli.files.whole import together, write_bytes
     from shrm_cli.lights.light_files import (
         light_file_text,
         relative_name,
         usd_text,
         write_residual,
-        write_text,
     )
 
     texts = {}
@@ -141,7 +136,7 @@ def _write(
     with together():
         pixel_type = write_residual(output, split, precision)
         for path, text in texts.items():
-            write_text(path, text)
+            write_bytes(path, text.encode())
     files = {"residual": output, "light_file": light_file, "usd": usd, "precision": pixel_type}
     return {name: value for name, value in files.items() if value is not None}
 

@@ -71,10 +71,29 @@ def given_options() -> dict[str, str]:
         param.name: param.opts[0]
         for param in context.command.params
         if param.name
-        and param.expose_value
         and isinstance(param, click.Option)
         and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
     }
+
+
+def remember(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    """Keep the value of a flag for all that a command calls, as the callback of its option."""
+    ctx.meta[f"shrm.{param.name}"] = value
+
+
+def is_quiet() -> bool:
+    """Whether the running command prints errors only."""
+    return _remembered("quiet")
+
+
+def wants_json() -> bool:
+    """Whether the running command prints its results as JSON."""
+    return _remembered("as_json")
+
+
+def _remembered(name: str) -> bool:
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(f"shrm.{name}"))
 
 
 def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:

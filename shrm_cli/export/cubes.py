@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.export.engine import Package
-from shrm_cli.export.ktx2 import can_compress, ktx2_cube
+from shrm_cli.export.ktx import can_compress, ktx2_cube
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.turning import to_lookup
 from shrm_cli.extras import install

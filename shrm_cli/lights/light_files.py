@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import probe_attributes, write_image
-from shrm_cli.files.whole import replacing
 from shrm_cli.lights.split import LampSplit
 from shrm_cli.probe.disc import Disc
 from shrm_cli.sphere.directions import normalize
@@ -98,12 +97,6 @@ def usd_text(split: LampSplit, residual: str) -> str:
             )
         )  # fmt: skip
     return "\n".join(parts) + "}\n"
-
-
-def write_text(path: str, text: str) -> None:
-    """Write a text file, whole or not at all, with the same line ends on every system."""
-    with replacing(path) as temporary:
-        temporary.write_bytes(text.encode())
 
 
 def relative_name(residual: str, path: str) -> str:

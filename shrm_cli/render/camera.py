@@ -142,6 +142,11 @@ def in_world(viewer: Viewer, x: Array, y: Array, z: Array | float) -> Array:
     return result
 
 
+def whole_coverage(size: int) -> Array:
+    """Return the fraction of each pixel of a picture that the sphere covers, shape (size, size)."""
+    return sphere_coverage(size, *pixel_centers(size, 0, size))
+
+
 def sphere_coverage(size: int, x: Array, y: Array) -> Array:
     """Return the fraction of each pixel that the sphere covers.
 

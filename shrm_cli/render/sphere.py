@@ -5,6 +5,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import (
     Viewer,
@@ -16,7 +17,6 @@ from shrm_cli.render.camera import (
 )
 
 Array = NDArray[np.floating]
-Picture = NDArray[np.float32]
 
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are drawn at a time."""

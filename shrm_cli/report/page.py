@@ -10,6 +10,7 @@ from shrm_cli import __version__
 from shrm_cli.analysis.probe_statistics import ProbeStatistics
 from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.report import words
@@ -120,8 +121,8 @@ def report_page(
     remarks: list[str] = []
     if len(first) + sum(map(len, parts)) > look.max_bytes:
         raise OutputError(
-            f"the page would take {words.storage(len(first) + sum(map(len, parts)))}, more than "
-            f"{words.storage(look.max_bytes)}; raise `max_page`, or give fewer `brdf` or a smaller "
+            f"the page would take {bytes_text(len(first) + sum(map(len, parts)))}, more than "
+            f"{bytes_text(look.max_bytes)}; raise `max_page`, or give fewer `brdf` or a smaller "
             "`picture_size`"
         )
     room = look.max_bytes - len(first) - sum(map(len, parts)) - _OWN
