@@ -11,7 +11,7 @@ from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.probe.lamps import PolarRows
+from shrm_cli.probe.lighting import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record

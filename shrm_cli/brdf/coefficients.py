@@ -34,8 +34,25 @@ _FALLING = 0.8
 """The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 
 
+class Sampled:
+    """What was sampled up to an accuracy, or as far towards it as that went."""
+
+    accuracy: float
+    asked: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the sampling reached the accuracy that was asked for."""
+        return self.accuracy <= self.asked
+
+    @property
+    def remark(self) -> str | None:
+        """What a user should know of the accuracy, in one line; None where it is as asked."""
+        return accuracy_remark(self.accuracy, self.asked)
+
+
 @record(eq=False)
-class BrdfCoefficients:
+class BrdfCoefficients(Sampled):
     """Coefficients of a transfer function up to the orders F and P, and its whole energy.
 
     Attributes
@@ -109,16 +126,6 @@ class BrdfCoefficients:
     def energy_above(self) -> Array:
         """The energy at degrees above F as `transfer.energy_above` estimates it, shape (3,)."""
         return energy_above(self.degree_energy)
-
-    @property
-    def converged(self) -> bool:
-        """Whether the sampling reached the accuracy that was asked for."""
-        return self.accuracy <= self.asked
-
-    @property
-    def remark(self) -> str | None:
-        """What a user should know of the accuracy, in one line; None where it is as asked."""
-        return accuracy_remark(self.accuracy, self.asked)
 
     def energies(self) -> Array:
         """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q.

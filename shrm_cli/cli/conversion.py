@@ -104,7 +104,7 @@ def open_source(job: Conversion) -> tuple[Map, list[str]]:
 
     from shrm_cli.maps.file import open_map
     from shrm_cli.maps.primaries import declared, in_primaries
-    from shrm_cli.probe.colors import ColorReading
+    from shrm_cli.probe.options import ColorReading
 
     check_outputs([job.path], files=[job.source], suffixes=CONTAINERS)
     turn = job.reading.matrix()

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.probe.lamps import lamps_of
+from shrm_cli.probe.lighting import lamps_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.records import record

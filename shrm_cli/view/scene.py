@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf, Color
-from shrm_cli.brdf.metals import METALS
+from shrm_cli.brdf.vectors import METALS
 from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
