@@ -26,6 +26,7 @@ STOPS = [
     {"errors", "records"},
     {
         "addresses",
+        "arrays",
         "extras",
         "messages",
         "settings",

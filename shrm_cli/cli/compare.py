@@ -29,7 +29,14 @@ from shrm_cli.cli.shading import (
 )
 from shrm_cli.cli.terminal import columns
 from shrm_cli.cli.types import Bytes, Fraction, Interval, Spec, Within
-from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable, wants_json
+from shrm_cli.cli.usage import (
+    Applies,
+    exclude,
+    is_quiet,
+    refuse_inapplicable,
+    wants_json,
+    wrong_usage,
+)
 from shrm_cli.extras import install
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 
@@ -246,7 +253,6 @@ def _check_usage(
     of_truth: Iterable[str],
 ) -> None:
     """Refuse a single map without a truth, and options that would have no effect."""
-    context = click.get_current_context()
     is_range = roughness is not None and roughness[0] < roughness[1]
     refuse_inapplicable({
         **dict.fromkeys(_OF_REPRESENTATIONS, Applies(False, "with --representations")),
@@ -254,9 +260,7 @@ def _check_usage(
         **dict.fromkeys(of_truth, Applies(probe is not None, "with --probe")),
     })  # fmt: skip
     if probe is None and len(maps) == 1:
-        raise click.UsageError(
-            "one map has nothing to be compared with; name another, or give --probe", context
-        )
+        raise wrong_usage("one map has nothing to be compared with; name another, or give --probe")
     exclude("output", "no_picture")
 
 
@@ -265,10 +269,7 @@ def _check_representations(
 ) -> None:
     """Refuse several files, and options that would have no effect with --representations."""
     if len(paths) > 1:
-        raise click.UsageError(
-            f"--representations takes a single light probe, not {len(paths)} files",
-            click.get_current_context(),
-        )
+        raise wrong_usage(f"--representations takes a single light probe, not {len(paths)} files")
     is_range = roughness is None or roughness[0] < roughness[1]
     place = "without --representations, where the probe stands in the place of MAP"
     refuse_inapplicable({

@@ -10,7 +10,7 @@ import click
 from shrm_cli.addresses import has_secret
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.usage import given_options
+from shrm_cli.cli.usage import given_options, wrong_usage
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
@@ -67,9 +67,7 @@ def refuse_for_farms() -> None:
     """
     given = given_options()
     for name in _FOR_ALL.keys() & given.keys():
-        raise click.UsageError(
-            f"leave out {given[name]}, {_FOR_ALL[name]}", click.get_current_context()
-        )
+        raise wrong_usage(f"leave out {given[name]}, {_FOR_ALL[name]}")
 
 
 def write_farm_files(

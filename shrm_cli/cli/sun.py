@@ -17,7 +17,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import Fraction, Within
-from shrm_cli.cli.usage import wants_json
+from shrm_cli.cli.usage import wants_json, wrong_usage
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:
@@ -83,11 +83,9 @@ def sun(
     """
     for name, target in (("--light-file", light_file), ("--usd", usd)):
         if target is not None and output is None:
-            raise click.UsageError(
-                f"{name} names the residual; give -o FILE.exr, too", click.get_current_context()
-            )
+            raise wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
     if engine is not None and wants_json():
-        raise click.UsageError("--for excludes --json", click.get_current_context())
+        raise wrong_usage("--for excludes --json")
     options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.probe.probe import open_probe
