@@ -28,7 +28,7 @@ from shrm_cli.cli.shading import (
     window_option,
 )
 from shrm_cli.cli.terminal import columns
-from shrm_cli.cli.types import Bytes, Fraction, Interval, Spec, Within
+from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
 from shrm_cli.cli.usage import (
     Applies,
     exclude,
@@ -73,7 +73,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
 )  # fmt: skip
 @click.option(
-    "--roughness", type=Interval(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness", type=interval(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
@@ -84,12 +84,12 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
+    "--eps", "tolerance", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @truth_options
 @click.option(
-    "--max-memory", type=Bytes(), metavar="BYTES",
+    "--max-memory", type=BYTES, metavar="BYTES",
     help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
     "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
@@ -101,7 +101,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 )  # fmt: skip
 @exposure_option
 @click.option(
-    "--amplify", type=Within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
+    "--amplify", type=within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
     help="Factor of the difference images.",
 )  # fmt: skip
 @click.option(
