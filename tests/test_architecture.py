@@ -26,6 +26,7 @@ STOPS = [
     {"arrays", "errors", "records"},
     {
         "addresses",
+        "arrays",
         "extras",
         "messages",
         "settings",

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.files.picture import Picture
@@ -27,8 +27,6 @@ from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
 from shrm_cli.vocabulary import MAX_ORDER_F, Center
-
-Array = NDArray[np.floating]
 
 DEFAULT_ORDER_F = 32
 """The largest F of a grid, unless a tolerance needs a larger one."""

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.choose.offer import Choice
 from shrm_cli.files.whole import replacing
-
-Array = NDArray[np.floating]
 
 _WIDTH, _HEIGHT = 7.0, 4.8  # inches
 _DOTS_PER_INCH = 150

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
+from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import split_lamps
@@ -19,8 +19,6 @@ from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
-
-Array = NDArray[np.floating]
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 _ORDER = 32

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.analysis.memory import Memory, within_limit
 from shrm_cli.brdf.models.ggx import Ggx
@@ -27,8 +26,6 @@ from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import render_sphere
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
-
-Array = NDArray[np.floating]
 
 COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """Names of the representations that are compared."""

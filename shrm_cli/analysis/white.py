@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from shrm_cli.color import xyz_matrix
-
-Array = NDArray[np.floating]
 
 _COLDEST, _HOTTEST, _FARTHEST = 1000.0, 25000.0, 0.05
 """Temperatures in kelvin, and the distance from the black body in CIE 1960 u and v, within which a

@@ -3,8 +3,9 @@
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.maps.negative import visible_pairs
@@ -14,8 +15,6 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sphere import ReflectionMap
 from shrm_cli.sphere.directions import bisector
-
-Array = NDArray[np.floating]
 
 _POINTS = 400
 """The pairs of a mirror direction and a view. A share of 5 % is known to 1.1 % of all by them."""

@@ -18,7 +18,7 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction, Spec
+from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
@@ -50,7 +50,7 @@ _LEAST_ROWS = 128
     help="Light probe, for the accuracy of the reflected light and pictures of it.",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True, default=_TOLERANCES,
+    "--eps", "tolerances", type=FRACTION, metavar="X", multiple=True, default=_TOLERANCES,
     show_default=True, help="Tolerance to find the orders for; may be given several times.",
 )  # fmt: skip
 @click.option(
@@ -63,7 +63,7 @@ _LEAST_ROWS = 128
     "tolerances need; of the accuracies what the least tolerance needs]",
 )  # fmt: skip
 @click.option(
-    "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS, show_default=True,
+    "--view", "views", type=DIRECTION, multiple=True, default=_VIEWS, show_default=True,
     help="Direction to the viewer of the pictures, degrees: azimuth from +Z towards +X, "
     "elevation. May be given several times.",
 )  # fmt: skip

@@ -38,6 +38,7 @@ from shrm_cli.cli.usage import (
     is_quiet,
     refuse_inapplicable,
     wants_json,
+    wrong_usage,
 )
 from shrm_cli.maps.options import counted
 from shrm_cli.vocabulary import AUTO, MAX_COLLECTED_ORDER, REPRESENTATIONS
@@ -354,10 +355,9 @@ def _check_count(chunks: list[Chunk]) -> None:
 
     count = sum(len(chunk.jobs) for chunk in chunks)
     if count > MOST_MAPS:
-        raise click.UsageError(
+        raise wrong_usage(
             f"--contact shows {MOST_MAPS:,} maps at most, and these are {count:,}; leave it out, "
-            "and give `shrm contact` some of them",
-            click.get_current_context(),
+            "and give `shrm contact` some of them"
         )
 
 

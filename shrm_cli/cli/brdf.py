@@ -11,7 +11,7 @@ import click
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options, tell, warn
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.types import Fraction, Spec
+from shrm_cli.cli.types import FRACTION, Spec
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _GROUPS = {
 @click.command()
 @click.argument("spec", metavar="[SPEC|FILE]", type=Spec(), required=False)
 @click.option(
-    "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True,
+    "--eps", "tolerances", type=FRACTION, metavar="X", multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
 @click.option(

@@ -17,7 +17,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import columns
-from shrm_cli.cli.types import Bytes, Fraction
+from shrm_cli.cli.types import BYTES, FRACTION
 from shrm_cli.cli.usage import flags
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
@@ -42,15 +42,15 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
 @materials_option
 @click.option(
-    "--budget", type=Bytes(), metavar="BYTES",
+    "--budget", type=BYTES, metavar="BYTES",
     help="The most bytes of a map, such as 200kB.  [default: 32 MB]",
 )  # fmt: skip
 @click.option(
-    "--error", type=Fraction(), metavar="X",
+    "--error", type=FRACTION, metavar="X",
     help="The RMS error of the light that is good enough.  [default: 0.05]",
 )  # fmt: skip
 @click.option(
-    "--seen", type=Fraction(), metavar="X",
+    "--seen", type=FRACTION, metavar="X",
     help="The share of pixels that may be wrong by over 5 %.  [default: 0.05]",
 )  # fmt: skip
 @click.option(

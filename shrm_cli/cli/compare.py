@@ -28,8 +28,15 @@ from shrm_cli.cli.shading import (
     window_option,
 )
 from shrm_cli.cli.terminal import columns
-from shrm_cli.cli.types import Bytes, Fraction, Interval, Spec, Within
-from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable, wants_json
+from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
+from shrm_cli.cli.usage import (
+    Applies,
+    exclude,
+    is_quiet,
+    refuse_inapplicable,
+    wants_json,
+    wrong_usage,
+)
 from shrm_cli.extras import install
 from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 
@@ -66,7 +73,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
 )  # fmt: skip
 @click.option(
-    "--roughness", type=Interval(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness", type=interval(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
@@ -77,12 +84,12 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
+    "--eps", "tolerance", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @truth_options
 @click.option(
-    "--max-memory", type=Bytes(), metavar="BYTES",
+    "--max-memory", type=BYTES, metavar="BYTES",
     help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
     "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
@@ -94,7 +101,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 )  # fmt: skip
 @exposure_option
 @click.option(
-    "--amplify", type=Within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
+    "--amplify", type=within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
     help="Factor of the difference images.",
 )  # fmt: skip
 @click.option(
@@ -246,7 +253,6 @@ def _check_usage(
     of_truth: Iterable[str],
 ) -> None:
     """Refuse a single map without a truth, and options that would have no effect."""
-    context = click.get_current_context()
     is_range = roughness is not None and roughness[0] < roughness[1]
     refuse_inapplicable({
         **dict.fromkeys(_OF_REPRESENTATIONS, Applies(False, "with --representations")),
@@ -254,9 +260,7 @@ def _check_usage(
         **dict.fromkeys(of_truth, Applies(probe is not None, "with --probe")),
     })  # fmt: skip
     if probe is None and len(maps) == 1:
-        raise click.UsageError(
-            "one map has nothing to be compared with; name another, or give --probe", context
-        )
+        raise wrong_usage("one map has nothing to be compared with; name another, or give --probe")
     exclude("output", "no_picture")
 
 
@@ -265,10 +269,7 @@ def _check_representations(
 ) -> None:
     """Refuse several files, and options that would have no effect with --representations."""
     if len(paths) > 1:
-        raise click.UsageError(
-            f"--representations takes a single light probe, not {len(paths)} files",
-            click.get_current_context(),
-        )
+        raise wrong_usage(f"--representations takes a single light probe, not {len(paths)} files")
     is_range = roughness is None or roughness[0] < roughness[1]
     place = "without --representations, where the probe stands in the place of MAP"
     refuse_inapplicable({

@@ -15,7 +15,7 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import renamed
+from shrm_cli.cli.usage import renamed, wrong_usage
 from shrm_cli.errors import MapError
 from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted
@@ -134,10 +134,9 @@ def convert_map(job: Conversion, given: dict[str, Any]) -> Converted:
     is_layout = job.target not in REPRESENTATIONS
     layout = job.target if is_layout else "openexr"
     if is_layout and not found.cube_count:
-        raise click.UsageError(
+        raise wrong_usage(
             f"--to {job.target} applies to maps with images; {job.source} holds coefficients and "
-            "no images",
-            click.get_current_context(),
+            "no images"
         )
     with renamed(sampling="to_sampling"):
         if is_layout:

@@ -16,7 +16,7 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs, force_option
-from shrm_cli.cli.usage import refuse_inapplicable, renamed
+from shrm_cli.cli.usage import refuse_inapplicable, renamed, wrong_usage
 from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
@@ -127,9 +127,7 @@ def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source
         note(*sources)
         return Source.of_maps(name, [(path, open_map(path)) for path in sources])
     if len(sources) > 1:
-        raise click.UsageError(
-            f"{sources[0]} is a probe; export it alone", click.get_current_context()
-        )
+        raise wrong_usage(f"{sources[0]} is a probe; export it alone")
     probe = open_probe(sources[0], reading)
     return Source(name, Path(sources[0]).name, probe)
 

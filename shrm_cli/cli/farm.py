@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from shrm_cli.addresses import has_secret
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.usage import given_options
+from shrm_cli.cli.types import Parsed
+from shrm_cli.cli.usage import given_options, wrong_usage
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
@@ -26,15 +27,10 @@ _FOR_ALL = {
 """Options that the command lines cannot have, and why."""
 
 
-class _Part(click.ParamType[tuple[int, int, int]]):
-    name = "K/N"
+def _part(text: str) -> tuple[int, int, int]:
+    from shrm_cli.batch.farm import parse_part
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int, int]:
-        from shrm_cli.batch.farm import parse_part
-
-        return value if isinstance(value, tuple) else parse_part(value)
+    return parse_part(text)
 
 
 farm_options = several(
@@ -51,7 +47,7 @@ farm_options = several(
         help="Probes of a chunk, about.",
     ),
     click.option(
-        "--share", type=_Part(), metavar="K/N|A-B/N",
+        "--share", type=Parsed("K/N", _part), metavar="K/N|A-B/N",
         help="Make one part of N, or several, as the command lines of farms do.",
     ),
 )  # fmt: skip
@@ -67,9 +63,7 @@ def refuse_for_farms() -> None:
     """
     given = given_options()
     for name in _FOR_ALL.keys() & given.keys():
-        raise click.UsageError(
-            f"leave out {given[name]}, {_FOR_ALL[name]}", click.get_current_context()
-        )
+        raise wrong_usage(f"leave out {given[name]}, {_FOR_ALL[name]}")
 
 
 def write_farm_files(

@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
     view_option,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.types import STOPS, Bytes, Within
+from shrm_cli.cli.types import BYTES, STOPS, within
 from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
@@ -72,11 +72,11 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     help=f"Walk around the spheres in N steps.  [default: {_FRAMES} of a moving picture]",
 )  # fmt: skip
 @click.option(
-    "--fps", type=Within(0.1, 120), metavar="X",
+    "--fps", type=within(0.1, 120), metavar="X",
     help="Frames a second of a moving picture.  [default: 24]",
 )  # fmt: skip
 @click.option(
-    "--max-memory", type=Bytes(), metavar="BYTES",
+    "--max-memory", type=BYTES, metavar="BYTES",
     help="The most memory that the sheet may take, such as 2GB: GIF and APNG hold all frames.  "
     "[default: half of the machine's]",
 )  # fmt: skip

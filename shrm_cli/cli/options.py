@@ -12,7 +12,7 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
 from shrm_cli.cli.threads import limit_libraries
-from shrm_cli.cli.types import STOPS, AzimuthElevation, PrimariesType, Spec, click_option
+from shrm_cli.cli.types import DIRECTION, OF_PRIMARIES, STOPS, Spec, click_option
 from shrm_cli.cli.usage import Applies, flags, is_quiet, remember, wants_json
 from shrm_cli.layouts import IMAGE_LAYOUTS
 from shrm_cli.maps.options import SHARED, Option, all_options
@@ -106,7 +106,7 @@ materials_option = click.option(
 )  # fmt: skip
 _DIRECTION = "Direction to the viewer, degrees: azimuth from +Z towards +X, elevation."
 view_option = click.option(
-    "--view", type=AzimuthElevation(), default="0,0", show_default=True, help=_DIRECTION
+    "--view", type=DIRECTION, default="0,0", show_default=True, help=_DIRECTION
 )
 _VIEWS = ("0,0", "120,20", "240,-20")
 
@@ -114,7 +114,7 @@ _VIEWS = ("0,0", "120,20", "240,-20")
 def views_option(name: str) -> Callable[[Command], Command]:
     """Return the option --view, whose value has a name: the directions to several viewers."""
     return click.option(
-        "--view", name, type=AzimuthElevation(), multiple=True, default=_VIEWS,
+        "--view", name, type=DIRECTION, multiple=True, default=_VIEWS,
         help=f"{_DIRECTION} May be given several times.  [default: {' '.join(_VIEWS)}]",
     )  # fmt: skip
 
@@ -202,12 +202,12 @@ read_options = several(
     ),
     click.option("--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."),
     click.option(
-        "--primaries", type=PrimariesType(),
+        "--primaries", type=OF_PRIMARIES,
         help=f"Its primaries, whatever it says: {', '.join(PRIMARIES)}, or x and y of "
         "red, green, blue and white.  [default: as it says, else rec709]",
     ),
     click.option(
-        "--working", type=PrimariesType(),
+        "--working", type=OF_PRIMARIES,
         help="Convert its light to these primaries.  [default: it stays as it is]",
     ),
 )  # fmt: skip

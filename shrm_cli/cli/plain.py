@@ -14,7 +14,7 @@ from shrm_cli.cli.conversion import Converted, open_source
 from shrm_cli.cli.options import several
 from shrm_cli.cli.outputs import map_stem, picture_attributes
 from shrm_cli.cli.shading import shaded_maps, surface_options, surface_values
-from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.types import DIRECTION
 from shrm_cli.cli.usage import Applies
 from shrm_cli.vocabulary import LOOKUPS
 
@@ -33,7 +33,7 @@ _IMAGES = ("latlong", "openexr")
 
 plain_options = several(
     click.option(
-        "--view", type=AzimuthElevation(),
+        "--view", type=DIRECTION,
         help="With --to latlong, of a map: the light reflected to a distant viewer there, "
         "degrees, as a plain image.",
     ),

@@ -9,7 +9,7 @@ import click
 
 from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import AzimuthElevation, Radiance
+from shrm_cli.cli.types import DIRECTION, RADIANCE
 from shrm_cli.cli.usage import is_quiet, remember
 from shrm_cli.files.whole import check_target
 from shrm_cli.vocabulary import PRECISIONS
@@ -58,7 +58,7 @@ def probe() -> None:
 @probe.command()
 @output_options
 @click.option(
-    "--radiance", type=Radiance(), default="1", show_default=True,
+    "--radiance", type=RADIANCE, default="1", show_default=True,
     help="Radiance, grey or RGB.",
 )  # fmt: skip
 def furnace(size: int, radiance: tuple[float, ...], **written: Any) -> None:
@@ -72,11 +72,11 @@ def furnace(size: int, radiance: tuple[float, ...], **written: Any) -> None:
 @probe.command()
 @output_options
 @click.option(
-    "--direction", type=AzimuthElevation(), default="0,0", show_default=True,
+    "--direction", type=DIRECTION, default="0,0", show_default=True,
     help="Direction that the bright texel contains, degrees.",
 )  # fmt: skip
 @click.option(
-    "--radiance", type=Radiance(),
+    "--radiance", type=RADIANCE,
     help="Radiance of the texel, grey or RGB.  [default: 1 / its solid angle]",
 )  # fmt: skip
 def impulse(
@@ -93,7 +93,7 @@ def impulse(
 @probe.command()
 @output_options
 @click.option(
-    "--sun", type=AzimuthElevation(), default="45,35", show_default=True,
+    "--sun", type=DIRECTION, default="45,35", show_default=True,
     help="Direction of the sun, degrees; elevation 0 to 90.",
 )  # fmt: skip
 @click.option(

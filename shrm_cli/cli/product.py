@@ -12,7 +12,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, precision_option, report_options
 from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, readable_map
 from shrm_cli.cli.types import Spec
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, refuse_inapplicable, wrong_usage
 from shrm_cli.naming import brdf_label
 from shrm_cli.vocabulary import (
     CONTAINERS,
@@ -132,9 +132,8 @@ def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
     """
     text, *others = texts
     if others:
-        raise click.UsageError(
-            "--vary is given more than once, and one parameter can vary; give one of them",
-            click.get_current_context(),
+        raise wrong_usage(
+            "--vary is given more than once, and one parameter can vary; give one of them"
         )
     name, equals, interval = text.partition("=")
     low, dots, high = interval.partition("..")
@@ -143,10 +142,7 @@ def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
     except ValueError:
         ends = math.nan, math.nan
     if not (name and equals and dots and -math.inf < ends[0] < ends[1] < math.inf):
-        raise click.UsageError(
-            f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5",
-            click.get_current_context(),
-        )
+        raise wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
     return name.strip(), *ends
 
 

@@ -35,7 +35,7 @@ from shrm_cli.cli.stage import (
     refuse_transfer_options,
     shadowed,
 )
-from shrm_cli.cli.types import PictureSize
+from shrm_cli.cli.types import picture_size
 from shrm_cli.cli.usage import refuse_inapplicable
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
 )  # fmt: skip
 @view_option
 @click.option(
-    "--size", type=PictureSize(16, 8192), default="512", show_default=True,
+    "--size", type=picture_size(16, 8192), default="512", show_default=True,
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
 @mesh_options

@@ -24,7 +24,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.types import STOPS, Bytes
+from shrm_cli.cli.types import BYTES, STOPS
 from shrm_cli.cli.usage import flags
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
@@ -82,7 +82,7 @@ _UNSAID = ("probe", "output")
 @click.option("--no-flip", is_flag=True, help="Leave out HDR-FLIP.")
 @click.option("--no-view", is_flag=True, help="Leave out the interactive views: a small page.")
 @click.option(
-    "--max-page", type=Bytes(), metavar="BYTES", default=str(_MAX_PAGE),
+    "--max-page", type=BYTES, metavar="BYTES", default=str(_MAX_PAGE),
     help="The most that the page may take, such as 8MB; views that do not fit are left out.  "
     "[default: 32MB]",
 )  # fmt: skip

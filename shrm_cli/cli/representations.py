@@ -13,7 +13,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.terminal import columns
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.usage import flags, wrong_usage
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
@@ -65,9 +65,7 @@ def print_representations(
     from shrm_cli.render.shading import ggx_surface, reflectance
 
     if is_map(path):
-        raise click.UsageError(
-            f"{path} is a map; --representations takes a light probe", click.get_current_context()
-        )
+        raise wrong_usage(f"{path} is a map; --representations takes a light probe")
     source = open_probe(path, options)
     low, high = roughness or ROUGHNESS
     size = size or (SIZE if output is None else SIZE_OF_PICTURE)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.types import Within
+from shrm_cli.cli.types import Parsed, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MIN_ROUGHNESS
 
@@ -21,32 +21,27 @@ if TYPE_CHECKING:
     from shrm_cli.render.shading import KnownMap
 
 
-class Reflectance(click.ParamType):  # type: ignore[type-arg]
-    """A reflectance as in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
+def _reflectance(text: str) -> str:
+    """Return a text that `reflectance` understands, as it is."""
+    from shrm_cli.errors import BrdfError
+    from shrm_cli.render.shading import reflectance
 
-    name = "F0"
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the text, which `reflectance` understands."""
-        from shrm_cli.errors import BrdfError
-        from shrm_cli.render.shading import reflectance
-
-        if not value.strip() or set(value) & set(",:+*="):
-            self.fail(f"{value!r} is not a colour such as 0.04, 1/0.78/0.34 or gold", param, ctx)
-        try:
-            reflectance(value)
-        except BrdfError as error:
-            self.fail(str(error).removeprefix("ggx: "), param, ctx)
-        return value
+    if not text.strip() or set(text) & set(",:+*="):
+        raise ValueError(f"{text!r} is not a colour such as 0.04, 1/0.78/0.34 or gold")
+    try:
+        reflectance(text)
+    except BrdfError as error:
+        raise ValueError(str(error).removeprefix("ggx: ")) from None
+    return text
 
 
 roughness_option = click.option(
-    "--roughness", type=Within(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness", type=within(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     f"as.  [default: {DEFAULT_ROUGHNESS:g}]",
 )  # fmt: skip
 f0_option = click.option(
-    "--f0", type=Reflectance(),
+    "--f0", type=Parsed("F0", _reflectance),
     help="Its reflectance at normal incidence: a number, R/G/B or a metal's name.  [default: 1]",
 )  # fmt: skip
 surface_options = several(roughness_option, f0_option)

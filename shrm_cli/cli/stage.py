@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.types import Brush, Vector, Within
+from shrm_cli.cli.types import BRUSH, VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
@@ -29,20 +29,20 @@ mesh_options = several(
         help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
     ),
     click.option(
-        "--fov", type=Within(0.01, 170), metavar="DEGREES",
+        "--fov", type=within(0.01, 170), metavar="DEGREES",
         help="Angle of view of the camera before a mesh, across the shorter edge.  "
         "[default: 35]",
     ),
     click.option(
-        "--distance", type=Within(0, _LARGEST), metavar="D",
+        "--distance", type=within(0, _LARGEST), metavar="D",
         help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
     ),
     click.option(
-        "--target", type=Vector(),
+        "--target", type=VECTOR,
         help="What the camera looks at.  [default: the middle of the mesh]",
     ),
     click.option(
-        "--brush", type=Brush(),
+        "--brush", type=BRUSH,
         help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
         "direction.  [default: around +Y]",
     ),

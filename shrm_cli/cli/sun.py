@@ -16,8 +16,8 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import Fraction, Within
-from shrm_cli.cli.usage import wants_json
+from shrm_cli.cli.types import FRACTION, within
+from shrm_cli.cli.usage import wants_json, wrong_usage
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     help="Print lines that make the lamps there, instead of the report.",
 )  # fmt: skip
 @click.option(
-    "--error", type=Fraction(), default=LAMP_ERROR, show_default=True, metavar="X",
+    "--error", type=FRACTION, default=LAMP_ERROR, show_default=True, metavar="X",
     help="RMS error of the irradiance that discs may make; what gives less is no lamp.",
 )  # fmt: skip
 @click.option(
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     help="The most lamps.",
 )  # fmt: skip
 @click.option(
-    "--sun-radius", type=Within(0.001, 90), metavar="DEG",
+    "--sun-radius", type=within(0.001, 90), metavar="DEG",
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
 @precision_option
@@ -83,11 +83,9 @@ def sun(
     """
     for name, target in (("--light-file", light_file), ("--usd", usd)):
         if target is not None and output is None:
-            raise click.UsageError(
-                f"{name} names the residual; give -o FILE.exr, too", click.get_current_context()
-            )
+            raise wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
     if engine is not None and wants_json():
-        raise click.UsageError("--for excludes --json", click.get_current_context())
+        raise wrong_usage("--for excludes --json")
     options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.probe.probe import open_probe

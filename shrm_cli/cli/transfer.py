@@ -10,7 +10,7 @@ import click
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude, report_options
 from shrm_cli.cli.outputs import check_outputs, force_option
-from shrm_cli.cli.types import Albedo, Brush
+from shrm_cli.cli.types import ALBEDO, BRUSH
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
@@ -41,7 +41,7 @@ _MOST_SAMPLES = 2**16
     help="How often light is reflected within the mesh.",
 )  # fmt: skip
 @click.option(
-    "--albedo", type=Albedo(), default="0.5", show_default=True,
+    "--albedo", type=ALBEDO, default="0.5", show_default=True,
     help="What the mesh reflects diffusely: a number, R,G,B, or the colours of its vertices.",
 )  # fmt: skip
 @click.option(
@@ -50,7 +50,7 @@ _MOST_SAMPLES = 2**16
 )  # fmt: skip
 @click.option("--matrices", is_flag=True, help="Bake matrices too, for glossy surfaces.")
 @click.option(
-    "--brush", type=Brush(),
+    "--brush", type=BRUSH,
     help="Tangents of the matrices: along the texture coordinate u, or a direction.  "
     "[default: around +Y]",
 )  # fmt: skip

@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
 from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.shading import needs_surface, surface_of, surface_options
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes
+from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
@@ -49,7 +49,7 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     help="OBJ, PLY, STL, glTF or GLB to show the maps on, besides a sphere and a figure.",
 )  # fmt: skip
 @click.option(
-    "--view", "views", type=AzimuthElevation(), multiple=True, default=["0,0"],
+    "--view", "views", type=DIRECTION, multiple=True, default=["0,0"],
     help="First direction to the viewer, degrees: azimuth from +Z towards +X, elevation. Given "
     "several times, the truth is known of all of them.  [default: 0,0]",
 )  # fmt: skip
@@ -66,7 +66,7 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 @truth_options
 @click.option("--no-truth", is_flag=True, help="Compute no truth; the probe is shown all the same.")
 @click.option(
-    "--max-size", type=Bytes(), metavar="BYTES", default=str(_MAX_SIZE),
+    "--max-size", type=BYTES, metavar="BYTES", default=str(_MAX_SIZE),
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip

@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Package
 from shrm_cli.export.ktx import can_compress, ktx2_cube
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.turning import to_lookup
 from shrm_cli.extras import install
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-
-Array = NDArray[np.floating]
 
 DIFFUSE_SIZE = 64
 """Texels along an edge of a cube of E / pi, which is smooth."""

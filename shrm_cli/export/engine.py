@@ -11,9 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
 from shrm_cli.files.whole import write_bytes
@@ -21,8 +19,6 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -7,12 +7,11 @@ same world in their centre, so that whole columns are moved and nothing is inter
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Light, OutputFile, Package
 from shrm_cli.export.pixels import FORMATS, limited
 from shrm_cli.files.image import probe_attributes, write_image
-
-Array = NDArray[np.floating]
 
 _HALF = FORMATS["rgba16f"]
 """Engines keep lat-longs in halves; what is beyond them would become infinite there."""

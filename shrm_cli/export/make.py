@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli import __release__
 from shrm_cli.brdf.environment.environment_brdf import environment_table
@@ -34,8 +33,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-
-Array = NDArray[np.floating]
 
 DIFFUSE_ORDER = 64
 """The order of the irradiance that cubes are made of. What is beyond rounds off the edge where the

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Words = NDArray[np.unsignedinteger]
 
 

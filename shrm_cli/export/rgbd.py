@@ -14,9 +14,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.pixels import Clipped, TexelFormat, encoded
-
-Array = NDArray[np.floating]
 
 LARGEST = 255.0
 """The largest radiance that a pixel can hold."""

@@ -7,12 +7,11 @@ texels, so that nothing is lost.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.layouts import FACES
 from shrm_cli.sphere.cube import face_axes, turned_face
-
-Array = NDArray[np.floating]
 
 
 def mirrored(*signs: int) -> Array:

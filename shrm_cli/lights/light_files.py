@@ -3,16 +3,14 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import probe_attributes, write_image
 from shrm_cli.lights.split import LampSplit
 from shrm_cli.probe.disc import Disc
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.vocabulary import PixelType, Precision
-
-Array = NDArray[np.floating]
 
 
 def write_residual(path: str, split: LampSplit, precision: Precision = "auto") -> PixelType:

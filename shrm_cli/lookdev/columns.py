@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.batch.work import error_line
 from shrm_cli.color import to_rec709
@@ -31,8 +30,6 @@ from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 SHOWN = 0.8
 """Linear grey, 1 being white, of the luminance that is metered: 231 of 255 in sRGB."""

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.brdf.spec import file_label, names_file
 from shrm_cli.brdf.sums import is_sum, term_texts
@@ -18,8 +17,6 @@ from shrm_cli.files.picture import Picture
 from shrm_cli.lookdev.columns import Column
 from shrm_cli.maps.options import counted
 from shrm_cli.naming import probe_stem
-
-Array = NDArray[np.floating]
 
 _MOST = 24
 """Characters of a short name; longer ones end in an ellipsis."""

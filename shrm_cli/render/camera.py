@@ -8,12 +8,10 @@ probe, so that letters in a probe are not mirrored.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation, normalize
-
-Array = NDArray[np.floating]
 
 SPHERE_FILL = 0.9
 """Diameter of the sphere as a fraction of the picture's width."""

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
@@ -17,8 +17,6 @@ from shrm_cli.render.image import expose
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -8,6 +8,7 @@ that miss the mesh show the background.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.files.picture import Picture
 from shrm_cli.geometry.normals import face_normals
 from shrm_cli.geometry.rays import Rays
@@ -19,8 +20,6 @@ from shrm_cli.render.perspective import Aim, Lens
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
 from shrm_cli.render.vertex_colors import VertexColors
-
-Array = NDArray[np.floating]
 
 _PIXELS_AT_ONCE = 2**16
 """The most pixels that are drawn at a time."""

@@ -7,8 +7,9 @@ mirror looks an environment up by; for a constant view the one tells the other.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.progress import Progress
@@ -17,8 +18,6 @@ from shrm_cli.sphere.directions import bisector, normalize
 from shrm_cli.sphere.grid.latlong import latlong_points
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.vocabulary import LOOKUPS, Lookup, Sampling
-
-Array = NDArray[np.floating]
 
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are looked up at a time."""

@@ -7,14 +7,13 @@ negative, which a screen shows as black.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.records import record
 from shrm_cli.render.image import weighted_quantiles
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -7,14 +7,12 @@ from collections.abc import Iterable, Sequence
 from math import ceil, isqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
 from shrm_cli.files.lettering import text_coverage
 from shrm_cli.files.picture import Picture
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 MAX_PIXELS = 2**27
 """The most pixels of a sheet, which are 1.5 GiB as 32-bit floats."""

@@ -6,12 +6,11 @@ Kautz, Sloan and Snyder 2002, section 4 and figure 4, vary one parameter of thei
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.probe.image_file import stored_image
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 _MOST_PIXELS = 2**26
 """The most pixels of an image that is read, 8192 x 8192."""

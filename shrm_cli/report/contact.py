@@ -9,8 +9,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
@@ -26,8 +26,6 @@ from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, joined, tag, whole_page
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 SIZE = 96
 """Width and height of the pictures, pixels."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.render.camera import whole_coverage
 from shrm_cli.render.flip import FlipError
@@ -14,8 +15,6 @@ from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, facts, figure, joined, table, tag
 from shrm_cli.report.measure import Made, Material
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
-
-Array = NDArray[np.floating]
 
 _SCALES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Ends of the scale of differences; the least is taken that 95 % of the pixels are within."""

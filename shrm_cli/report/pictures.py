@@ -5,12 +5,12 @@ import base64
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import to_rec709
 from shrm_cli.files.png import encode_srgb, png_bytes
 from shrm_cli.render.camera import whole_coverage
 from shrm_cli.report.markup import Html, tag
 
-Array = NDArray[np.floating]
 Bytes = NDArray[np.uint8]
 
 _SHOULDER = 0.7

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.vectors import METALS
 from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
@@ -28,8 +28,6 @@ from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
 from shrm_cli.view.shapes import described_shapes
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
-
-Array = NDArray[np.floating]
 
 SKY_ROWS = 512
 """The most rows of the probe behind the shape."""

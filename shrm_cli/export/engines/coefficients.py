@@ -3,8 +3,9 @@
 import json
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import (
     babylon,
@@ -14,8 +15,6 @@ from shrm_cli.export.harmonics import (
     three,
 )
 from shrm_cli.export.pixels import TexelFormat
-
-Array = NDArray[np.floating]
 
 _BASIS = (
     "real orthonormal spherical harmonics without Condon-Shortley phase, index l(l+1)+m: 1, y, z, "
