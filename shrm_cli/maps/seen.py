@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.plan import policy
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from shrm_cli.maps.prefiltered import Prefiltered
 
 
+@keeping_light()
 def kept_or_best(
     propose: Propose,
     goal: Goal,
@@ -40,18 +42,6 @@ def kept_or_best(
         Where none keeps the goal, the one that misses the least, with a warning that says by how
         much, and what would keep it. Where all are negative somewhere, the least dark one.
     """
-    from shrm_cli.maps.lobes_lit import keeping_light  # maps of an error alone do without
-
-    with keeping_light():
-        return _kept_or_best(propose, goal, max_size, instead)
-
-
-def _kept_or_best(
-    propose: Propose,
-    goal: Goal,
-    max_size: int,
-    instead: Callable[[Candidate[Prefiltered]], Prefiltered | None],
-) -> Prefiltered:
     tried: list[Candidate[Prefiltered]] = []
     dark: list[tuple[float, Prefiltered]] = []
     for candidate in rising(propose, goal):

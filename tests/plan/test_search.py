@@ -54,6 +54,7 @@ def test_it_finds_what_trying_everything_finds(table, error):
     every = [pair for sizes, errors in table for pair in zip(sizes, errors, strict=True)]
     kept = [pair for pair in every if pair[1] <= error / 40]
     found = fewest_bytes((row(*each) for each in table), error / 40)
+    assert found == fewest_bytes((row(*each) for each in table), error / 40, look_near=False)
     if not every:
         assert found is None
     elif kept:
@@ -65,6 +66,8 @@ def test_it_finds_what_trying_everything_finds(table, error):
         assert found[0].total_error == min(each for _, each in every)
     lasts = [errors[-1] for _, errors in table if errors]
     assert [each.total_error for each in least_errors(row(*each) for each in table)] == lasts
+    listed = [each.total_error for pair in table for each in row(*pair).every()]
+    assert listed == [each for _, errors in table for each in errors]
 
 
 def test_candidates_of_more_bytes_are_not_looked_at():

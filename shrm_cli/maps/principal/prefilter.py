@@ -6,7 +6,6 @@ from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
 from shrm_cli.maps.principal.terms import Wanted
-from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Goal
 from shrm_cli.probe.lighting import Projection
@@ -46,6 +45,9 @@ def prefilter(
     asked = Wanted(eps, error if goal is None else goal.error, maps, max_size, size)
     proposals = Proposals(Projection(probe, progress), brdf, asked, center, sampling, divide)
     if goal is not None:
+        # Only maps that are judged by what is seen need this module.
+        from shrm_cli.maps.seen import kept_or_best
+
         return kept_or_best(proposals.candidate, goal, max_size)
     proposal = proposals.propose()
     unmet = _unmet(proposals, proposal, error, max_size)

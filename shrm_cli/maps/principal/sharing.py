@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, sizes_of
+from shrm_cli.plan import policy
 from shrm_cli.plan.search import Row, fewest_bytes
 from shrm_cli.records import record
 
@@ -21,8 +22,6 @@ Array = NDArray[np.floating]
 _FIRST_BYTES = 2**16
 """The bytes that the forms of several terms may have at first; they double until the error is kept,
 so that not all forms have to be judged."""
-_TRIES = 3
-"""How often forms are sought that keep an error."""
 
 
 @record
@@ -161,7 +160,7 @@ class Sharing:
         The arguments are those of `within_error`. The error that is returned is exact.
         """
         allowed = error
-        for _ in range(_TRIES):
+        for _ in range(policy.TRIES):
             found, is_met = self.within_error(allowed, max_size, size)
             exact = self.joint(found.forms, is_exact=True)
             if not is_met or exact.total_error <= error:

@@ -19,6 +19,7 @@ from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.orders import octaves_to_come
+from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -33,11 +34,6 @@ _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _MOST_OCTAVES = 2
 """The most doublings at once for a measured BRDF, whose noise makes the estimate too large."""
-_FAIRLY = 1.25
-"""How many times the known degrees a map may support that is compared with a smaller one."""
-_LEAST_BYTES = 2**17
-"""Bytes that a map may have whatever the tolerance is. Broad lobes need so few texels that only a
-handful of functions would be left, and dark places a third wrong."""
 _SHARP = 0.05
 """The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
 _FIRST_Q = 6
@@ -208,7 +204,7 @@ def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
         return planner.nearly_best(want.max_size, want.size), False
     if want.size is not None:
         return simplest, True
-    room = min(max(simplest.bytes, _LEAST_BYTES), want.max_size)
+    room = min(max(simplest.bytes, policy.LEAST_BYTES), want.max_size)
     form = planner.best_within(room, simplest.size)
     # Its fewer texels may end before the order F, beyond which this light may have nothing.
     order = min(supported_order(form.size), known)
@@ -232,7 +228,7 @@ def _fills_budget(planner: Planner, want: Wanted) -> bool:
     best = planner.best_fitting(want.max_size, want.size)
     larger = [texels for texels in TRIED_SIZES if texels > best.size]
     rival = larger[0] if larger and want.size is None else best.size
-    return supported_order(rival) <= _FAIRLY * planner.spectrum.transfer.order_f
+    return supported_order(rival) <= policy.FAIRLY * planner.spectrum.transfer.order_f
 
 
 def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
