@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
@@ -27,7 +28,7 @@ from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURC
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis.orders import AccuracyCurve, EnergyGrid, OrderPictures
+    from shrm_cli.analysis.orders import AccuracyCurve, OrderPictures
     from shrm_cli.probe.probe import Probe
 
 _TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
@@ -187,7 +188,7 @@ def analyze(
         "probe": probe,
         "order_f": grid.order_f,
         "order_p": grid.order_p,
-        "orders": _orders(grid),
+        "orders": [order_values(each) for each in grid.orders],
         "brdf_energy_captured": grid.captured.tolist(),
         "accuracy": None if curve is None else _curve(curve),
         "pictures": None if pictures is None else {**drawing, **_pictures(pictures, views)},
@@ -254,18 +255,6 @@ def _source_height(source: Probe, order_f: int) -> int | None:
     return enough if source.grid.latlong_rows > enough else None
 
 
-def _orders(grid: EnergyGrid) -> list[dict[str, Any]]:
-    return [
-        {
-            "epsilon": each.tolerance,
-            "order_f": each.order_f,
-            "order_p": each.order_p,
-            "brdf_energy_captured": each.captured,
-        }
-        for each in grid.orders
-    ]
-
-
 def _curve(curve: AccuracyCurve) -> dict[str, Any]:
     values = {each.name: getattr(curve, each.name) for each in fields(curve)}
     return {
@@ -296,11 +285,7 @@ def _pictures(pictures: OrderPictures, views: Sequence[tuple[float, float]]) -> 
 
 
 def _report(result: dict[str, Any]) -> list[str]:
-    lines = [
-        f"  eps {row['epsilon']:<7g} F = {row['order_f']}, P = {row['order_p']} "
-        f"({row['brdf_energy_captured']:.2%} of the energy)"
-        for row in result["orders"]
-    ]
+    lines = [f"  {order_text(row)}" for row in result["orders"]]
     if (curve := result["accuracy"]) is not None:
         lines += [f"{result['probe']}, P = {curve['order_p']}: accuracy of the reflected light"]
         lines += ["    F  accuracy   minimum      BRDF     bound"]

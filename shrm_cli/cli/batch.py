@@ -336,7 +336,7 @@ def _run(
             raise
         finally:
             if written is not None:
-                written.write({"status": "ended", **totals.as_json()})
+                written({"status": "ended", **totals.as_json()})
     if collect is not None and terms.gathering is not None and not terms.only_looks:
         _write_gathered(collect, terms.gathering, chunks, results)
         if not (is_quiet() or wants_json()):
@@ -378,7 +378,7 @@ def _note(result: Result, log: Log | None, only_looks: bool) -> None:
     """Write records into the log, and what failed, or would be made, to the terminal."""
     for record in result.records:
         if log is not None:
-            log.write(record)
+            log(record)
         if record["status"] == "failed":
             error = record["error"].removeprefix(f"{record['output']}: ")
             echo_message(f"Failed: {record['output']}: {flags(error)}")
@@ -388,7 +388,7 @@ def _note(result: Result, log: Log | None, only_looks: bool) -> None:
     if result.error and not result.records:
         echo_message(f"Failed: {flags(result.error)}")
         if log is not None:
-            log.write({"status": "failed", "probe": result.probe, "error": result.error})
+            log({"status": "failed", "probe": result.probe, "error": result.error})
 
 
 def _predictions(chunks: list[Chunk]) -> list[dict[str, Any]]:

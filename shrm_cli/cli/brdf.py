@@ -16,6 +16,7 @@ from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
+    from shrm_cli.orders import Orders
     from shrm_cli.progress import Progress
 
 _TOLERANCES = (0.1, 0.03, 0.01)
@@ -182,14 +183,7 @@ def _orders(
         except OrderError as error:
             rows.append({"epsilon": eps, "error": str(error)})
             continue
-        rows.append(
-            {
-                "epsilon": eps,
-                "order_f": orders.order_f,
-                "order_p": orders.order_p,
-                "brdf_energy_captured": orders.captured,
-            }
-        )
+        rows.append(order_values(orders))
         captured = coefficients.captured()[orders.order_f, : _MOST_P + 1].tolist()
         captured += captured[-1:] * (_MOST_P + 1 - len(captured))
     return rows, captured
@@ -228,7 +222,7 @@ def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
     lines += [f"  source      {chosen.source}", f"  centre      {chosen.center}"]
     lines += [f"  parameter   {line}" for line in _parameter_lines(chosen)]
     lines += _examination_lines(chosen, report["examination"])
-    lines += [f"  {_row_text(row)}" for row in report["orders"]]
+    lines += [f"  {order_text(row)}" for row in report["orders"]]
     if not chosen.isotropic:
         lines.append("  anisotropic: `shrm product` prefilters it, other forms refuse it")
     if "captured_by_view_order" in report:
@@ -262,7 +256,18 @@ def _examination_lines(chosen: Brdf, found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _row_text(row: dict[str, Any]) -> str:
+def order_values(orders: Orders) -> dict[str, Any]:
+    """Return the orders that a tolerance asks for, as JSON has them."""
+    return {
+        "epsilon": orders.tolerance,
+        "order_f": orders.order_f,
+        "order_p": orders.order_p,
+        "brdf_energy_captured": orders.captured,
+    }
+
+
+def order_text(row: dict[str, Any]) -> str:
+    """Return `order_values` as text, or why there are no orders."""
     if "error" in row:
         return f"eps {row['epsilon']:<7g} {row['error']}"
     return (

@@ -11,6 +11,7 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
+    READING_NAMES,
     conclude,
     exposure_option,
     make_read_options,
@@ -123,11 +124,8 @@ def compare(
     roughness: tuple[float, float] | None,
     f0: str | None,
     window: str | None,
-    steps: int | None,
-    tolerance: float,
     exact: bool,
     source_height: int | None,
-    max_memory: int | None,
     views: tuple[tuple[float, float], ...],
     size: int | None,
     exposure: float,
@@ -135,7 +133,7 @@ def compare(
     output: str | None,
     no_picture: bool,
     no_flip: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Compare each MAP with the truth of a --probe; without one, with the first MAP.
 
@@ -159,8 +157,8 @@ def compare(
 
         _check_representations(maps, output, roughness)
         print_representations(
-            maps[0], make_read_options(reading), roughness, steps, f0, tolerance, views, size,
-            source_height, exact, max_memory, exposure, output,
+            maps[0], make_read_options(values), roughness, f0, views, size, source_height, exact,
+            exposure, output, **values,
         )  # fmt: skip
         return
     from shrm_cli.brdf.spec import parse_spec
@@ -174,9 +172,9 @@ def compare(
     from shrm_cli.render.flip import can_flip
     from shrm_cli.render.primaries import in_same_primaries
 
-    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *reading])
+    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *READING_NAMES])
     size = size or _SIZE
-    source = None if probe is None else open_probe(probe, make_read_options(reading))
+    source = None if probe is None else open_probe(probe, make_read_options(values))
     names = maps[1:] if source is None else maps
     target = None if no_picture else output or "compare.png"
     if target is not None:

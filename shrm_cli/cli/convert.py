@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,7 +18,7 @@ from shrm_cli.cli.options import (
     report_options,
     representation_options,
 )
-from shrm_cli.cli.outputs import force_option
+from shrm_cli.cli.outputs import force_option, source_stem
 from shrm_cli.cli.plain import (
     convert_to_mips,
     convert_to_view,
@@ -33,7 +32,6 @@ from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import IMAGE_LAYOUTS, LAYOUTS
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions
-from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import (
     FRAMES,
     MAX_ORDER_P,
@@ -211,10 +209,5 @@ def _rules(target: str) -> dict[str, Applies]:
 
 def _default_name(source: str, target: str) -> str:
     """Return the name of an output after that of its source, without what it was before."""
-    stem = Path(source).stem
-    base, dot, last = stem.rpartition(".")
-    family = list(REPRESENTATIONS) if target in REPRESENTATIONS else list(IMAGE_LAYOUTS)
-    if dot and last in family:
-        stem = base
-    stem = probe_stem(f"{stem}.exr")
+    stem = source_stem(source, REPRESENTATIONS if target in REPRESENTATIONS else IMAGE_LAYOUTS)
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"

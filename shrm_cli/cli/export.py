@@ -15,9 +15,8 @@ from shrm_cli.cli.options import (
     reading_rules,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs, force_option
+from shrm_cli.cli.outputs import check_outputs, force_option, source_stem
 from shrm_cli.cli.usage import refuse_inapplicable, renamed, wrong_usage
-from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def export(
     from shrm_cli.export.make import Asked, check, export, write
 
     reading = make_read_options(values)
-    name = _name(sources[0])
+    name = source_stem(sources[0], REPRESENTATIONS)
     folder = Path(output) if output else Path(f"{name}.{engine}")
     chosen = engine_of(engine)
     asked = Asked(size, texels, skybox, window, dfg, keeps_primaries=reading.working is not None)
@@ -130,10 +129,3 @@ def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source
         raise wrong_usage(f"{sources[0]} is a probe; export it alone")
     probe = open_probe(sources[0], reading)
     return Source(name, Path(sources[0]).name, probe)
-
-
-def _name(source: str) -> str:
-    """Return what the names of the files begin with: the probe's name."""
-    stem = Path(source).stem
-    base, dot, last = stem.rpartition(".")
-    return probe_stem(f"{base if dot and last in REPRESENTATIONS else stem}.exr")

@@ -208,7 +208,7 @@ def lookdev(
             for each, name in zip(columns, names, strict=True)
         ],
         "predicted_errors": [
-            [None if cell.map is None else cell.map.info.predicted_error for cell in each.cells]
+            [None if isinstance(cell, str) else cell.info.predicted_error for cell in each.cells]
             for each in columns
         ],
         "failures": failures,
@@ -226,10 +226,10 @@ def lookdev(
 def _failures(columns: Sequence[Column], specs: Sequence[str]) -> list[str]:
     """Return a line for each cell without a map."""
     return [
-        f"{column.path}, {spec}: {flags(cell.error.removeprefix(f'{column.path}: '))}"
+        f"{column.path}, {spec}: {flags(cell.removeprefix(f'{column.path}: '))}"
         for column in columns
         for spec, cell in zip(specs, column.cells, strict=True)
-        if cell.map is None
+        if isinstance(cell, str)
     ]
 
 

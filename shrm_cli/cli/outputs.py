@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.errors import MapError
+from shrm_cli.files.inputs import note
 from shrm_cli.files.whole import check_target, kept, note
+from shrm_cli.naming import probe_stem
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
@@ -37,6 +39,13 @@ def map_stem(path: str) -> str:
     """Return the name of a map's file without its folder and the suffix ``.exr``."""
     name = Path(path).name
     return name[:-4] if name.lower().endswith(".exr") else name
+
+
+def source_stem(path: str, forms: Collection[str]) -> str:
+    """Return what outputs are named after: a file's name without its suffix, and without a form."""
+    stem = Path(path).stem
+    base, dot, last = stem.rpartition(".")
+    return probe_stem(f"{base if dot and last in forms else stem}.exr")
 
 
 def check_outputs(

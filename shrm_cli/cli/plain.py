@@ -19,8 +19,6 @@ from shrm_cli.cli.usage import Applies
 from shrm_cli.vocabulary import LOOKUPS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from shrm_cli.cli.conversion import Conversion
     from shrm_cli.vocabulary import Lookup, Sampling
 
@@ -167,7 +165,9 @@ def convert_to_mips(job: Conversion) -> Converted:
     else:
         levels = latlong_mips(found, job.size or 2 * found.size, sampled)
     levels, warnings = without_negative(job.path, levels)
-    roughness = _level_roughness(found.roughness, len(levels))
+    # Levels beyond a split sum's own have the roughness of its last.
+    known = (*found.roughness, *[found.roughness[-1]] * (len(levels) - len(found.roughness)))
+    roughness = [round(value, 6) for value in known]
     recipe = {"convert": Path(job.source).name, "to": job.target, "roughness": roughness}
     attributes = picture_attributes(recipe, [found.info.chromaticities])
     if sampled == "border":
@@ -184,8 +184,3 @@ def convert_to_mips(job: Conversion) -> Converted:
         f"  roughness      {listed}"
     )
     return Converted(result, report, [*warnings, *notes])
-
-
-def _level_roughness(known: Sequence[float], count: int) -> list[float]:
-    """Return the roughness of each level of a file; those beyond a split sum's own are its last."""
-    return [round(value, 6) for value in (*known, *[known[-1]] * (count - len(known)))]

@@ -28,11 +28,11 @@ from shrm_cli.cli.shading import (
     window_option,
 )
 from shrm_cli.cli.stage import (
+    OF_SURFACES,
     mesh_options,
     mesh_values,
     open_stage,
     refuse_mesh_options,
-    refuse_transfer_options,
     shadowed,
 )
 from shrm_cli.cli.types import picture_size
@@ -88,15 +88,7 @@ def render(
     view: tuple[float, float],
     size: tuple[int, int],
     mesh: str | None,
-    fov: float | None,
-    distance: float | None,
-    target: tuple[float, float, float] | None,
-    brush: str | tuple[float, float, float] | None,
-    vary: str | None,
-    irradiance: str | None,
     transfer: str | None,
-    roughness: float | None,
-    f0: str | None,
     exposure: float,
     background: str | None,
     probe: str | None,
@@ -104,7 +96,7 @@ def render(
     frames: int | None,
     columns: int | None,
     precision: Precision,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Render a sphere from each MAP, as a distant viewer sees it, or a mesh.
 
@@ -137,14 +129,13 @@ def render(
     pattern = output or _default_name(maps, mesh, frames)
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
-    refuse_mesh_options(mesh)
-    refuse_transfer_options(transfer, mesh)
+    refuse_mesh_options(mesh, transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
-    options = make_read_options(reading)
+    options = make_read_options(values)
     probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
     sky = None if background is None else probes[background]
-    named = [path for path in (mesh, vary) if path not in (None, "vertex")]
+    named = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
     check_outputs(targets, files=(*maps, *named))
     opened = [open_map(path) for path in maps]
     refuse_inapplicable({"probe": to_unlit(opened)})
@@ -157,7 +148,7 @@ def render(
         width, height = size
         if width != height:
             raise click.UsageError("--size of a sphere's picture is one number")
-        loaded, surface, warnings = shaded_maps(opened, maps, roughness, f0)
+        loaded, surface, warnings = shaded_maps(opened, maps, values["roughness"], values["f0"])
         primaries = opened[0].info.chromaticities
         loaded = in_same_primaries(loaded, primaries)
         sky = None if sky is None else sky.in_primaries(primaries)
@@ -169,9 +160,10 @@ def render(
         from shrm_cli.render.mesh import MeshSubject
         from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
 
-        stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance, vary)
-        lens = Lens(*size, DEFAULT_FOV if fov is None else fov)
-        aim = aimed(stage.mesh.vertices, viewers, lens, target, distance)
+        stage, warnings = open_stage(mesh, opened, maps, values)
+        lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
+        where = values["target"], values["distance"]
+        aim = aimed(stage.mesh.vertices, viewers, lens, *where)
         subject = MeshSubject(stage, lens, aim)
         seen = [each.info for each in (*opened, *stage.maps())]
         primaries = one_of({each.chromaticities for each in seen})
@@ -181,14 +173,7 @@ def render(
         if transfer is not None:
             drawn = shadowed(stage, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
-        given = {
-            "roughness": roughness,
-            "f0": f0,
-            "brush": brush,
-            "vary": vary,
-            "irradiance": irradiance,
-            "transfer": transfer,
-        }
+        given = {**{name: values[name] for name in OF_SURFACES}, "transfer": transfer}
         said = {
             "size": list(size),
             **mesh_values(subject, mesh),

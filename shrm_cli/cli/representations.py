@@ -39,16 +39,16 @@ def print_representations(
     path: str,
     options: ReadOptions,
     roughness: tuple[float, float] | None,
-    steps: int | None,
     f0: str | None,
-    tolerance: float,
     views: Sequence[tuple[float, float]],
     size: int | None,
     source_height: int | None,
     exact: bool,
-    max_memory: int | None,
     exposure: float,
     output: str | None,
+    steps: int | None,
+    tolerance: float,
+    max_memory: int | None,
 ) -> None:
     """Print a table of the storage, the time and the errors of each representation of a probe."""
     import numpy as np

@@ -69,22 +69,14 @@ class Wanted:
 
 
 @record
-class Cell:
-    """A material under a probe: its map, or why there is none."""
-
-    map: Map | None
-    error: str = ""
-
-
-@record
 class Column:
     """A probe and its maps.
 
     Attributes
     ----------
     path : str
-    cells : tuple of Cell
-        One for each material.
+    cells : tuple of Map or str
+        For each material the map, or why there is none.
     surroundings : Probe, optional
         What is seen behind the spheres; None if the probe cannot be used.
     exposure : float
@@ -94,7 +86,7 @@ class Column:
     """
 
     path: str
-    cells: tuple[Cell, ...]
+    cells: tuple[Map | str, ...]
     surroundings: Probe | None = None
     exposure: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -111,11 +103,11 @@ class Column:
         if self.surroundings is not None:
             behind = render_background(self.surroundings, viewer, size)
         for cell in self.cells:
-            if cell.map is None:
-                yield cell.error
+            if isinstance(cell, str):
+                yield cell
                 continue
-            drawn = expose(render_sphere(cell.map, viewer, size, behind), self.exposure)
-            matrix = to_rec709(cell.map.info.chromaticities)
+            drawn = expose(render_sphere(cell, viewer, size, behind), self.exposure)
+            matrix = to_rec709(cell.info.chromaticities)
             yield drawn if matrix is None else drawn @ matrix.T.astype(np.float32)
 
 
@@ -169,8 +161,8 @@ def make_column(
         exposure = metered(probe) if wanted.exposure is None else wanted.exposure
         behind = coarse_probe(probe, background_rows(wanted.size))
     except Exception as error:  # whatever is wrong with one probe must not stop the others
-        return Column(path, (Cell(None, error_line(error)),) * count)
-    cells: list[Cell] = []
+        return Column(path, (error_line(error),) * count)
+    cells: list[Map | str] = []
     told: list[str] = []
     stages = Stages(progress, count)
     for spec in wanted.specs:
@@ -178,9 +170,9 @@ def make_column(
             given = {**wanted.arguments, "brdf": spec}
             made = prefilter_with_facts(probe, wanted.to, given, stages.within)
         except Exception as error:
-            cells.append(Cell(None, error_line(error)))
+            cells.append(error_line(error))
         else:
-            cells.append(Cell(made.map))
+            cells.append(made.map)
             told += [f"{spec}: {line}" for line in made.warnings]
         stages.done(len(cells), count)
     # What the pixels needed is known when they have been read.

@@ -21,6 +21,9 @@ from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
 from shrm_cli.render.vertex_colors import VertexColors
 
+Reflectors = list[Reflector | VertexColors | None]
+"""One for each look of a stage; None for those that no triangle has."""
+
 _PIXELS_AT_ONCE = 2**16
 """The most pixels that are drawn at a time."""
 _SAMPLES_AT_ONCE = 2**16
@@ -81,7 +84,7 @@ class MeshSubject:
 
     def draw(
         self,
-        reflectors: "list[Reflector | VertexColors | None]",
+        reflectors: Reflectors,
         viewer: Viewer,
         background: Picture | None = None,
         progress: Progress | None = None,
@@ -167,7 +170,7 @@ class MeshSubject:
 
     def _sampled(
         self,
-        reflectors: "list[Reflector | VertexColors | None]",
+        reflectors: Reflectors,
         viewer: Viewer,
         x: Array,
         y: Array,
@@ -188,9 +191,7 @@ class MeshSubject:
             means[part] = values.reshape(-1, len(right), 3).mean(axis=1)
         return means
 
-    def _shaded(
-        self, reflectors: "list[Reflector | VertexColors | None]", viewer: Viewer, hits: _Hits
-    ) -> Array:
+    def _shaded(self, reflectors: Reflectors, viewer: Viewer, hits: _Hits) -> Array:
         """Return the radiance of points that rays meet, shape (n, 3)."""
         result = np.empty((len(hits.faces), 3))
         views = -hits.directions

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.lookdev.columns import Cell, Column, metered
+from shrm_cli.lookdev.columns import Column, metered
 from shrm_cli.lookdev.page import lookdev_page, material_names, probe_names
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.image import weighted_quantiles
@@ -124,7 +124,7 @@ def test_sheets_that_are_too_large_are_refused():
 def test_a_page_holds_its_pictures_as_halves_and_nothing_else():
     tile = np.linspace(-1, 1e6, 4 * 4 * 3).reshape(4, 4, 3).astype(np.float32)
     hostile = "</script><b>&\"'"
-    column = Column(f"x/{hostile}.exr", (Cell(None, "bad"), Cell(None, "bad")), None, -1.5)
+    column = Column(f"x/{hostile}.exr", ("bad", "bad"), None, -1.5)
     text = lookdev_page([column], [hostile], ["one", hostile], [[tile, hostile]], 4)
     assert "</script><b>" not in text
     assert "://" not in text

@@ -250,7 +250,7 @@ def directx(browser, folder, address, probe, size):
     page = Page(browser, address, "babylon.bundle.js")
     page.call("start", 16, True, VIEW)
     page.call("environment", f"{address}/directx/light.dds")
-    from shrm_cli.export.turning import to_lookup
+    from shrm_cli.export.cubes import to_lookup
 
     worst = 0.0
     for k, level in enumerate(light.levels):

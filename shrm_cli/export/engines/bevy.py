@@ -8,11 +8,10 @@ References
 Bevy, crates/bevy_pbr/src/light_probe/environment_map.wgsl.
 """
 
-from shrm_cli.export.cubes import diffuse_cube, ktx2_file
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file, mirrored
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
-from shrm_cli.export.turning import mirrored
 
 _LOOKUP = mirrored(1, 1, -1)
 

@@ -5,12 +5,12 @@ DirectX itself has no law of levels; they are those of glTF's sampler, linear in
 
 from collections.abc import Sequence
 
+from shrm_cli.export.cubes import to_lookup
 from shrm_cli.export.dds import dds_cube
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.quoting import string
-from shrm_cli.export.turning import to_lookup
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 
 

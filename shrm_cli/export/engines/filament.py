@@ -11,12 +11,12 @@ Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and shaders/src/light_
 from collections.abc import Sequence
 
 from shrm_cli.arrays import Array
+from shrm_cli.export.cubes import to_lookup
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import filament
 from shrm_cli.export.ktx import ktx1_cube
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.quoting import comment
-from shrm_cli.export.turning import to_lookup
 
 _NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
 

@@ -11,12 +11,11 @@ References
 
 import numpy as np
 
-from shrm_cli.export.cubes import diffuse_cube, ktx2_file
+from shrm_cli.export.cubes import WORLD, diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, OutputFile, Package
 from shrm_cli.export.latlong import add_radiance
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.turning import WORLD
 from shrm_cli.files.png import write_png
 
 

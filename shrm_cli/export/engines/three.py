@@ -16,12 +16,11 @@ three.js, PMREMGenerator.js, WebGLTextures.js (`uploadCubeTexture`), WebGLMateri
 
 from importlib.resources import files
 
-from shrm_cli.export.cubes import diffuse_cube, ktx2_file
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file, mirrored
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.turning import mirrored
 
 LOOKUP = mirrored(-1, 1, 1)
 LOADER = "shrm-environment.js"
