@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.inputs import note
 from shrm_cli.files.whole import check_target, kept, note
 from shrm_cli.naming import probe_stem
 
