@@ -8,13 +8,12 @@ simplest; a map of principal functions otherwise, which keeps it in the fewest b
 from dataclasses import replace
 from functools import partial
 
-from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.negative import negative_share
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import goal_text, kept_or_best
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
@@ -23,9 +22,8 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, NEGATIVE_SHARE, Sampling
+from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 
 @record(eq=False)
@@ -33,26 +31,17 @@ class _Asked:
     """What is asked for, and the light."""
 
     light: Projection
-    brdf: Brdf
+    request: Request
     goal: Goal
-    max_size: int
-    center: str | None
-    size: int | None
-    sampling: Sampling
+
+    @property
+    def max_size(self) -> int:
+        """The most bytes of the map."""
+        return self.request.allowed
 
 
-def prefilter(
-    probe: Probe,
-    brdf: Brdf,
-    error: float | None = None,
-    seen: float | None = None,
-    max_size: int = DEFAULT_MAX_SIZE,
-    center: str | None = None,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    progress: Progress | None = None,
-) -> Prefiltered:
-    """Choose a form and make its map; the arguments are those of `shrm_cli.prefilter.prefilter`.
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
+    """Choose a form and make its map.
 
     Returns
     -------
@@ -64,9 +53,9 @@ def prefilter(
     ------
     ArgumentError, ProbeError, BrdfError
     """
-    light = Projection(probe, progress)
-    asked = _Asked(light, brdf, Goal.of(error, seen), max_size, center, size, sampling)
-    made = _of_single_cubes(asked) if all(term.zonal for term in split(brdf)) else None
+    asked = _Asked(Projection(probe), request, Goal.of(request.error, request.seen))
+    is_single = all(term.zonal for term in split(request.brdf))
+    made = _of_single_cubes(asked) if is_single else None
     return made or _of_functions(asked)
 
 
@@ -75,11 +64,8 @@ def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
 
     Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
     """
-    made = shrm_prefilter(
-        asked.light.probe, asked.brdf, eps=DEFAULT_EPS, max_size=asked.max_size,
-        center=asked.center, size=asked.size, sampling=asked.sampling,
-        progress=asked.light.progress,
-    )  # fmt: skip
+    by_eps = replace(asked.request, error=None, seen=None)
+    made = shrm_prefilter(asked.light.probe, by_eps)
     info = made.map.info
     total = total_error(info.predicted_error, info.filter_error)
     find = made.further["predicted_wrong_share"]
@@ -91,8 +77,7 @@ def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
 
 def _of_functions(asked: _Asked) -> Prefiltered:
     """Make a map of principal functions, or an SHRM where it does as well."""
-    wanted = Wanted(DEFAULT_EPS, asked.goal.error, None, asked.max_size, asked.size)
-    proposals = Proposals(asked.light, asked.brdf, wanted, asked.center, asked.sampling)
+    proposals = Proposals(asked.light, replace(asked.request, error=asked.goal.error))
     instead = partial(_simple_shrm, asked, proposals)
     made = kept_or_best(proposals.candidate, asked.goal, asked.max_size, instead)
     if made.map.representation == "shrm":
@@ -126,9 +111,9 @@ def _shrms(asked: _Asked, proposals: Proposals) -> ShrmProposals:
 
     Principal maps may be about another one, where their transfer functions do not tell.
     """
-    form = asked.size, asked.sampling
-    part, brdf = proposals.parts[0], asked.brdf
-    if asked.center is not None or part.center == brdf.center:
+    form = asked.request.size, asked.request.sampling
+    part, brdf = proposals.parts[0], asked.request.brdf
+    if asked.request.center is not None or part.center == brdf.center:
         return ShrmProposals.of(asked.light, part, proposals.planners[0].spectrum.transfer, *form)
     return ShrmProposals.known(asked.light, brdf, asked.goal.error, asked.max_size, *form)
 

@@ -19,7 +19,6 @@ from shrm_cli.brdf.cache import cached_coefficients, remembered
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.estimates import energy_above, next_octave, power_of_two_times
 from shrm_cli.errors import BrdfError, OrderError
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
@@ -66,7 +65,6 @@ def choose_orders(
     order_f: int | None = None,
     order_p: int | None = None,
     most_p: Callable[[int], int] | None = None,
-    progress: Progress | None = None,
 ) -> tuple[Orders, BrdfCoefficients]:
     """Find the least orders that capture all but `tolerance` of a BRDF's energy (eq. 5.17, 5.18).
 
@@ -86,8 +84,6 @@ def choose_orders(
     most_p : callable, optional
         Returns the largest P that may be chosen with an order F. With it, a tolerance that cannot
         be met is no error: the coefficients then reach that P, and the orders are their largest.
-    progress : callable, optional
-        Called while coefficients are computed, from none to all of it for each attempt.
 
     Returns
     -------
@@ -109,20 +105,18 @@ def choose_orders(
         if order is not None and not 0 <= order <= most:
             raise OrderError(f"order {name} = {order} is outside 0 .. {most}")
     least = order_f or 0, order_p or 0
-    coefficients = _sufficient_coefficients(brdf, tolerance, *least, most_p, progress)
+    coefficients = _sufficient_coefficients(brdf, tolerance, *least, most_p)
     if most_p is None and order_f is None and order_p is None:
         return sufficient_orders(brdf, coefficients, tolerance), coefficients
     return least_orders(coefficients, tolerance, order_f, order_p), coefficients
 
 
-def known_coefficients(
-    brdf: Brdf, tolerance: float, progress: Progress | None = None
-) -> BrdfCoefficients:
+def known_coefficients(brdf: Brdf, tolerance: float) -> BrdfCoefficients:
     """Compute coefficients that meet a tolerance, and so every larger one, or those to the limits.
 
     Parameters
     ----------
-    brdf, tolerance, progress
+    brdf, tolerance
         As `choose_orders` takes them.
 
     Raises
@@ -130,7 +124,7 @@ def known_coefficients(
     BrdfError
         If the coefficients of the BRDF cannot be computed.
     """
-    return _sufficient_coefficients(brdf, tolerance, 0, 0, None, progress)
+    return _sufficient_coefficients(brdf, tolerance, 0, 0, None)
 
 
 def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float) -> Orders:
@@ -188,9 +182,7 @@ def least_orders(
     return Orders(f, p, tolerance, float(captured[f, p]))
 
 
-def choose_center(
-    brdf: Brdf, tolerance: float, progress: Progress | None = None
-) -> tuple[Brdf, dict[Center, int]]:
+def choose_center(brdf: Brdf, tolerance: float) -> tuple[Brdf, dict[Center, int]]:
     """Recenter a BRDF about the direction that needs the fewest coefficients (section 5.3.1).
 
     A BRDF that is central about the tangent keeps that centre.
@@ -200,8 +192,6 @@ def choose_center(
     brdf : Brdf
     tolerance : float
         The fraction of the BRDF's energy that may be missed, in (0, 1).
-    progress : callable, optional
-        As `choose_orders` takes it.
 
     Returns
     -------
@@ -217,7 +207,7 @@ def choose_center(
     counts: dict[Center, int] = {}
     for center in candidates:
         with suppress(OrderError, BrdfError):  # the BRDF may be too sharp about this centre
-            found = choose_orders(brdf.recentered(center), tolerance, progress=progress)
+            found = choose_orders(brdf.recentered(center), tolerance)
             counts[center] = coefficient_count(*found)
     needs = {brdf.center: math.inf} | counts
     best = min(needs, key=lambda center: (needs[center], center != brdf.center))
@@ -244,7 +234,6 @@ def extended(
     coefficients: BrdfCoefficients,
     tolerance: float,
     order_f: int,
-    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
@@ -257,8 +246,6 @@ def extended(
         The fraction of the energy that may be missed, which sets the accuracy of sampling.
     order_f : int
         The order F of the result, where it is higher than that of the coefficients.
-    progress : callable, optional
-        As `choose_orders` takes it.
 
     Raises
     ------
@@ -267,15 +254,13 @@ def extended(
     """
     if order_f <= coefficients.order_f:
         return coefficients
-    return _coefficients(brdf, tolerance, order_f, coefficients.order_p, progress)
+    return _coefficients(brdf, tolerance, order_f, coefficients.order_p)
 
 
-def _coefficients(
-    brdf: Brdf, tolerance: float, order_f: int, order_p: int, progress: Progress | None
-) -> BrdfCoefficients:
+def _coefficients(brdf: Brdf, tolerance: float, order_f: int, order_p: int) -> BrdfCoefficients:
     """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
     accuracy = max(tolerance / (30 if brdf.is_measured else 300), 1e-5)
-    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients, progress)
+    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients)
 
 
 def _sufficient_coefficients(
@@ -284,7 +269,6 @@ def _sufficient_coefficients(
     order_f: int,
     order_p: int,
     most_p: Callable[[int], int] | None,
-    progress: Progress | None,
 ) -> BrdfCoefficients:
     """Compute coefficients to orders at which a tolerance is met, and at least to those given.
 
@@ -294,7 +278,7 @@ def _sufficient_coefficients(
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     largest = MAX_ORDER_P
     while True:
-        coefficients = _coefficients(brdf, tolerance, f, p, progress)
+        coefficients = _coefficients(brdf, tolerance, f, p)
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients

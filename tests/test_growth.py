@@ -108,7 +108,7 @@ from shrm_cli.maps.options import Option, Representation
 DESCRIPTIONS = {
     "ambient": Representation(
         "ambient", "ambient color", frozenset(),
-        (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9)),),
+        (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9), default=1),),
         why_no_brdf="an ambient color is of a white Lambertian surface",
     )
 }
@@ -122,8 +122,8 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
-def prefilter(probe, gain=1, progress=None):
-    mean = gain * project(probe, 0, progress).coefficients / np.sqrt(4 * np.pi)
+def prefilter(probe, request):
+    mean = request.own["gain"] * project(probe, 0).coefficients / np.sqrt(4 * np.pi)
     made = Ambient(mean, provenance(probe, Lambertian(), Orders(0, 0, 0.0, 1.0)))
     return Prefiltered(made, {"mean": mean[0].tolist()})
 ''',

@@ -19,6 +19,7 @@ from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.terms import Term, Wanted, planner_of
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import map_errors
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import (
@@ -32,9 +33,9 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
-WANTED = Wanted(DEFAULT_EPS, policy.LEAST_ERROR, None, DEFAULT_MAX_SIZE, None)
+ASKED = Request("principal", error=policy.LEAST_ERROR)
 """What all maps are proposed for: the BRDF is sampled once, as far as the best of them need it."""
 _ROUNDING = 1e-9
 """How much more than an error may be asked for, to get the map that has it."""
@@ -92,7 +93,7 @@ class PrincipalForms:
     """
 
     def __init__(self, light: Projection, brdf: Brdf) -> None:
-        self._proposals = Proposals(light, brdf, WANTED)
+        self._proposals = Proposals(light, replace(ASKED, brdf=brdf))
         self._base = self._proposals.propose()
         planners = self._proposals.planners
         by_size = [_forms_of(planner) for planner in planners]
@@ -213,7 +214,9 @@ class ShrmForms:
         self, light: Projection, brdf: Brdf, known: tuple[Brdf, Planner] | None = None
     ) -> None:
         self._own_center = brdf.center
-        self._brdf, planner = known or (brdf, planner_of(light, brdf, WANTED, False, "center"))
+        if known is None:
+            known = brdf, planner_of(light, brdf, Wanted.of(ASKED), False, "center")
+        self._brdf, planner = known
         transfer = planner.spectrum.transfer
         self._proposals = ShrmProposals.of(light, self._brdf, transfer)
         coefficients = self._proposals.coefficients

@@ -23,6 +23,7 @@ from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT, SAMPLINGS
 
 if TYPE_CHECKING:
@@ -154,8 +155,8 @@ def analyze(
         grid = energy_grid(brdf, tolerances, order_f, order_p, progress)
     curve = pictures = None
     if source is not None:
-        with progress_bar("reading", quiet) as progress:
-            lighting = project(source, grid.coefficients.order_f, progress)
+        with progress_bar("reading", quiet) as progress, using(progress):
+            lighting = project(source, grid.coefficients.order_f)
         least = min(grid.orders, key=lambda each: each.tolerance)
         curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
         curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)

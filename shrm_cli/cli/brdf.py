@@ -17,7 +17,6 @@ from shrm_cli.cli.types import Fraction
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
-    from shrm_cli.progress import Progress
 
 _TOLERANCES = (0.1, 0.03, 0.01)
 _SUFFIXES = (".exr", ".npz", ".binary")
@@ -60,7 +59,7 @@ def brdf(
         _list(as_json, quiet)
         return
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.progress import Rising
+    from shrm_cli.progress import Rising, using
 
     if target is not None:
         _save(spec, target, as_json, quiet)
@@ -70,7 +69,8 @@ def brdf(
         chosen = parse_spec(spec)
         rising = None if progress is None else Rising(progress)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
-        rows, captured = _orders(chosen, asked, remarks, rising) if asked else ([], [])
+        with using(rising):
+            rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
         report = _explain(chosen, rows, captured)
     conclude(report, _text(chosen, report), remarks, as_json, quiet)
 
@@ -157,7 +157,7 @@ def _anisotropy(model: Any) -> list[str]:
 
 
 def _orders(
-    chosen: Brdf, tolerances: Sequence[float], remarks: list[str], progress: Progress | None
+    chosen: Brdf, tolerances: Sequence[float], remarks: list[str]
 ) -> tuple[list[dict[str, Any]], list[float]]:
     """Find the orders that tolerances ask for, with one search, for the smallest of them.
 
@@ -175,7 +175,7 @@ def _orders(
     from shrm_cli.orders import known_coefficients, sufficient_orders
 
     try:
-        coefficients = known_coefficients(chosen, min(tolerances), progress)
+        coefficients = known_coefficients(chosen, min(tolerances))
     except BrdfError as error:
         return [{"epsilon": eps, "error": str(error)} for eps in tolerances], []
     if coefficients.remark is not None:

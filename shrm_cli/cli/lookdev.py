@@ -128,7 +128,7 @@ def lookdev(
     from shrm_cli.lookdev.columns import Wanted, make_column
     from shrm_cli.lookdev.names import material_names, probe_names
     from shrm_cli.lookdev.sheet import Grid
-    from shrm_cli.prefilter import check_arguments
+    from shrm_cli.maps.request import check_arguments
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.frames import frame_paths, turntable

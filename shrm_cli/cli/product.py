@@ -15,6 +15,7 @@ from shrm_cli.cli.options import conclude, precision_option, report_options
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.naming import brdf_label
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import (
     CONTAINERS,
     DEFAULT_PRODUCT_ORDER,
@@ -101,11 +102,11 @@ def product(
         varying = interval[0], values
     if not (output or force):
         _keep_other_texture(target, brdf, order, size, varying)
-    with progress_bar("integrating", quiet) as progress:
+    with progress_bar("integrating", quiet) as progress, using(progress):
         if varying is None:
-            made = product_texture(brdf, order, size, progress)
+            made = product_texture(brdf, order, size)
         else:
-            made = varying_texture(brdf, *varying, order, size, progress, step_error)
+            made = varying_texture(brdf, *varying, order, size, step_error)
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),

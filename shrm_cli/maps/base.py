@@ -6,7 +6,7 @@ has these modules:
 ``options``
     The options of `shrm prefilter` that the representation obeys; this module loads no numpy.
 ``prefilter``
-    How the map is made: ``prefilter(probe, ...) -> Prefiltered``.
+    How the map is made: ``prefilter(probe, request) -> Prefiltered``.
 ``file``
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
 ``report``

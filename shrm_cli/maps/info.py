@@ -56,7 +56,7 @@ class MapInfo:
         used to choose sizes.
     options : dict
         The arguments that prefiltering was given, and how it read the probe under ``reading``; see
-        `shrm_cli.prefilter.options_of`.
+        `shrm_cli.maps.request.Request.record`.
     """
 
     order_f: int

@@ -25,6 +25,7 @@ from shrm_cli.maps.principal.terms import (
     terms_of,
 )
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
@@ -106,30 +107,16 @@ class Proposals:
     Parameters
     ----------
     light : Projection
-    brdf : Brdf
-    asked : Wanted
+    request : Request
         What is asked of the whole map.
-    center : str, optional
-        As `shrm_cli.prefilter.prefilter` takes it.
-    sampling : {"center", "border"}
-    divide : bool
-        Whether to divide by the directional albedo.
     """
 
-    def __init__(
-        self,
-        light: Projection,
-        brdf: Brdf,
-        asked: Wanted,
-        center: str | None = None,
-        sampling: Sampling = "center",
-        divide: bool = False,
-    ) -> None:
-        self.light, self.brdf, self.asked = light, brdf, asked
-        self.sampling, self.divide = sampling, divide
-        self.parts, self.notes = terms_of(brdf, center, divide)
+    def __init__(self, light: Projection, request: Request) -> None:
+        self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
+        self.sampling, self.divide = request.sampling, request.own.get("divide", False)
+        self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
         self.planners: list[Planner] = []
-        self._know(asked.error)
+        self._know(request.error)
 
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""

@@ -18,12 +18,12 @@ from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.orders import octaves_to_come
 from shrm_cli.plan.policy import NEARLY_BEST
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
@@ -66,6 +66,12 @@ class Wanted:
     maps: int | None
     max_size: int
     size: int | None
+
+    @classmethod
+    def of(cls, request: Request) -> "Wanted":
+        """Return what is asked of the map of a single term."""
+        maps = request.own.get("maps")
+        return cls(request.eps, request.error, maps, request.allowed, request.size)
 
 
 @record
@@ -177,7 +183,7 @@ def planner_of(
         return Planner(spectrum, lighting, sampling)
 
     while True:
-        transfer = _transfer(brdf, order, max_q, light.progress)
+        transfer = _transfer(brdf, order, max_q)
         # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
         above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
@@ -288,10 +294,10 @@ def _unknown_light(planner: Planner) -> tuple[float, float]:
     return above / whole, aside / whole
 
 
-def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
+def _transfer(brdf: Brdf, order: int, max_q: int) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
     accuracy = _ACCURACY[brdf.is_measured]
-    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
+    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer)
 
 
 def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:

@@ -18,6 +18,7 @@ from shrm_cli.maps.expansion import carried_band, view_band
 from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import wrong_light
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
@@ -89,23 +90,6 @@ SHRM_FORM = Form(lambda order_p: (order_p + 1) ** 2)
 """The form of an SHRM: a cube for each harmonic of the view."""
 
 
-def allowed_bytes(max_size: int | None, size: int | None = None) -> int:
-    """Return the most bytes of a map whose orders are chosen.
-
-    A size that is given by hand is obeyed even where the default would not allow it.
-
-    Parameters
-    ----------
-    max_size : int, optional
-        The most bytes that were asked for; `vocabulary.DEFAULT_MAX_SIZE` by default.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    """
-    if max_size is not None:
-        return max_size
-    return max(DEFAULT_MAX_SIZE, 0 if size is None else stored_bytes(size, 1))
-
-
 def most_order_p(
     max_size: int, size: int | None = None, most: int = MAX_ORDER_P
 ) -> Callable[[int], int]:
@@ -131,27 +115,14 @@ def most_order_p(
 
 
 def affordable(
-    light: Projection,
-    brdf: Brdf,
-    tolerance: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most: int = MAX_ORDER_P,
+    light: Projection, request: Request, most: int = MAX_ORDER_P
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
     Parameters
     ----------
     light : Projection
-    brdf : Brdf
-    tolerance : float
-        The fraction of the BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
+    request : Request
     most : int
         The largest P in any case.
 
@@ -168,25 +139,19 @@ def affordable(
     OrderError, BrdfError, ProbeError
         If the tolerance is none, or the BRDF or the probe cannot be used.
     """
-    most_p = most_order_p(max_size, size, most)
-    orders, coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)
+    allowed, size = request.allowed, request.size
+    most_p = most_order_p(allowed, size, most)
+    orders, coefficients = choose_orders(request.brdf, request.eps, most_p=most_p)
     choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
-    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, max_size), most)
-    if orders.captured >= 1 - tolerance and fits:
+    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, allowed), most)
+    if orders.captured >= 1 - request.eps and fits:
         return choice, coefficients
     lighting = light.to_order(coefficients.order_f)
-    choice = fitting(coefficients, lighting, tolerance, max_size, size, sampling, most)
-    return choice, coefficients
+    return fitting(coefficients, lighting, request, most), coefficients
 
 
 def fitting(
-    coefficients: BrdfCoefficients,
-    lighting: Lighting,
-    tolerance: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most: int = MAX_ORDER_P,
+    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int = MAX_ORDER_P
 ) -> Choice:
     """Choose the orders and the size of the best map that fits.
 
@@ -195,13 +160,7 @@ def fitting(
     coefficients : BrdfCoefficients
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    tolerance : float
-        The fraction of the BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
+    request : Request
     most : int
         The largest P in any case.
 
@@ -210,15 +169,16 @@ def fitting(
     ArgumentError
         If not even P = 0 fits.
     """
+    tolerance, allowed, size = request.eps, request.allowed, request.size
     largest = choose_size(least_orders(coefficients, tolerance).order_f)
     sizes = [texels for texels in TRIED_SIZES if texels <= largest]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
         carried = min(supported_order(texels), coefficients.order_f)
-        p = min(largest_p(carried, texels, max_size), coefficients.order_p, most)
+        p = min(largest_p(carried, texels, allowed), coefficients.order_p, most)
         if p < 0:
             continue
-        error = np.hypot(*map_errors(lighting, coefficients, p, texels, sampling))
+        error = np.hypot(*map_errors(lighting, coefficients, p, texels, request.sampling))
         orders = least_orders(coefficients, tolerance, order_p=p)
         orders = replace(orders, order_f=min(orders.order_f, carried))
         made = Choice(orders, texels)
@@ -310,7 +270,7 @@ def sufficient_coefficients(
         The same as for `within_error`.
     """
     tolerance, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
-    return choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+    return choose_orders(brdf, tolerance, most_p=most_p)[1]
 
 
 def _sufficient_tolerance(error: float) -> float:

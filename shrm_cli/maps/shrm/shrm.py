@@ -21,7 +21,6 @@ from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, local_frame, to_angles
@@ -122,7 +121,6 @@ class Shrm(Map):
         frame: Frame = "global",
         sampling: Sampling = "center",
         dtype: type = np.float64,
-        progress: Progress | None = None,
     ) -> Shrm:
         """Make the map from the coefficients of light and BRDF.
 
@@ -142,8 +140,6 @@ class Shrm(Map):
             The same as the attributes.
         dtype : float32 or float64
             The precision in which the texels are computed.
-        progress : callable, optional
-            As `reflected_coefficients` takes it.
 
         Raises
         ------
@@ -157,7 +153,7 @@ class Shrm(Map):
                 _zonal_coefficients(np.asarray(lighting), brdf, size, sampling, dtype),
                 frame, center, info, sampling,
             )  # fmt: skip
-        series = reflected_coefficients(np.asarray(lighting), brdf, progress)
+        series = reflected_coefficients(np.asarray(lighting), brdf)
         planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
         stacked = planes.reshape(*series.shape[1:], 6 * size, size)
         built = cls(stacked.transpose(2, 3, 0, 1), "global", center, info, sampling)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.errors import ArgumentError, OrderError
+from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
 from shrm_cli.maps.splitsum.core_sum import sum_core
@@ -26,16 +27,18 @@ from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.probe.source import latlong_light
-from shrm_cli.progress import Progress
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
-from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
 
 Array = NDArray[np.floating]
 
+_ERROR = 0.0005
+"""The relative RMS error that each level may have."""
 LARGEST_SIZE = 256
 """The most texels along an edge that the first level has by default. Engines use this size."""
 
@@ -68,16 +71,7 @@ _MOST_ROWS = 1024
 to the larger of both numbers. It loses nothing that the lobe would show."""
 
 
-def prefilter(
-    probe: Probe,
-    levels: int | Sequence[float] | None = None,
-    mapping: LevelMapping = "linear",
-    size: int | None = None,
-    sampling: Sampling = "center",
-    error: float = 0.0005,
-    mips: bool = False,
-    progress: Progress | None = None,
-) -> Prefiltered:
+def prefilter(probe: Probe, request: Request, error: float = _ERROR) -> Prefiltered:
     """Prefilter a probe for the split sum.
 
     The light is projected once. Each level is a product of the light's coefficients with those of
@@ -89,23 +83,17 @@ def prefilter(
     Parameters
     ----------
     probe : Probe
-    levels : int or sequence of float, optional
-        The number of levels, or their perceptual roughnesses; by default the number that
-        `DEFAULT_LEVELS` has for the mapping.
-    mapping : {"linear", "filament", "unreal"}
-        Which roughnesses a number of levels has, and how levels are mixed.
-    size : int, optional
-        Texels along an edge of the first level, by default as many as the probe holds, but at most
-        256. The size of the others follows from their orders; none is larger than the one before.
-    sampling : {"center", "border"}
-        Where the samples of the cubes lie.
+    request : Request
+        Its own options are ``levels``, their number or their perceptual roughnesses, by default
+        the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
+        number of levels has, and how levels are mixed; and ``mips``, whether each level is half as
+        large as the one before, as in a mip chain. The first has a power of two of texels then, and
+        by default there are all levels down to one texel.
+
+        The size is that of the first level, by default as many texels as the probe holds, but at
+        most 256. That of the others follows from their orders; none is larger than the one before.
     error : float
         Relative RMS error that each level may have, in (0, 1).
-    mips : bool
-        Whether each level is half as large as the one before, as in a mip chain. The first has a
-        power of two of texels then, and by default there are all levels down to one texel.
-    progress : callable, optional
-        Called with the number of rows read, or of texels integrated, and of all of them.
 
     Returns
     -------
@@ -113,8 +101,6 @@ def prefilter(
 
     Raises
     ------
-    OrderError
-        If the error is outside (0, 1).
     MapError
         If levels of these roughnesses, or this number of levels, cannot be made.
     ArgumentError
@@ -122,8 +108,8 @@ def prefilter(
     ProbeError
         If the probe cannot be read.
     """
-    if not 0 < error < 1:
-        raise OrderError(f"the error must lie between 0 and 1, not {error:g}")
+    size, sampling, own = request.size, request.sampling, request.own
+    mips, mapping, levels = own["mips"], own["mapping"], own.get("levels")
     if mips and sampling != "center":
         raise ArgumentError("mips", "needs texels at their centers, as graphics cards have them")
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
@@ -136,7 +122,7 @@ def prefilter(
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
     sizes = mip_sizes(largest, len(roughness)) if mips else None
-    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress, sizes)
+    cubes, infos = make_levels(probe, roughness, largest, sampling, error, sizes)
     made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
     return Prefiltered(made, _facts(made))
 
@@ -146,8 +132,7 @@ def make_levels(
     roughness: Sequence[float],
     largest: int,
     sampling: Sampling = "center",
-    error: float = 0.0005,
-    progress: Progress | None = None,
+    error: float = _ERROR,
     sizes: Sequence[int] | None = None,
 ) -> tuple[list[Array], list[MapInfo]]:
     """Make the cubes of the levels of a split sum.
@@ -163,8 +148,6 @@ def make_levels(
         Where the samples of the cubes lie.
     error : float
         Relative RMS error that each level may have, in (0, 1).
-    progress : callable, optional
-        Called with the number of rows read, or of texels integrated, and of all of them.
     sizes : sequence of int, optional
         Texels along an edge of each level, for readers that want them so, in place of what
         `largest` and the orders of the levels ask for.
@@ -176,26 +159,27 @@ def make_levels(
     """
     rows = _rows(probe)
     fixed = [None] * len(roughness) if sizes is None else list(sizes)
-    lobes = [
-        level_lobe(value, error, rows, size or largest) if value > 0 else None
-        for value, size in zip(roughness, fixed, strict=True)
-    ]
+    with using(None):  # the coefficients of all lobes take less time than anything else
+        lobes = [
+            level_lobe(value, error, rows, size or largest) if value > 0 else None
+            for value, size in zip(roughness, fixed, strict=True)
+        ]
     wanted = (
         faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
     )
-    lighting = project(probe, max(wanted, default=0), progress)
+    lighting = project(probe, max(wanted, default=0))
     light = CubeSeries(lighting.coefficients)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     cubes: list[Array] = []
     infos: list[MapInfo] = []
     for lobe, size in zip(lobes, fixed, strict=True):
         if lobe is None:
-            cube, info = mirror(probe, known, size or largest, sampling, progress)
+            cube, info = mirror(probe, known, size or largest, sampling)
         elif lobe.in_frequency:
             cube, info = expanded(lobe, lighting, light, known, largest, sampling, size)
         else:
             cube, info = integrated(
-                probe, lobe, lighting, light, known, largest, sampling, rows, progress, size
+                probe, lobe, lighting, light, known, largest, sampling, rows, size
             )
         largest = cube.shape[1]
         cubes.append(cube)
@@ -281,16 +265,14 @@ def level_lobe(roughness: float, error: float, rows: int, largest: int) -> Level
     return LevelLobe(brdf, coefficients, order, pays)
 
 
-def mirror(
-    probe: Probe, known: MapInfo, size: int, sampling: Sampling, progress: Progress | None
-) -> tuple[Array, MapInfo]:
+def mirror(probe: Probe, known: MapInfo, size: int, sampling: Sampling) -> tuple[Array, MapInfo]:
     """Make the level of roughness 0, which is the probe itself.
 
     The order that it is given is the one that its texels can hold. `known` is what all levels
     share.
     """
     info = replace(known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
-    return to_grid(probe, Cube(size, sampling), progress), info
+    return to_grid(probe, Cube(size, sampling)), info
 
 
 def expanded(
@@ -332,7 +314,6 @@ def integrated(
     largest: int,
     sampling: Sampling,
     rows: int,
-    progress: Progress | None,
     size: int | None = None,
 ) -> tuple[Array, MapInfo]:
     """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded.
@@ -346,7 +327,7 @@ def integrated(
     order = min(lobe.order, MAX_ORDER_F)
     size = size or min(choose_size(order), largest)
     pixels = latlong_light(probe, _source_rows(rows, lobe.brdf.ggx_alpha))
-    cube = sum_core(core, pixels, cube_directions(size, sampling), progress)
+    cube = sum_core(core, pixels, cube_directions(size, sampling))
     cube += synthesized(light, tail[: resolved + 1], size, sampling)
     brdf = _named(lobe.brdf.number("roughness"))
     info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")

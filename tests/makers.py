@@ -1,0 +1,23 @@
+"""The makers of single forms, with the arguments of `shrm_cli.prefilter.prefilter`."""
+
+from shrm_cli.maps import registry
+from shrm_cli.maps.request import Request
+from shrm_cli.progress import using
+
+
+def maker(to, *names):
+    """A function of a probe and of arguments, of which the first have these names."""
+
+    def make(probe, *values, progress=None, error=None, **given):
+        request = Request.of(to, dict(zip(names, values, strict=False)) | given, probe)
+        asked = {} if error is None else {"error": error}  # of each level of a split sum
+        with using(progress):
+            return registry.module(to, "prefilter").prefilter(probe, request, **asked)
+
+    return make
+
+
+prefilter_irradiance = maker("irradiance", "order_f", "window")
+prefilter_split_sum = maker("splitsum", "levels", "mapping")
+prefilter_exponential = maker("she", "p_order", "q_order", "roughness", "law")
+prefilter_product = maker("product", "brdf", "order", "texels", "window")
