@@ -1,5 +1,7 @@
 """The makers of single forms, with the arguments of `shrm_cli.prefilter.prefilter`."""
 
+from dataclasses import replace
+
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request
 from shrm_cli.progress import using
@@ -10,9 +12,9 @@ def maker(to, *names):
 
     def make(probe, *values, progress=None, error=None, **given):
         request = Request.of(to, dict(zip(names, values, strict=False)) | given, probe)
-        asked = {} if error is None else {"error": error}  # of each level of a split sum
+        request = replace(request, error=error)  # of a split sum: that of each level
         with using(progress):
-            return registry.module(to, "prefilter").prefilter(probe, request, **asked)
+            return registry.module(to, "prefilter").prefilter(probe, request)
 
     return make
 

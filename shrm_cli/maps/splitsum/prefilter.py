@@ -71,11 +71,11 @@ _MOST_ROWS = 1024
 to the larger of both numbers. It loses nothing that the lobe would show."""
 
 
-def prefilter(probe: Probe, request: Request, error: float = _ERROR) -> Prefiltered:
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for the split sum.
 
     The light is projected once. Each level is a product of the light's coefficients with those of
-    the lobe, to the least order F whose predicted error is within `error`. Where a lobe needs more
+    the lobe, to the least order F whose predicted error is small enough. Where a lobe needs more
     than F = 512, or its expansion would cost more than direct integration, its core is summed over
     the probe's pixels, and only the rest beyond an angle is expanded. The level of roughness 0 is
     the probe itself.
@@ -92,8 +92,7 @@ def prefilter(probe: Probe, request: Request, error: float = _ERROR) -> Prefilte
 
         The size is that of the first level, by default as many texels as the probe holds, but at
         most 256. That of the others follows from their orders; none is larger than the one before.
-    error : float
-        Relative RMS error that each level may have, in (0, 1).
+        The error is the one that each level may have.
 
     Returns
     -------
@@ -122,7 +121,7 @@ def prefilter(probe: Probe, request: Request, error: float = _ERROR) -> Prefilte
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
     sizes = mip_sizes(largest, len(roughness)) if mips else None
-    cubes, infos = make_levels(probe, roughness, largest, sampling, error, sizes)
+    cubes, infos = make_levels(probe, roughness, largest, sampling, request.error or _ERROR, sizes)
     made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
     return Prefiltered(made, _facts(made))
 
@@ -168,19 +167,17 @@ def make_levels(
         faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
     )
     lighting = project(probe, max(wanted, default=0))
-    light = CubeSeries(lighting.coefficients)
+    series = CubeSeries(lighting.coefficients)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
+    light = _Light(probe, rows, lighting, series, known, sampling)
     cubes: list[Array] = []
     infos: list[MapInfo] = []
     for lobe, size in zip(lobes, fixed, strict=True):
         if lobe is None:
-            cube, info = mirror(probe, known, size or largest, sampling)
-        elif lobe.in_frequency:
-            cube, info = expanded(lobe, lighting, light, known, largest, sampling, size)
+            cube, info = _mirror(light, size or largest)
         else:
-            cube, info = integrated(
-                probe, lobe, lighting, light, known, largest, sampling, rows, size
-            )
+            make = _expanded if lobe.in_frequency else _integrated
+            cube, info = make(light, lobe, largest, size)
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
@@ -265,34 +262,42 @@ def level_lobe(roughness: float, error: float, rows: int, largest: int) -> Level
     return LevelLobe(brdf, coefficients, order, pays)
 
 
-def mirror(probe: Probe, known: MapInfo, size: int, sampling: Sampling) -> tuple[Array, MapInfo]:
+@record(eq=False)
+class _Light:
+    """The light of all levels: as a probe of so many rows, its coefficients, and their series.
+
+    What is known of all levels is recorded of each, and all cubes have the same sampling.
+    """
+
+    probe: Probe
+    rows: int
+    lighting: Lighting
+    series: CubeSeries
+    known: MapInfo
+    sampling: Sampling
+
+
+def _mirror(light: _Light, size: int) -> tuple[Array, MapInfo]:
     """Make the level of roughness 0, which is the probe itself.
 
-    The order that it is given is the one that its texels can hold. `known` is what all levels
-    share.
+    The order that it is given is the one that its texels can hold.
     """
-    info = replace(known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
-    return to_grid(probe, Cube(size, sampling)), info
+    info = replace(light.known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
+    return to_grid(light.probe, Cube(size, light.sampling)), info
 
 
-def expanded(
-    lobe: LevelLobe,
-    lighting: Lighting,
-    light: CubeSeries,
-    known: MapInfo,
-    largest: int,
-    sampling: Sampling,
-    size: int | None = None,
+def _expanded(
+    light: _Light, lobe: LevelLobe, largest: int, size: int | None
 ) -> tuple[Array, MapInfo]:
     """Make a level by multiplying the coefficients of light and lobe, and one synthesis.
 
     Its order decides how many texels it has, at most `largest`, unless the size is given.
     """
-    expansion = expand(lighting, lobe.coefficients, known.tolerance)
+    expansion = expand(light.lighting, lobe.coefficients, light.known.tolerance)
     size = size or min(choose_size(expansion.order), largest)
-    cube = synthesized(light, expansion.multipliers, size, sampling)
+    cube = synthesized(light.series, expansion.multipliers, size, light.sampling)
     info = replace(
-        known,
+        light.known,
         order_f=expansion.order,
         captured=float(lobe.coefficients.captured()[expansion.order, 0]),
         predicted_error=expansion.error,
@@ -305,30 +310,23 @@ def _named(roughness: float) -> dict[str, Any]:
     return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
 
 
-def integrated(
-    probe: Probe,
-    lobe: LevelLobe,
-    lighting: Lighting,
-    light: CubeSeries,
-    known: MapInfo,
-    largest: int,
-    sampling: Sampling,
-    rows: int,
-    size: int | None = None,
+def _integrated(
+    light: _Light, lobe: LevelLobe, largest: int, size: int | None
 ) -> tuple[Array, MapInfo]:
     """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded.
 
     Its order decides how many texels it has, at most `largest`, unless the size is given.
     """
     # Between the pixels of a coarse probe there is light of finer degrees than it resolves.
-    resolved = min(lighting.order, probe.grid.resolved_order)
-    lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
+    known, resolved = light.known, min(light.lighting.order, light.probe.grid.resolved_order)
+    kept = light.lighting.coefficients[: (resolved + 1) ** 2]
+    lighting = replace(light.lighting, coefficients=kept)
     core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
     order = min(lobe.order, MAX_ORDER_F)
     size = size or min(choose_size(order), largest)
-    pixels = latlong_light(probe, _source_rows(rows, lobe.brdf.ggx_alpha))
-    cube = sum_core(core, pixels, cube_directions(size, sampling))
-    cube += synthesized(light, tail[: resolved + 1], size, sampling)
+    pixels = latlong_light(light.probe, _source_rows(light.rows, lobe.brdf.ggx_alpha))
+    cube = sum_core(core, pixels, cube_directions(size, light.sampling))
+    cube += synthesized(light.series, tail[: resolved + 1], size, light.sampling)
     brdf = _named(lobe.brdf.number("roughness"))
     info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
     return cube, info
