@@ -269,7 +269,7 @@ def test_a_default_is_one_line(copy):
     path.write_text(path.read_text().replace("DEFAULT_EPS = 0.03", "DEFAULT_EPS = 0.2"))
     out = run(copy, "prefilter", "probe.exr", "--brdf", "phong", "--json")
     assert json.loads(out)["epsilon"] == 0.2
-    code = "import shrm_cli; print(shrm_cli.prefilter('probe.exr', 'phong').info.tolerance)"
+    code = "import shrm_cli; print(shrm_cli.prefilter('probe.exr', 'phong').info.eps)"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(copy)},

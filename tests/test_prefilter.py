@@ -111,7 +111,7 @@ def test_files_are_those_of_the_command(folder, case):
 def test_what_is_made_by_default(folder):
     made = prefilter("probe.exr", MICROFACET, to="shrm")
     assert (made.representation, made.frame, made.sampling) == ("shrm", "global", "center")
-    assert made.info.tolerance == 0.03
+    assert made.info.eps == 0.03
     assert isinstance(prefilter("probe.exr", MICROFACET, compress=2), CompressedShrm)
     assert isinstance(prefilter("probe.exr", SUM, split=True), SummedShrm)
 

@@ -100,7 +100,7 @@ def energy_grid(
     # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
     rising = None if progress is None else Rising(progress)
     with using(rising):
-        met = [choose_orders(brdf, tolerance) for tolerance in tolerances]
+        met = [choose_orders(brdf, eps) for eps in tolerances]
     orders = tuple(each for each, _ in met)
     if order_f is None:
         order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))

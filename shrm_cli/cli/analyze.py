@@ -157,7 +157,7 @@ def analyze(
     if source is not None:
         with progress_bar("reading", quiet) as progress, using(progress):
             lighting = project(source, grid.coefficients.order_f)
-        least = min(grid.orders, key=lambda each: each.tolerance)
+        least = min(grid.orders, key=lambda each: each.eps)
         curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
         curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
     if source is not None and not no_plots:
@@ -172,7 +172,7 @@ def analyze(
 
     title = repr(brdf)
     if "energy" in targets:
-        marks = [(each.order_f, each.order_p, each.tolerance) for each in grid.orders]
+        marks = [(each.order_f, each.order_p, each.eps) for each in grid.orders]
         plot_energy(targets["energy"], grid.captured, marks, title)
     if "accuracy" in targets and curve is not None and probe is not None:
         curves = {name: getattr(curve, name) for name in _CURVES}
@@ -219,7 +219,7 @@ def _source_height(source: Probe, order_f: int) -> int | None:
 def _orders(grid: EnergyGrid) -> list[dict[str, Any]]:
     return [
         {
-            "epsilon": each.tolerance,
+            "epsilon": each.eps,
             "order_f": each.order_f,
             "order_p": each.order_p,
             "brdf_energy_captured": each.captured,

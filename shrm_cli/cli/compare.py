@@ -46,7 +46,7 @@ _SIZE = 256
 _NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
 _OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
-_OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
+_OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 """Arguments that apply only with --representations."""
 
 
@@ -80,7 +80,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
+    "--eps", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @exact_option
@@ -129,7 +129,7 @@ def compare(
     f0: str | None,
     window: str | None,
     steps: int | None,
-    tolerance: float,
+    eps: float,
     exact: bool,
     source_height: int | None,
     max_memory: int | None,
@@ -167,7 +167,7 @@ def compare(
 
         _check_representations(maps, output, roughness)
         print_representations(
-            maps[0], make_read_options(sampling, reading), roughness, steps, f0, tolerance, views,
+            maps[0], make_read_options(sampling, reading), roughness, steps, f0, eps, views,
             size, source_height, exact, max_memory, exposure, output, as_json, quiet,
         )  # fmt: skip
         return

@@ -40,7 +40,7 @@ def print_representations(
     roughness: tuple[float, float] | None,
     steps: int | None,
     f0: str | None,
-    tolerance: float,
+    eps: float,
     views: Sequence[tuple[float, float]],
     size: int | None,
     source_height: int | None,
@@ -84,7 +84,7 @@ def print_representations(
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
     plan = plan_comparison(
-        source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
+        source, surfaces, eps, [Viewer(*view) for view in views], size, source_height,
         max_memory, exact,
     )  # fmt: skip
     announce(_statement(plan, path), quiet)
@@ -95,7 +95,7 @@ def print_representations(
         "probe_sha256": source.digest(),
         "roughness": [each.number("roughness") for each in surfaces],
         "f0": list(surfaces[0].color("f0")),
-        "epsilon": tolerance,
+        "epsilon": eps,
         "views": [list(view) for view in views],
         "size": size,
         "source_height": plan.source_height,

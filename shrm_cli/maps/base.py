@@ -266,7 +266,7 @@ class Map(ABC):
             "order_f": info.order_f,
             "order_p": info.order_p,
             "order_carried": info.order_carried,
-            "epsilon": info.tolerance,
+            "epsilon": info.eps,
             "brdf_energy_captured": info.captured,
             "predicted_error": info.predicted_error,
             "added_error": info.added_error,

@@ -22,7 +22,7 @@ class MapInfo:
     order_f, order_p : int
         The orders F and P, inclusive, that the tolerance asks for. The map keeps no higher order
         of the view than P, but orders of the light up to `carried`.
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that the orders were allowed to miss (eps).
     captured : float
         The fraction of the BRDF's energy that the orders capture.
@@ -61,7 +61,7 @@ class MapInfo:
 
     order_f: int
     order_p: int
-    tolerance: float
+    eps: float
     captured: float
     predicted_error: float
     brdf: dict[str, Any] = field(default_factory=dict)

@@ -66,7 +66,7 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
         choice = Choice(orders, choose_size(orders.order_f))
         choice = halved(choice, chosen, count, allowed) or choice
         orders, size = choice.orders, choice.size
-    orders = replace(orders, tolerance=request.eps)
+    orders = replace(orders, eps=request.eps)
     refuse_large(size, count, request.max_size)
     kind.check_images(size, count)
     integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)

@@ -155,7 +155,7 @@ class Proposals:
         if self.asked.maps is not None:
             wanted = shared_maps(self.planners, wanted, self.asked.maps)
         terms = [planned(*each) for each in zip(self.parts, self.planners, wanted, strict=True)]
-        info = _info(self.light.probe, self.brdf, terms, self.asked.tolerance, self._coherence)
+        info = _info(self.light.probe, self.brdf, terms, self.asked.eps, self._coherence)
         return Proposal(tuple(terms), tuple(wanted), info, self.sampling, self.notes)
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
@@ -213,16 +213,14 @@ def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sam
     return together / separate if separate > 0 else 1.0
 
 
-def _info(
-    probe: Probe, brdf: Brdf, terms: Sequence[Term], tolerance: float, coherence: float
-) -> MapInfo:
+def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, coherence: float) -> MapInfo:
     """Return the record of the map, with the errors of the terms combined."""
     strengths = np.sqrt([term.energy for term in terms])
     whole = float(strengths.sum()) * coherence
     energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
     captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
     order_p = max(len(term.form.counts) - 1 for term in terms)
-    orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
+    orders = Orders(max(term.order_f for term in terms), order_p, eps, float(captured))
     return replace(
         provenance(probe, brdf, orders),
         predicted_error=joint_error(strengths, [term.form.error for term in terms], whole),

@@ -61,7 +61,7 @@ _PART_BEYOND = 0.1
 class Wanted:
     """What is asked of the map of one term."""
 
-    tolerance: float
+    eps: float
     error: float | None
     maps: int | None
     max_size: int
@@ -169,8 +169,8 @@ def planner_of(
     """
     most_q = 0 if brdf.zonal else MAX_Q
     order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
-    tolerance, error = want.tolerance, want.error
-    limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+    eps, error = want.eps, want.error
+    limit = eps / 5 if error is None else _PART_BEYOND * error**2
     if known is not None:
         if max(_unknown_light(known)) <= limit:
             return known
@@ -234,7 +234,7 @@ def _simplest(planner: Planner, want: Wanted) -> Form:
 
     The texels are chosen by F, and the bytes may be any number.
     """
-    counts, order_f, _ = planner.for_tolerance(want.tolerance)
+    counts, order_f, _ = planner.for_tolerance(want.eps)
     return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
 
 
@@ -262,7 +262,7 @@ def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
 
 def _is_captured(planner: Planner, form: Form, order: int, want: Wanted) -> bool:
     """Tell whether the functions of a form miss no more of the BRDF up to an order than asked."""
-    return planner.captured(form.counts, order) >= 1 - want.tolerance
+    return planner.captured(form.counts, order) >= 1 - want.eps
 
 
 def _fills_budget(planner: Planner, want: Wanted) -> bool:
@@ -302,7 +302,7 @@ def _transfer(brdf: Brdf, order: int, max_q: int) -> TransferFunctions:
 
 def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:
     """Choose the form of a term's map."""
-    _, order_f, _ = planner.for_tolerance(want.tolerance)
+    _, order_f, _ = planner.for_tolerance(want.eps)
     is_met = True
     if want.error is not None:
         form, is_met = kept_form(planner, want.error, want)

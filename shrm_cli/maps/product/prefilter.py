@@ -214,7 +214,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     texture = made.map
     assert isinstance(texture, ProductTexture)
     info = texture.info
-    record = provenance(probe, brdf, Orders(order, 0, info.tolerance, info.captured))
+    record = provenance(probe, brdf, Orders(order, 0, info.eps, info.captured))
     series = lighting.coefficients[: (order + 1) ** 2]
     shape = product_window(window, texture, series)
     factors = np.zeros(len(power))

@@ -169,8 +169,8 @@ def fitting(
     ArgumentError
         If not even P = 0 fits.
     """
-    tolerance, allowed, size = request.eps, request.allowed, request.size
-    largest = choose_size(least_orders(coefficients, tolerance).order_f)
+    eps, allowed, size = request.eps, request.allowed, request.size
+    largest = choose_size(least_orders(coefficients, eps).order_f)
     sizes = [texels for texels in TRIED_SIZES if texels <= largest]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
@@ -179,7 +179,7 @@ def fitting(
         if p < 0:
             continue
         error = np.hypot(*map_errors(lighting, coefficients, p, texels, request.sampling))
-        orders = least_orders(coefficients, tolerance, order_p=p)
+        orders = least_orders(coefficients, eps, order_p=p)
         orders = replace(orders, order_f=min(orders.order_f, carried))
         made = Choice(orders, texels)
         found.append((float(error), made.bytes, made))
@@ -249,11 +249,11 @@ def within_error(
     BrdfError, ProbeError
         If the BRDF or the probe cannot be used.
     """
-    tolerance = _sufficient_tolerance(error)
+    eps = _sufficient_tolerance(error)
     coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
-    found = least_choice(lighting, coefficients, error, tolerance, max_size, size, sampling)
+    found = least_choice(lighting, coefficients, error, eps, max_size, size, sampling)
     if found is None:
         raise nothing_fits(size)
     return found[0].choice, coefficients, found[1]
@@ -269,8 +269,8 @@ def sufficient_coefficients(
     light, brdf, error, max_size, size
         The same as for `within_error`.
     """
-    tolerance, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
-    return choose_orders(brdf, tolerance, most_p=most_p)[1]
+    eps, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
+    return choose_orders(brdf, eps, most_p=most_p)[1]
 
 
 def _sufficient_tolerance(error: float) -> float:
@@ -298,7 +298,7 @@ def least_choice(
     lighting: Lighting,
     coefficients: BrdfCoefficients,
     error: float,
-    tolerance: float,
+    eps: float,
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
@@ -313,7 +313,7 @@ def least_choice(
     coefficients : BrdfCoefficients
     error, max_size, size, sampling
         The same as for `within_error`.
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
     most_p : int
         The largest P in any case.
@@ -328,7 +328,7 @@ def least_choice(
     from shrm_cli.plan.search import Row, fewest_bytes  # plain runs search nothing
 
     def tried(texels: int, carried: int, p: int) -> Tried:
-        orders = least_orders(coefficients, tolerance, order_p=p)
+        orders = least_orders(coefficients, eps, order_p=p)
         f = min(orders.order_f, carried)
         captured = float(coefficients.captured()[carried, p])
         choice = Choice(Orders(f, p, 1 - captured, captured), texels)
@@ -432,14 +432,14 @@ def shortfall(
     form : Form
         What the map holds.
     """
-    if kept.captured >= 1 - kept.tolerance:
+    if kept.captured >= 1 - kept.eps:
         return None
     from shrm_cli.plan import policy  # most maps have nothing to be told of
 
     if error <= policy.ERROR:
         return None
-    wanted = least_orders(coefficients, kept.tolerance)
-    is_known = wanted.captured >= 1 - kept.tolerance
+    wanted = least_orders(coefficients, kept.eps)
+    is_known = wanted.captured >= 1 - kept.eps
     if brdf.zonal and not is_known:
         why = f"most beside lamps: {brdf!r} is sharper than cubes of any size can show"
         return wrong_light(error, why, "take the lamps out with `shrm sun`")

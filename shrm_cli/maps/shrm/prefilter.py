@@ -132,7 +132,7 @@ def _within_error(light: Projection, request: Request, error: float) -> Prefilte
     """Make the SHRM of the fewest bytes that keeps an error, or the best one."""
     allowed, form = request.allowed, (request.size, request.sampling)
     choice, coefficients, is_met = within_error(light, request.brdf, error, allowed, *form)
-    found = replace(request, eps=choice.orders.tolerance, size=choice.size, max_size=allowed)
+    found = replace(request, eps=choice.orders.eps, size=choice.size, max_size=allowed)
     made = prefilter_shrm(light, found, (choice, coefficients))
     if is_met:
         return made

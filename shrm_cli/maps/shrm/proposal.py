@@ -112,7 +112,7 @@ class ShrmProposals:
 
         def make() -> Prefiltered:
             request = Request(
-                "shrm", self.brdf, choice.orders.tolerance, size=choice.size,
+                "shrm", self.brdf, choice.orders.eps, size=choice.size,
                 sampling=self.sampling, max_size=max_size,
             )  # fmt: skip
             return prefilter_shrm(self.light, request, (choice, coefficients), np.float64)

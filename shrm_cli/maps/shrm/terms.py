@@ -60,7 +60,7 @@ class Term:
     def needs(self) -> float:
         """The bytes that meet the tolerance; infinite where the coefficients do not reach it."""
         orders = self.choice.orders
-        return self.choice.bytes if orders.captured >= 1 - orders.tolerance else np.inf
+        return self.choice.bytes if orders.captured >= 1 - orders.eps else np.inf
 
     @property
     def count(self) -> int:
@@ -139,7 +139,7 @@ def plan_terms(
     OrderError, BrdfError, ProbeError
         If the whole BRDF cannot be expanded, or the probe cannot be read.
     """
-    tolerance, allowed = request.eps, request.allowed
+    eps, allowed = request.eps, request.allowed
     terms = split(request.brdf)
     if len(terms) == 1:
         return None
@@ -147,20 +147,20 @@ def plan_terms(
     whole = Term(request.brdf, coefficients, choice)
     most_p = most_order_p(allowed, request.size)
     try:
-        found = [choose_orders(term, tolerance, most_p=most_p)[1] for term in terms]
+        found = [choose_orders(term, eps, most_p=most_p)[1] for term in terms]
     except BrdfError:
         return None
     lighting = light.to_order(max(each.order_f for each in [coefficients, *found]))
     together = reflected_rms(lighting, coefficients)
     goal = _total_error([whole], lighting, together)
-    if choice.orders.captured < 1 - tolerance:
+    if choice.orders.captured < 1 - eps:
         shared = _shared(terms, found, lighting, request)
         if shared is None or _total_error(shared, lighting, together) >= goal:
             return None
         return Plan(shared, whole, light, request, is_closer=True)
     enough = _truncation_error([whole], lighting)
     for factor in _LOOSER:
-        looser = min(factor * tolerance, _LARGEST_TOLERANCE)
+        looser = min(factor * eps, _LARGEST_TOLERANCE)
         plan = Plan(
             tuple(
                 _least_term(term, each, looser, request.size)
@@ -208,11 +208,9 @@ def _shared(
     return tuple(made)
 
 
-def _least_term(
-    brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float, size: int | None
-) -> Term:
+def _least_term(brdf: Brdf, coefficients: BrdfCoefficients, eps: float, size: int | None) -> Term:
     """Return a term with the least orders that meet a tolerance."""
-    orders = least_orders(coefficients, tolerance)
+    orders = least_orders(coefficients, eps)
     return Term(
         brdf, coefficients, Choice(orders, choose_size(orders.order_f) if size is None else size)
     )
@@ -303,12 +301,12 @@ def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
 
 def _shortfall(plan: Plan, error: float) -> str | None:
     """Say what the terms miss of the tolerance, where the whole misses it within the bytes too."""
-    tolerance = plan.whole.choice.orders.tolerance
+    eps = plan.whole.choice.orders.eps
     kept = [plan.whole.choice.orders, *(term.choice.orders for term in plan.terms)]
-    if kept[0].captured >= 1 - tolerance or all(e.captured >= 1 - tolerance for e in kept[1:]):
+    if kept[0].captured >= 1 - eps or all(e.captured >= 1 - eps for e in kept[1:]):
         return None
     worst = min(plan.terms, key=lambda term: term.choice.orders.captured)
-    orders = replace(worst.choice.orders, tolerance=tolerance)
+    orders = replace(worst.choice.orders, eps=eps)
     return shortfall(worst.brdf, worst.coefficients, orders, plan.request.allowed, error)
 
 
@@ -320,7 +318,7 @@ def _joint_orders(plan: Plan) -> Orders:
     return Orders(
         max(each.order_f for each in orders),
         max(each.order_p for each in orders),
-        plan.whole.choice.orders.tolerance,
+        plan.whole.choice.orders.eps,
         float(captured),
     )
 

@@ -194,7 +194,7 @@ def _facts(made: SplitSum) -> dict[str, Any]:
         "domain": info.domain,
         "order_f": info.order_f,
         "order_p": info.order_p,
-        "epsilon": info.tolerance,
+        "epsilon": info.eps,
         "brdf_energy_captured": info.captured,
         "predicted_error": info.predicted_error,
         "levels": [{**row, "minimum": float(level.min())} for row, level in rows],
@@ -293,7 +293,7 @@ def _expanded(
 
     Its order decides how many texels it has, at most `largest`, unless the size is given.
     """
-    expansion = expand(light.lighting, lobe.coefficients, light.known.tolerance)
+    expansion = expand(light.lighting, lobe.coefficients, light.known.eps)
     size = size or min(choose_size(expansion.order), largest)
     cube = synthesized(light.series, expansion.multipliers, size, light.sampling)
     info = replace(
@@ -321,7 +321,7 @@ def _integrated(
     known, resolved = light.known, min(light.lighting.order, light.probe.grid.resolved_order)
     kept = light.lighting.coefficients[: (resolved + 1) ** 2]
     lighting = replace(light.lighting, coefficients=kept)
-    core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
+    core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.eps)
     order = min(lobe.order, MAX_ORDER_F)
     size = size or min(choose_size(order), largest)
     pixels = latlong_light(light.probe, _source_rows(light.rows, lobe.brdf.ggx_alpha))
