@@ -5,6 +5,7 @@ The makers of maps take a `Request`, files record it, and batches compare their 
 
 from collections.abc import Iterable, Mapping
 from dataclasses import field
+from types import MappingProxyType
 from typing import Any, Self, cast
 
 from shrm_cli.brdf.base import Brdf
@@ -90,7 +91,8 @@ class Request:
         named = checked_options(to, named)
         values = {**registry.description(to).defaults, **named}
         shared = {name: values.pop(name) for name in SHARED if name in values}
-        return cls(to, cast(Brdf, brdf), **shared, own=values, given=named)
+        own, given = MappingProxyType(values), MappingProxyType(named)
+        return cls(to, cast(Brdf, brdf), **shared, own=own, given=given)
 
     @property
     def is_free(self) -> bool:

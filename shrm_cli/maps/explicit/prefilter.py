@@ -11,7 +11,8 @@ from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import Form
-from shrm_cli.maps.shrm.prefilter import centered, expand, from_expansion, order_warnings
+from shrm_cli.maps.shrm.prefilter import centered, expand, order_warnings
+from shrm_cli.maps.shrm.shrm import from_expansion
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 

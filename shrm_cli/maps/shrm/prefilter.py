@@ -15,7 +15,6 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
-from shrm_cli.maps.provenance import provenance
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     SHRM_FORM,
@@ -27,21 +26,13 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
     within_error,
 )
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import from_expansion
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import choose_center, choose_orders
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import foretell
 
 if TYPE_CHECKING:
     from shrm_cli.probe.lighting import Projection
-
-# Seconds of one processor for each series, that is a coefficient map of one colour, measured from
-# F = 36 to 320 and P = 2 to 28. The time of the series and of their texels grows with the cube of
-# the order F + P, and that of packing with the number of values.
-_COUPLING, _MOST_TERMS = 6e-10, 10  # for each term of order P; sums over rings replace many
-_SYNTHESIS = 3e-9
-_STORED_VALUE = 1.5e-7
 
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
@@ -293,58 +284,3 @@ def expand(
     if is_free:
         lines.append(shortfall(brdf, coefficients, orders, allowed, expansion.error, form))
     return expansion, tuple(line for line in lines if line is not None)
-
-
-def from_expansion(
-    expansion: Expansion,
-    probe: Probe,
-    request: Request,
-    dtype: type = np.float32,
-) -> Shrm:
-    """Make the SHRM of an expansion.
-
-    Parameters
-    ----------
-    expansion : Expansion
-    probe : Probe
-        The probe of the expansion's light.
-    request : Request
-        It says the frame and the sampling.
-    dtype : type
-        As `Shrm.from_coefficients` takes it.
-    """
-    orders, brdf = expansion.orders, expansion.brdf
-    foretell(making_seconds(expansion.carried, orders.order_p, expansion.size))
-    info = replace(
-        provenance(probe, brdf, orders),
-        predicted_error=expansion.error,
-        filter_error=expansion.filter_error(request.sampling),
-        carried=expansion.carried,
-    )
-    return Shrm.from_coefficients(
-        expansion.lighting.coefficients,
-        expansion.kept, brdf.center, info, expansion.size, request.frame, request.sampling, dtype,
-    )  # fmt: skip
-
-
-def making_seconds(order_f: int, order_p: int, size: int) -> float:
-    """Estimate the seconds until an SHRM is made and written.
-
-    Parameters
-    ----------
-    order_f : int
-        The order F to which the light is carried.
-    order_p : int
-        The order P.
-    size : int
-        Texels along a face's edge.
-
-    Returns
-    -------
-    float
-        Within a factor of 2 where the rates were measured, if no other work is going on there.
-    """
-    series = 3 * (order_p + 1) ** 2
-    coupling = _COUPLING * min(order_p, _MOST_TERMS)
-    made = series * (order_f + order_p) ** 3 * (coupling + _SYNTHESIS)
-    return made + series * 6 * size**2 * _STORED_VALUE

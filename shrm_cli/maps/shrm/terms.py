@@ -23,8 +23,7 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
 )
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.prefilter import from_expansion
-from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
@@ -199,6 +198,7 @@ def _shared(
         share, term = left // (len(made) - done), made[index]
         if term.needs > share:
             try:
+                # Where the edge texels lie tells no form from another.
                 part = replace(request, max_size=share, sampling="center")
                 choice = fitting(term.coefficients, lighting, part)
             except ArgumentError:
