@@ -58,34 +58,34 @@ def prefilter_angular(probe: Probe, request: Request) -> Prefiltered:
     with using(None):  # all of this takes a moment beside the images
         orders, chosen = choose_orders(brdf, finest, most_p=most_p)
         _, coefficients = choose_orders(brdf, finest, order_p=_ORDER_TO_MEASURE)
+        views = view_count(request)
+        views = kind.default_view_count(orders.order_p) if views is None else views
+        count = kind.image_count(views)
+        if size is None:
+            choice = Choice(orders, choose_size(orders.order_f))
+            choice = halved(choice, chosen, count, allowed) or choice
+            orders, size = choice.orders, choice.size
+        orders = replace(orders, eps=request.eps)
+        refuse_large(size, count, request.max_size)
+        kind.check_images(size, count)
+        integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)
         lighting = project(probe, coefficients.order_f)
-    views = view_count(request)
-    views = kind.default_view_count(orders.order_p) if views is None else views
-    count = kind.image_count(views)
-    if size is None:
-        choice = Choice(orders, choose_size(orders.order_f))
-        choice = halved(choice, chosen, count, allowed) or choice
-        orders, size = choice.orders, choice.size
-    orders = replace(orders, eps=request.eps)
-    refuse_large(size, count, request.max_size)
-    kind.check_images(size, count)
-    integral = Reference(probe, brdf, request.source_height, request.eps, exact=True)
-    tail = _tail_coefficients(brdf, integral.angle, coefficients)
-    captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)
-    orders = replace(orders, captured=float(captured))
-    info = replace(
-        provenance(probe, brdf, orders),
-        predicted_error=truncated_lobe_error(lighting, coefficients, tail),
-        domain="angular",
-    )
-    # The error of interpolating between views is measured in the frequency domain, where it takes
-    # little time. A few texels suffice for that.
-    smooth = Shrm.from_coefficients(
-        lighting.coefficients,
-        coefficients.values, brdf.center, info,
-        min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
-    )  # fmt: skip
-    info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
+        tail = _tail_coefficients(brdf, integral.angle, coefficients)
+        captured = 1 - tail.total_energy.sum() / max(coefficients.total_energy.sum(), 1e-300)
+        orders = replace(orders, captured=float(captured))
+        info = replace(
+            provenance(probe, brdf, orders),
+            predicted_error=truncated_lobe_error(lighting, coefficients, tail),
+            domain="angular",
+        )
+        # The error of interpolating between views is measured in the frequency domain, where it
+        # takes little time. A few texels suffice for that.
+        smooth = Shrm.from_coefficients(
+            lighting.coefficients,
+            coefficients.values, brdf.center, info,
+            min(size, _TEXELS_TO_MEASURE), dtype=np.float32,
+        )  # fmt: skip
+        info = replace(info, added_error=kind.from_shrm(smooth, views).info.added_error)
     built = tabulate(kind, integral, brdf.center, info, size, views, sampling)
     return Prefiltered(built, {"error_bound": None, "predicted_wrong_share": None})
 
@@ -95,5 +95,4 @@ def _tail_coefficients(brdf: Brdf, angle: float, whole: BrdfCoefficients) -> Brd
 
     They are small, so that an accuracy of one percent suffices.
     """
-    with using(None):
-        return compute_coefficients(lobe_tail(brdf, angle), whole.order_f, whole.order_p, 1e-2)
+    return compute_coefficients(lobe_tail(brdf, angle), whole.order_f, whole.order_p, 1e-2)
