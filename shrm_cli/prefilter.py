@@ -155,7 +155,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
     needs_brdf = registry.description(request.to).needs_brdf
     # Maps for a BRDF take one attempt after another at its coefficients.
     is_rising = needs_brdf and request.domain != "angular"
-    work = Rising(progress) if progress is not None and is_rising else progress
+    work = Rising(progress) if is_rising else progress
     with using(work):
         found = _maker(request.to)(probe, request)
     if isinstance(work, Rising):

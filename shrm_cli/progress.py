@@ -114,11 +114,11 @@ class Rising:
 
     Parameters
     ----------
-    progress : callable
+    progress : callable, optional
         Called with how far all work has come.
     """
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress | None) -> None:
         self._progress = progress
         self._before = self._within = self._told = 0.0
 
@@ -143,4 +143,5 @@ class Rising:
 
     def _tell(self, part: float) -> None:
         self._told = part
-        self._progress(int(_STEPS * part), _STEPS)
+        if self._progress is not None:
+            self._progress(int(_STEPS * part), _STEPS)

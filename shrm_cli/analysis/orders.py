@@ -98,7 +98,7 @@ def energy_grid(
         If the BRDF is anisotropic, or its coefficients do not converge.
     """
     # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
-    rising = None if progress is None else Rising(progress)
+    rising = Rising(progress)
     with using(rising):
         met = [choose_orders(brdf, eps) for eps in tolerances]
     orders = tuple(each for each, _ in met)

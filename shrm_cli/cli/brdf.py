@@ -67,9 +67,8 @@ def brdf(
     remarks: list[str] = []
     with progress_bar("expanding", quiet) as progress:
         chosen = parse_spec(spec)
-        rising = None if progress is None else Rising(progress)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
-        with using(rising):
+        with using(Rising(progress)):
             rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
         report = _explain(chosen, rows, captured)
     conclude(report, _text(chosen, report), remarks, as_json, quiet)
