@@ -8,13 +8,12 @@ simplest; a map of principal functions otherwise, which keeps it in the fewest b
 from dataclasses import replace
 from functools import cached_property
 
-from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import split
 from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import goal_text, judged, kept_or_best
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
@@ -24,23 +23,12 @@ from shrm_cli.plan.search import Candidate, Goal, first_kept
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, NEGATIVE_SHARE, Sampling
+from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 
-def prefilter(
-    probe: Probe,
-    brdf: Brdf,
-    error: float | None = None,
-    seen: float | None = None,
-    max_size: int = DEFAULT_MAX_SIZE,
-    center: str | None = None,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    progress: Progress | None = None,
-) -> Prefiltered:
-    """Choose a form and make its map; the arguments are those of `shrm_cli.prefilter.prefilter`.
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
+    """Choose a form and make its map.
 
     Returns
     -------
@@ -52,9 +40,8 @@ def prefilter(
     ------
     ArgumentError, ProbeError, BrdfError
     """
-    light = Projection(shared(probe), progress)
-    asked = _Asked(light, brdf, Goal.of(error, seen), max_size, center, size, sampling)
-    made = asked.of_single_cubes() if all(term.zonal for term in split(brdf)) else None
+    asked = _Asked(Projection(shared(probe)), request)
+    made = asked.of_single_cubes() if all(term.zonal for term in split(request.brdf)) else None
     return made or asked.of_functions()
 
 
@@ -63,23 +50,20 @@ class _Asked:
     """What is asked for, the light, and the maps that could be made."""
 
     light: Projection
-    brdf: Brdf
-    goal: Goal
-    max_size: int
-    center: str | None
-    size: int | None
-    sampling: Sampling
+    request: Request
+
+    @cached_property
+    def goal(self) -> Goal:
+        """What the picture has to keep."""
+        return Goal.of(self.request.error, self.request.seen)
 
     def of_single_cubes(self) -> Prefiltered | None:
         """Make the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
 
         Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
         """
-        made = shrm_prefilter(
-            self.light.probe, self.brdf, eps=DEFAULT_EPS, max_size=self.max_size,
-            center=self.center, size=self.size, sampling=self.sampling,
-            progress=self.light.progress,
-        )  # fmt: skip
+        by_eps = replace(self.request, error=None, seen=None)
+        made = shrm_prefilter(self.light.probe, by_eps)
         info = made.map.info
         total = total_error(info.predicted_error, info.filter_error)
         find = made.further["predicted_wrong_share"]
@@ -91,7 +75,8 @@ class _Asked:
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
-        made = kept_or_best(self.proposals.candidate, self.goal, self.max_size, self._simple_shrm)
+        most = self.request.allowed
+        made = kept_or_best(self.proposals.candidate, self.goal, most, self._simple_shrm)
         if made.map.representation == "shrm":
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -99,8 +84,7 @@ class _Asked:
     @cached_property
     def proposals(self) -> Proposals:
         """The maps of principal functions."""
-        wanted = Wanted(DEFAULT_EPS, self.goal.error, None, self.max_size, self.size)
-        return Proposals(self.light, self.brdf, wanted, self.center, self.sampling)
+        return Proposals(self.light, replace(self.request, error=self.goal.error))
 
     @cached_property
     def shrms(self) -> ShrmProposals:
@@ -108,12 +92,13 @@ class _Asked:
 
         Principal maps may be about another one, where their transfer functions do not tell.
         """
-        form = self.size, self.sampling
-        part, brdf = self.proposals.parts[0], self.brdf
-        if self.center is not None or part.center == brdf.center:
+        request, part = self.request, self.proposals.parts[0]
+        form = request.size, request.sampling
+        if request.center is not None or part.center == request.brdf.center:
             transfer = self.proposals.planners[0].spectrum.transfer
             return ShrmProposals.of(self.light, part, transfer, *form)
-        return ShrmProposals.known(self.light, brdf, self.goal.error, self.max_size, *form)
+        error = self.goal.error
+        return ShrmProposals.known(self.light, request.brdf, error, request.allowed, *form)
 
     def _simple_shrm(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
         """Make the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
@@ -121,7 +106,7 @@ class _Asked:
             return None  # each term would want an SHRM of its own, with a shader of many look-ups
         # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
         times = 1 if self.goal.wrong_share is None else policy.SIMPLE_TIMES
-        most = min(times * kept.bytes, self.max_size)
+        most = min(times * kept.bytes, self.request.allowed)
         if not self.shrms.fits(most):
             return None
         tried, is_kept = first_kept(self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal)
@@ -136,7 +121,7 @@ class _Asked:
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
         error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
-        best = self.shrms.least(error, self.max_size)
+        best = self.shrms.least(error, self.request.allowed)
         if best is None:
             return "no SHRM fits"
         if best.total_error <= error:

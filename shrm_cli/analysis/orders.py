@@ -18,7 +18,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.progress import Progress, Rising
+from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.records import record
 from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
@@ -92,7 +92,7 @@ def energy_grid(
         The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
         zonal BRDF has P = 0 only.
     progress : callable, optional
-        As `choose_orders` takes it.
+        Called with the work done, and in all.
 
     Raises
     ------
@@ -102,8 +102,9 @@ def energy_grid(
         If the BRDF is anisotropic, or its coefficients do not converge.
     """
     # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
-    rising = None if progress is None else Rising(progress)
-    met = [choose_orders(brdf, tolerance, progress=rising) for tolerance in tolerances]
+    rising = Rising(progress)
+    with using(rising):
+        met = [choose_orders(brdf, eps) for eps in tolerances]
     orders = tuple(each for each, _ in met)
     if order_f is None:
         order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
@@ -114,7 +115,8 @@ def energy_grid(
     sufficient = max(coefficients.order_f for _, coefficients in met)
     high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
     accuracy = max(min(tolerances) / 300, 1e-5)
-    coefficients = compute_coefficients(brdf, high, order_p, accuracy, rising)
+    with using(rising):
+        coefficients = compute_coefficients(brdf, high, order_p, accuracy)
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
 
 

@@ -40,7 +40,7 @@ class Plan:
     probe : Probe
     surfaces : tuple of Ggx
         Surfaces of one f0, in order of their roughness.
-    tolerance : float
+    eps : float
         The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF.
     viewers : tuple of V Viewer
     size : int
@@ -55,7 +55,7 @@ class Plan:
 
     probe: Probe
     surfaces: tuple[Ggx, ...]
-    tolerance: float
+    eps: float
     viewers: tuple[Viewer, ...]
     size: int
     source_height: int | None
@@ -178,7 +178,7 @@ def groups(name: str, surfaces: Sequence[Ggx]) -> list[Sequence[Ggx]]:
 def plan_comparison(
     probe: Probe,
     surfaces: Sequence[Ggx],
-    tolerance: float,
+    eps: float,
     viewers: Sequence[Viewer],
     size: int,
     height: int | None = None,
@@ -205,7 +205,7 @@ def plan_comparison(
     heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
     return Plan(
-        probe, tuple(surfaces), tolerance, tuple(viewers), size, height, memory, exact
+        probe, tuple(surfaces), eps, tuple(viewers), size, height, memory, exact
     )  # fmt: skip
 
 
@@ -303,7 +303,7 @@ def _make(
     """
     given: dict[str, Any] = {}
     if representation.needs_brdf:
-        given = {"brdf": surfaces[0], "eps": plan.tolerance}
+        given = {"brdf": surfaces[0], "eps": plan.eps}
         if plan.memory.max_size < DEFAULT_MAX_SIZE:
             given["max_size"] = plan.memory.max_size
     elif "roughness" in representation.arguments:

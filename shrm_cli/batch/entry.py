@@ -18,8 +18,8 @@ from shrm_cli.files.remote import matching
 from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
+from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
 from shrm_cli.naming import brdf_label, probe_stem, unsound
-from shrm_cli.prefilter import check_arguments, checked_options, resolved_form
 from shrm_cli.probe.probe import face_paths
 from shrm_cli.records import record
 from shrm_cli.vocabulary import AUTO, CONTAINERS, REPRESENTATIONS, Precision

@@ -22,7 +22,6 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_P
 
@@ -171,7 +170,6 @@ def compute_coefficients(
     order_f: int,
     order_p: int,
     accuracy: float = 1e-5,
-    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
 
@@ -184,8 +182,6 @@ def compute_coefficients(
         The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
     accuracy : float
         The fraction of the energy that the sampling may miss.
-    progress : callable, optional
-        Called during the work with an estimate of how far it is.
 
     Returns
     -------
@@ -202,14 +198,12 @@ def compute_coefficients(
 
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):
-        return _summed(brdf, order_f, order_p, accuracy, progress)
-    transfer = compute_transfer(brdf, order_f, order_p, accuracy, progress)
+        return _summed(brdf, order_f, order_p, accuracy)
+    transfer = compute_transfer(brdf, order_f, order_p, accuracy)
     return BrdfCoefficients.of(transfer, order_p, brdf.zonal)
 
 
-def _summed(
-    brdf: Sum, order_f: int, order_p: int, accuracy: float, progress: Progress | None
-) -> BrdfCoefficients:
+def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
     """Add the coefficients of the terms of a sum about its own center.
 
     Each term is sampled as its own lobe wants it. The whole would want the nodes that are densest
@@ -226,7 +220,7 @@ def _summed(
     signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
     for weight, term in brdf.terms:
         term = term.recentered(brdf.center)
-        each = compute_transfer(term, order_f, order_p, accuracy, progress)
+        each = compute_transfer(term, order_f, order_p, accuracy)
         projected = np.zeros_like(added)
         known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
         projected[:, :known, :known] = weight * each.projected(known - 1)

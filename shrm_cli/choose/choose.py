@@ -16,7 +16,7 @@ from shrm_cli.plan.search import Goal, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.progress import Progress, Rising, Stages
+from shrm_cli.progress import Progress, Rising, Stages, using
 from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
@@ -94,13 +94,14 @@ def _chosen(
     truth = Truth(probe, brdf, work)
     offers: list[Offer] = []
     warnings: list[str] = []
-    light = Projection(probe, work)
+    light = Projection(probe)
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
-    principal = PrincipalForms(light, brdf)
-    shrm = ShrmForms(light, brdf, principal.single)
-    for forms in (principal, shrm):
-        known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
-        offers += [_offer(each) for each in known]
+    with using(work):
+        principal = PrincipalForms(light, brdf)
+        shrm = ShrmForms(light, brdf, principal.single)
+        for forms in (principal, shrm):
+            known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
+            offers += [_offer(each) for each in known]
     for wanted in others_of(brdf):
         try:
             offers.append(made_offer(wanted, probe, brdf, truth, work))

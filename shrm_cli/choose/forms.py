@@ -4,6 +4,7 @@ They are known by bytes and errors before any is made, so that hundreds of them 
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, Protocol
 
@@ -16,15 +17,16 @@ from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.sharing import Joint
 from shrm_cli.maps.principal.terms import Wanted, planner_of
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import Tried
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
-WANTED = Wanted(DEFAULT_EPS, policy.LEAST_ERROR, None, DEFAULT_MAX_SIZE, None)
+ASKED = Request("principal", error=policy.LEAST_ERROR)
 """What all maps are proposed for: the BRDF is sampled once, as far as the best of them need it."""
 
 
@@ -77,7 +79,7 @@ class PrincipalForms:
     """
 
     def __init__(self, light: Projection, brdf: Brdf) -> None:
-        self._proposals = Proposals(light, brdf, WANTED)
+        self._proposals = Proposals(light, replace(ASKED, brdf=brdf))
         rows = self._proposals.sharing.rows(DEFAULT_MAX_SIZE)
         self.rows = [[self._known(joint) for joint in row.every()] for row in rows]
 
@@ -120,7 +122,9 @@ class ShrmForms:
         self, light: Projection, brdf: Brdf, known: tuple[Brdf, Planner] | None = None
     ) -> None:
         self._own_center = brdf.center
-        self._brdf, planner = known or (brdf, planner_of(light, brdf, WANTED, False, "center"))
+        if known is None:
+            known = brdf, planner_of(light, brdf, Wanted.of(ASKED), False, "center")
+        self._brdf, planner = known
         transfer = planner.spectrum.transfer
         self._proposals = ShrmProposals.of(light, self._brdf, transfer)
         rows = self._proposals.rows(DEFAULT_MAX_SIZE)

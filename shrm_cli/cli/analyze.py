@@ -23,6 +23,7 @@ from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:
@@ -150,9 +151,9 @@ def analyze(
         grid = energy_grid(brdf, tolerances, order_f, order_p, progress)
     curve = pictures = None
     if source is not None:
-        with progress_bar("reading") as progress:
-            lighting = project(source, grid.coefficients.order_f, progress)
-        least = min(grid.orders, key=lambda each: each.tolerance)
+        with progress_bar("reading") as progress, using(progress):
+            lighting = project(source, grid.coefficients.order_f)
+        least = min(grid.orders, key=lambda each: each.eps)
         curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
         curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
     if source is not None and not no_plots:
@@ -167,7 +168,7 @@ def analyze(
 
     title = repr(brdf)
     if "energy" in targets:
-        marks = [(each.order_f, each.order_p, each.tolerance) for each in grid.orders]
+        marks = [(each.order_f, each.order_p, each.eps) for each in grid.orders]
         plot_energy(targets["energy"], grid.captured, marks, title)
     if "accuracy" in targets and curve is not None and probe is not None:
         curves = {name: getattr(curve, name) for name in _CURVES}

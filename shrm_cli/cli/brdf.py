@@ -17,7 +17,6 @@ from shrm_cli.maps.options import bytes_text
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
     from shrm_cli.orders import Orders
-    from shrm_cli.progress import Progress
 
 _TOLERANCES = (0.1, 0.03, 0.01)
 _SUFFIXES = (".exr", ".npz", ".binary")
@@ -58,7 +57,7 @@ def brdf(
         _list()
         return
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.progress import Rising
+    from shrm_cli.progress import Rising, using
 
     if target is not None:
         _save(spec, target)
@@ -66,9 +65,9 @@ def brdf(
     remarks: list[str] = []
     with progress_bar("expanding") as progress:
         chosen = parse_spec(spec)
-        rising = None if progress is None else Rising(progress)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
-        rows, captured = _orders(chosen, asked, remarks, rising) if asked else ([], [])
+        with using(Rising(progress)):
+            rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
         report = _explain(chosen, rows, captured)
     conclude(report, _text(chosen, report), remarks)
 
@@ -152,7 +151,7 @@ def _anisotropy(model: Any) -> list[str]:
 
 
 def _orders(
-    chosen: Brdf, tolerances: Sequence[float], remarks: list[str], progress: Progress | None
+    chosen: Brdf, tolerances: Sequence[float], remarks: list[str]
 ) -> tuple[list[dict[str, Any]], list[float]]:
     """Find the orders that tolerances ask for, with one search, for the smallest of them.
 
@@ -170,7 +169,7 @@ def _orders(
     from shrm_cli.orders import known_coefficients, sufficient_orders
 
     try:
-        coefficients = known_coefficients(chosen, min(tolerances), progress)
+        coefficients = known_coefficients(chosen, min(tolerances))
     except BrdfError as error:
         return [{"epsilon": eps, "error": str(error)} for eps in tolerances], []
     if coefficients.remark is not None:
@@ -259,7 +258,7 @@ def _examination_lines(chosen: Brdf, found: dict[str, Any]) -> list[str]:
 def order_values(orders: Orders) -> dict[str, Any]:
     """Return the orders that a tolerance asks for, as JSON has them."""
     return {
-        "epsilon": orders.tolerance,
+        "epsilon": orders.eps,
         "order_f": orders.order_f,
         "order_p": orders.order_p,
         "brdf_energy_captured": orders.captured,

@@ -54,7 +54,7 @@ _SIZE = 256
 _NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
 _OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
-_OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
+_OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 """Arguments that apply only with --representations."""
 
 
@@ -85,7 +85,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
+    "--eps", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
 @truth_options

@@ -20,6 +20,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS
 
@@ -242,8 +243,8 @@ def convert_probe(job: Conversion) -> Converted:
     files = face_paths(path) if target == "faces" else [path]
     check_outputs(files, suffixes=CONTAINERS)
     orientation = job.orientation or default_orientation(target)
-    with progress_bar("converting") as progress:
-        image = to_layout(probe, target, orientation, job.size, sampled, progress)
+    with progress_bar("converting") as progress, using(progress):
+        image = to_layout(probe, target, orientation, job.size, sampled)
     marked = (target, orientation) in (("openexr", "openexr"), ("latlong", "openexr"))
     envmap = target if sampled == "border" and marked else None
     pictures = np.split(image, 6) if target == "faces" else [image]

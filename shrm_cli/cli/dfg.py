@@ -9,6 +9,7 @@ from shrm_cli.cli.options import precision_option, report_options, tell
 from shrm_cli.cli.outputs import check_outputs, force_option
 from shrm_cli.cli.usage import exclude, given_options
 from shrm_cli.files.whole import keeping
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
 
 
@@ -58,11 +59,8 @@ def dfg(
     exclude("multiscatter", "moments")
     check_outputs([output], suffixes=CONTAINERS)
     kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
-    with progress_bar("integrating") as progress:
-        if moments:
-            table = moments_table(size, progress)
-        else:
-            table = environment_table(size, multiscatter, progress)
+    with progress_bar("integrating") as progress, using(progress):
+        table = moments_table(size) if moments else environment_table(size, multiscatter)
     is_kept = not force and "output" not in given_options()
     with keeping(*([output] if is_kept else [])):
         pixel_type = write_dfg(output, table, kind, precision)

@@ -125,7 +125,7 @@ def lookdev(
     from shrm_cli.files.whole import write_bytes
     from shrm_cli.lookdev.columns import Wanted, make_column
     from shrm_cli.lookdev.page import lookdev_page, material_names, probe_names
-    from shrm_cli.prefilter import check_arguments
+    from shrm_cli.maps.request import check_arguments
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.frames import frame_paths, turntable

@@ -22,6 +22,7 @@ from shrm_cli.naming import probe_stem
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
+    from shrm_cli.maps.request import Request
     from shrm_cli.probe.probe import Probe
     from shrm_cli.vocabulary import Precision
 
@@ -100,33 +101,26 @@ def picture_attributes(
     return attributes
 
 
-def keep_other_map(
-    target: str, to: str, probe: Probe, given: Mapping[str, Any], precision: Precision
-) -> None:
+def keep_other_map(target: str, probe: Probe, request: Request, precision: Precision) -> None:
     """Refuse to replace a map that was not made like the one that is asked for.
 
     Parameters
     ----------
     target : str
         The name of the file, which need not exist.
-    to : str
-        The representation.
     probe : Probe
-    given : mapping of str to value
-        The arguments of `shrm_cli.prefilter.prefilter` by name.
+    request : Request
     precision : {"auto", "half", "float"}
 
     Raises
     ------
     OutputError
         If the file exists, and other inputs or options made it.
-    BrdfError
-        If the BRDF cannot be used.
     """
     from shrm_cli.batch.made import difference
 
     if os.path.lexists(target):
-        found = difference(target, to, probe, given, precision)
+        found = difference(target, probe, request, precision)
         if found is not None and not found.is_damage:
             raise kept(target, found.why)
 

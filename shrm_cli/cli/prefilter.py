@@ -117,8 +117,9 @@ def prefilter(
     """
     from shrm_cli.maps.file import store
     from shrm_cli.maps.prefiltered import with_wrong_share
+    from shrm_cli.maps.request import Request, check_arguments, resolved_form
     from shrm_cli.plan import policy
-    from shrm_cli.prefilter import check_arguments, prefilter_with_facts, resolved_form
+    from shrm_cli.prefilter import make
     from shrm_cli.probe.probe import open_probe
 
     read_as = make_read_options(values, probe_sampling or sampling)
@@ -135,13 +136,13 @@ def prefilter(
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
     names = [_default_name(probe, brdf, each) for each in (AUTO_FORMS if to == AUTO else [to])]
     check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)
-    if not (output or force):
-        for name in names:
-            keep_other_map(name, to, source, given, precision)
     printed = {}
     is_told = wants_json() or not is_quiet()
     with progress_bar("prefiltering") as progress:
-        made = prefilter_with_facts(source, to, given, progress)
+        request = Request.of(to, given, source)
+        for name in [] if output or force else names:
+            keep_other_map(name, source, request, precision)
+        made = make(source, request, progress)
         target = output or _default_name(probe, brdf, made.map.representation)
         if prints["shader"] is not None:
             from shrm_cli.maps.shader.code import look_up_code

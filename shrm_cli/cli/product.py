@@ -14,6 +14,7 @@ from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, reada
 from shrm_cli.cli.types import Spec
 from shrm_cli.cli.usage import Applies, refuse_inapplicable, wrong_usage
 from shrm_cli.naming import brdf_label
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import (
     CONTAINERS,
     DEFAULT_PRODUCT_ORDER,
@@ -98,11 +99,11 @@ def product(
         varying = interval[0], values
     if not (output or force):
         _keep_other_texture(target, brdf, order, size, varying)
-    with progress_bar("integrating") as progress:
+    with progress_bar("integrating") as progress, using(progress):
         if varying is None:
-            made = product_texture(brdf, order, size, progress)
+            made = product_texture(brdf, order, size)
         else:
-            made = varying_texture(brdf, *varying, order, size, progress, step_error)
+            made = varying_texture(brdf, *varying, order, size, step_error)
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),

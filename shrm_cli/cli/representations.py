@@ -47,7 +47,7 @@ def print_representations(
     exposure: float,
     output: str | None,
     steps: int | None,
-    tolerance: float,
+    eps: float,
     max_memory: int | None,
 ) -> None:
     """Print a table of the storage, the time and the errors of each representation of a probe."""
@@ -79,7 +79,7 @@ def print_representations(
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
     plan = plan_comparison(
-        source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
+        source, surfaces, eps, [Viewer(*view) for view in views], size, source_height,
         max_memory, exact,
     )  # fmt: skip
     announce(_statement(plan, path))
@@ -90,7 +90,7 @@ def print_representations(
         "probe_sha256": source.digest(),
         "roughness": [each.number("roughness") for each in surfaces],
         "f0": list(surfaces[0].color("f0")),
-        "epsilon": tolerance,
+        "epsilon": eps,
         "views": [list(view) for view in views],
         "size": size,
         "source_height": plan.source_height,

@@ -24,12 +24,13 @@ from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -180,7 +181,8 @@ def export(
         If the source holds nothing that the engine reads, or does not fit it.
     """
     check(engine, asked)
-    light, told, warnings = gather(source, engine, asked, progress)
+    with using(progress):
+        light, told, warnings = gather(source, engine, asked)
     texels = FORMATS[asked.texels or (engine.formats or ("rgba16f",))[0]]
     try:
         made = engine.pack(light, texels)
@@ -232,9 +234,7 @@ def check(engine: Engine, asked: Asked) -> None:
         engine.roughness(engine.sizes(asked.size))
 
 
-def gather(
-    source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
-) -> tuple[Light, list[str], list[str]]:
+def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[str], list[str]]:
     """Make the light that an engine wants, as far as the source knows it.
 
     Returns
@@ -258,22 +258,22 @@ def gather(
         light = replace(light, levels=levels, roughness=roughness)
     elif engine.wants_levels and source.probe is not None:
         size = asked.size or engine.default_size
-        levels, roughness = levels_of_probe(source.probe, engine, size, progress)
+        levels, roughness = levels_of_probe(source.probe, engine, size)
         light = replace(light, levels=levels, roughness=roughness)
     if engine.wants_irradiance or engine.wants_diffuse:
-        irradiance, diffuse, lines = _irradiance(source, itself, engine, asked, progress)
+        irradiance, diffuse, lines = _irradiance(source, itself, engine, asked)
         light = replace(light, irradiance=irradiance, diffuse=diffuse)
         warnings += lines
         told = [*told, *([] if irradiance is None else _windowed(irradiance.window))]
     if itself is not None:
-        light = _with_images(light, itself, engine, asked, progress)
+        light = _with_images(light, itself, engine, asked)
     if asked.table:
-        light = replace(light, table=environment_table(TABLE_SIZE, progress=progress))
+        light = replace(light, table=environment_table(TABLE_SIZE))
     return light, [*colors, *told], warnings
 
 
 def _irradiance(
-    source: Source, light: Probe | None, engine: Engine, asked: Asked, progress: Progress | None
+    source: Source, light: Probe | None, engine: Engine, asked: Asked
 ) -> tuple[Irradiance | None, Irradiance | None, list[str]]:
     """Return nine coefficients, those for cubes, and warnings; None where nothing is known."""
     if source.irradiance is not None:
@@ -285,10 +285,11 @@ def _irradiance(
     nine = diffuse = None
     warnings: list[str] = []
     if engine.wants_irradiance:
-        made = prefilter_irradiance(light, window=asked.window or "auto", progress=progress)
+        request = Request.of("irradiance", {"window": asked.window}, light)
+        made = prefilter_irradiance(light, request)
         nine, warnings = made.map, list(made.warnings)
     if engine.wants_diffuse:
-        coefficients = project(light, DIFFUSE_ORDER, progress).coefficients
+        coefficients = project(light, DIFFUSE_ORDER).coefficients
         known = provenance(light, Lambertian(), Orders(DIFFUSE_ORDER, 0, 0.0, 1.0))
         diffuse = Irradiance(coefficients, known)
     return cast(Irradiance | None, nine), diffuse, warnings
@@ -309,20 +310,18 @@ def _nine(irradiance: Irradiance) -> Irradiance:
     return replace(irradiance, coefficients=irradiance.coefficients[:count], window=Window())
 
 
-def _with_images(
-    light: Light, probe: Probe, engine: Engine, asked: Asked, progress: Progress | None
-) -> Light:
+def _with_images(light: Light, probe: Probe, engine: Engine, asked: Asked) -> Light:
     """Add the sharp cube and the lat-long that an engine wants."""
     edge = engine.default_skybox if asked.skybox is None else asked.skybox
     if asked.skybox is None:
         edge = min(edge, default_size(probe, Cube))
     if engine.takes_skybox and edge:
-        light = replace(light, skybox=to_grid(probe, Cube(edge), progress))
+        light = replace(light, skybox=to_grid(probe, Cube(edge)))
     if engine.wants_latlong:
         # Where there are levels, the size is theirs, and the lat-long is as fine as the light.
         rows = 0 if engine.wants_levels else asked.size or engine.default_size
         rows = rows or default_size(probe, LatLong)
-        light = replace(light, latlong=to_grid(probe, LatLong(rows), progress))
+        light = replace(light, latlong=to_grid(probe, LatLong(rows)))
     return light
 
 

@@ -87,7 +87,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,
         "shrm:P": order_p,
-        "shrm:epsilon": float(info.tolerance),
+        "shrm:epsilon": float(info.eps),
         "shrm:brdf_energy_captured": float(info.captured),
         "shrm:predicted_error": float(info.predicted_error),
         "shrm:brdf": json.dumps(info.brdf, sort_keys=True),

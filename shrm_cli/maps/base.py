@@ -6,7 +6,7 @@ has these modules:
 ``options``
     The options of `shrm prefilter` that the representation obeys; this module loads no numpy.
 ``prefilter``
-    How the map is made: ``prefilter(probe, ...) -> Prefiltered``.
+    How the map is made: ``prefilter(probe, request) -> Prefiltered``.
 ``file``
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
 ``report``
@@ -265,7 +265,7 @@ class Map(ABC):
             "order_f": info.order_f,
             "order_p": info.order_p,
             "order_carried": info.order_carried,
-            "epsilon": info.tolerance,
+            "epsilon": info.eps,
             "brdf_energy_captured": info.captured,
             "predicted_error": info.predicted_error,
             "added_error": info.added_error,

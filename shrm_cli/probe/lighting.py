@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import order_of
@@ -181,14 +181,10 @@ class Projection:
     Parameters
     ----------
     probe : Probe
-    progress : callable, optional
-        Called with the rows read and their number. Other work on a map of the light may take it
-        from the attribute of that name.
     """
 
-    def __init__(self, probe: Probe, progress: Progress | None = None) -> None:
+    def __init__(self, probe: Probe) -> None:
         self.probe = probe
-        self.progress = progress
         self._known: Lighting | None = None
 
     def to_order(self, order: int) -> Lighting:
@@ -200,11 +196,11 @@ class Projection:
             If the probe cannot be read.
         """
         if self._known is None or self._known.order < order:
-            self._known = project(self.probe, order, self.progress)
+            self._known = project(self.probe, order)
         return self._known
 
 
-def project(probe: Probe, order: int, progress: Progress | None = None) -> Lighting:
+def project(probe: Probe, order: int) -> Lighting:
     """Project a probe onto the spherical harmonics.
 
     Parameters
@@ -212,8 +208,6 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     probe : Probe
     order : int
         Largest degree.
-    progress : callable, optional
-        Called with the rows read and their number.
 
     Returns
     -------
@@ -233,28 +227,28 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-        found = _project(probe, order, progress)
+        found = _project(probe, order)
     refuse_overflow(probe.name, found.coefficients)
     return found
 
 
-def _project(probe: Probe, order: int, progress: Progress | None) -> Lighting:
+def _project(probe: Probe, order: int) -> Lighting:
     if type(probe) is Probe:
-        return _project_image(probe, order, progress)
+        return _project_image(probe, order)
     # Most runs have no other probes, and are spared the loading of these modules.
     from shrm_cli.probe.light_sum import LightSum
     from shrm_cli.probe.shared import SharedProbe
 
     if isinstance(probe, LightSum):
-        return _project_sum(probe, order, progress)
+        return _project_sum(probe, order)
     if isinstance(probe, SharedProbe):
         if order not in probe.kept:
-            probe.kept[order] = _project_image(probe, order, progress)
+            probe.kept[order] = _project_image(probe, order)
         return probe.kept[order]
-    return _project_image(probe, order, progress)
+    return _project_image(probe, order)
 
 
-def _project_image(probe: Probe, order: int, progress: Progress | None) -> Lighting:
+def _project_image(probe: Probe, order: int) -> Lighting:
     """Project the pixels of a probe."""
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
@@ -264,8 +258,7 @@ def _project_image(probe: Probe, order: int, progress: Progress | None) -> Light
         energy += _squared(pixels, weights)
         analysis.add(start, pixels, weights)
         polar_rows.add(start, pixels)
-        if progress is not None:
-            progress(start + len(pixels), probe.height)
+        progress.report(start + len(pixels), probe.height)
     for lamps in polar_rows.lamps():
         weights = probe.grid.weights(lamps.start, lamps.start + len(lamps.excess))
         energy += np.einsum("ijc,ij->c", lamps.squares, np.broadcast_to(weights, lamps.shape))
@@ -278,14 +271,14 @@ def _project_image(probe: Probe, order: int, progress: Progress | None) -> Light
     return Lighting(result, energy)
 
 
-def _project_sum(light: "LightSum", order: int, progress: Progress | None) -> Lighting:
+def _project_sum(light: "LightSum", order: int) -> Lighting:
     """Project each light of a sum; only products of two lights are integrated over pixels."""
     from shrm_cli.probe.disc import disc_coefficients
 
     coefficients = disc_coefficients(light.discs, order)
     energy = sum((disc.energy for disc in light.discs), np.zeros(3))
     for term in light.terms:
-        part = project(term.probe, order, progress)
+        part = project(term.probe, order)
         coefficients += term.scale * part.coefficients
         energy += term.scale**2 * part.energy
     energy += light.image_of_sum.overlaps()

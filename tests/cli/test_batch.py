@@ -130,7 +130,7 @@ def test_a_manifest(folder):
     result = run("batch", "bake.toml", "--jobs", "1")
     assert (result.code, result.err) == (0, "")
     assert len(list((folder / "out").iterdir())) == 6
-    assert open_map("out/p0.shrm.exr").info.tolerance == pytest.approx(0.2)
+    assert open_map("out/p0.shrm.exr").info.eps == pytest.approx(0.2)
     assert_refused(run("batch", "bake.toml", "--eps", "0.1"), 2, "--eps", "manifest")
     assert_refused(run("batch", "bake.toml", "probes/p0.exr"), 2, "nothing beside it")
 

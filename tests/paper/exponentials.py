@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo, LobeMoments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
-from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import Probe
+from tests.makers import prefilter_exponential
 from tests.paper.extent import Extent
 from tests.paper.glossy_truth import Light, Sphere, light_of, mirror_means, reflect, sphere
 from tests.paper.split_sum import PaperSplitSum, source_of

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
 from shrm_cli.errors import MapError
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.quadrature import gauss_legendre
 
 _SLOPES = 40  # nodes of each half of the integral over the slope of the half vector
@@ -238,9 +238,7 @@ def environment_brdf(roughness: float, cosines: ArrayLike) -> tuple[Array, Array
     return total - bias, bias
 
 
-def environment_table(
-    size: int, multiscatter: bool = False, progress: Progress | None = None
-) -> Array:
+def environment_table(size: int, multiscatter: bool = False) -> Array:
     """Compute the environment BRDF of every roughness: the split sum's table, or "DFG".
 
     Parameters
@@ -253,8 +251,6 @@ def environment_table(
         reflects ``f0 * R + G`` of a uniform environment. If True, they hold bias and scale +
         bias, as in Filament, and a surface reflects ``mix(R, G, f0) * (1 + f0 * (1 / G - 1))``,
         which includes the light that meets several facets.
-    progress : callable, optional
-        Called with rows done and rows in all.
 
     Returns
     -------
@@ -266,21 +262,19 @@ def environment_table(
     loses nothing); Turquin 2019 (the same form; here with Fresnel's term at normal incidence).
     """
     table = np.empty((size, size, 2))
-    moments = moments_table(size, progress)
+    moments = moments_table(size)
     total, bias = moments[..., 0], moments[..., 3]
     table[..., 0], table[..., 1] = (bias, total) if multiscatter else (total - bias, bias)
     return table
 
 
-def moments_table(size: int, progress: Progress | None = None) -> Array:
+def moments_table(size: int) -> Array:
     """Compute the moments of the lobe of every roughness: the table of SH exponentials.
 
     Parameters
     ----------
     size : int
         As in `environment_table`.
-    progress : callable, optional
-        Called with rows done and rows in all.
 
     Returns
     -------
@@ -297,8 +291,7 @@ def moments_table(size: int, progress: Progress | None = None) -> Array:
         moments = lobe_moments(roughness, centers)
         moments[:, 2] /= sines
         table[row] = moments.reshape(6, size).T
-        if progress is not None:
-            progress(row + 1, size)
+        progress.report(row + 1, size)
     return table
 
 

@@ -9,6 +9,7 @@ FORM = Option(
     "choice",
     choices=("sh", "zh3", "zh3-channel", "zh3-hallucinated"),
     converts=True,
+    default="sh",
 )
 
 DESCRIPTIONS = {
@@ -22,5 +23,6 @@ DESCRIPTIONS = {
             SHADER,
         ),
         why_no_brdf="irradiance is that of a white Lambertian surface",
+        own_defaults={"order_f": 2},  # nine coefficients
     )
 }

@@ -219,7 +219,7 @@ class Planner:
         mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
         return rms / mean if mean > 0 else np.zeros_like(rms)
 
-    def for_tolerance(self, tolerance: float) -> tuple[Counts, int, float]:
+    def for_tolerance(self, eps: float) -> tuple[Counts, int, float]:
         """Find the least functions, and then the least order F, that miss a part of the energy.
 
         It is the BRDF's own energy, as for SHRMs, and not that of the reflected light.
@@ -232,13 +232,13 @@ class Planner:
             The part of the energy that both capture.
         """
         total = max(self.spectrum.total_energy, 1e-300)
-        goal = (1 - tolerance) * total
+        goal = (1 - eps) * total
         for counts in self.choices:
             by_degree = self.spectrum.captured(counts)
             if by_degree[-1] >= goal:
                 break
         else:
-            goal = (1 - tolerance) * by_degree[-1]
+            goal = (1 - eps) * by_degree[-1]
         order = int(np.argmax(by_degree >= goal))
         return counts, order, float(by_degree[order] / total)
 

@@ -1,56 +1,41 @@
 """How maps with a BRDF's own functions of the view are made, in the frequency domain."""
 
-from shrm_cli.brdf.base import Brdf
+from dataclasses import replace
+
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
-from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.request import Request
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Goal
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, Sampling
 
 _ANY_SIZE = 2**32
 """More bytes than maps may have."""
 
 
-def prefilter(
-    probe: Probe,
-    brdf: Brdf,
-    eps: float = DEFAULT_EPS,
-    center: str | None = None,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    error: float | None = None,
-    seen: float | None = None,
-    maps: int | None = None,
-    divide: bool = False,
-    max_size: int = DEFAULT_MAX_SIZE,
-    progress: Progress | None = None,
-) -> Prefiltered:
-    """Prefilter a probe for a BRDF; the arguments are those of `shrm_cli.prefilter.prefilter`.
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
+    """Prefilter a probe for a BRDF.
 
     Raises
     ------
     ArgumentError, OrderError, ProbeError, BrdfError
     """
-    if error is not None and maps is not None:
-        raise ArgumentError("maps", "does not apply with `error`, which chooses them")
-    if seen is not None and maps is not None:
-        raise ArgumentError("maps", "does not apply with `seen`, which chooses them")
-    goal = None if seen is None else Goal.of(error, seen)
-    asked = Wanted(eps, error if goal is None else goal.error, maps, max_size, size)
-    proposals = Proposals(Projection(probe, progress), brdf, asked, center, sampling, divide)
+    for asking in ("error", "seen"):
+        if asking in request.given and "maps" in request.own:
+            raise ArgumentError("maps", f"does not apply with `{asking}`, which chooses them")
+    goal = None if request.seen is None else Goal.of(request.error, request.seen)
+    asked = request if goal is None else replace(request, error=goal.error)
+    proposals = Proposals(Projection(probe), asked)
     if goal is not None:
         # Only maps that are judged by what is seen need this module.
         from shrm_cli.maps.seen import kept_or_best
 
-        return kept_or_best(proposals.candidate, goal, max_size)
+        return kept_or_best(proposals.candidate, goal, request.allowed)
     proposal = proposals.propose()
-    unmet = _unmet(proposals, proposal, error, max_size)
+    unmet = _unmet(proposals, proposal, request.error, request.allowed)
     return proposal.make([] if unmet is None else [unmet])
 
 

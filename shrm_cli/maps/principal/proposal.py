@@ -26,6 +26,7 @@ from shrm_cli.maps.principal.terms import (
     terms_of,
 )
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
@@ -104,30 +105,16 @@ class Proposals:
     Parameters
     ----------
     light : Projection
-    brdf : Brdf
-    asked : Wanted
+    request : Request
         What is asked of the whole map.
-    center : str, optional
-        As `shrm_cli.prefilter.prefilter` takes it.
-    sampling : {"center", "border"}
-    divide : bool
-        Whether to divide by the directional albedo.
     """
 
-    def __init__(
-        self,
-        light: Projection,
-        brdf: Brdf,
-        asked: Wanted,
-        center: str | None = None,
-        sampling: Sampling = "center",
-        divide: bool = False,
-    ) -> None:
-        self.light, self.brdf, self.asked = light, brdf, asked
-        self.sampling, self.divide = sampling, divide
-        self.parts, self.notes = terms_of(brdf, center, divide)
+    def __init__(self, light: Projection, request: Request) -> None:
+        self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
+        self.sampling, self.divide = request.sampling, request.own.get("divide", False)
+        self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
         self.planners: list[Planner] = []
-        self._know(asked.error)
+        self._know(request.error)
 
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
@@ -177,10 +164,10 @@ class Proposals:
     def proposal(self, forms: Sequence[Form], is_met: bool = True) -> Proposal:
         """Return the map of a form of each term, whose errors are exact."""
         triples = zip(self.parts, self.planners, forms, strict=True)
-        return self._of([term_of(*each, self.asked.tolerance, is_met) for each in triples])
+        return self._of([term_of(*each, self.asked.eps, is_met) for each in triples])
 
     def _of(self, terms: Sequence[Term]) -> Proposal:
-        info = _info(self.light.probe, self.brdf, terms, self.asked.tolerance, self.sharing)
+        info = _info(self.light.probe, self.brdf, terms, self.asked.eps, self.sharing)
         return Proposal(tuple(terms), info, self.sampling, self.notes)
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
@@ -238,14 +225,12 @@ def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sam
     return together / separate if separate > 0 else 1.0
 
 
-def _info(
-    probe: Probe, brdf: Brdf, terms: Sequence[Term], tolerance: float, sharing: Sharing
-) -> MapInfo:
+def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: Sharing) -> MapInfo:
     """Return the record of the map, with the errors of the terms combined."""
     energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
     captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
     order_p = max(len(term.form.counts) - 1 for term in terms)
-    orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
+    orders = Orders(max(term.order_f for term in terms), order_p, eps, float(captured))
     error, filter_error = sharing.errors([term.form for term in terms])
     return replace(
         provenance(probe, brdf, orders), predicted_error=error, filter_error=filter_error,

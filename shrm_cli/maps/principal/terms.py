@@ -16,12 +16,12 @@ from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.orders import octaves_to_come
 from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
@@ -48,11 +48,17 @@ _PART_BEYOND = 0.1
 class Wanted:
     """What is asked of the map of one term."""
 
-    tolerance: float
+    eps: float
     error: float | None
     maps: int | None
     max_size: int
     size: int | None
+
+    @classmethod
+    def of(cls, request: Request) -> "Wanted":
+        """Return what is asked of the map of a single term."""
+        maps = request.own.get("maps")
+        return cls(request.eps, request.error, maps, request.allowed, request.size)
 
 
 @record
@@ -122,8 +128,8 @@ def planner_of(
     """
     most_q = 0 if brdf.zonal else MAX_Q
     order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
-    tolerance, error = want.tolerance, want.error
-    limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+    eps, error = want.eps, want.error
+    limit = eps / 5 if error is None else _PART_BEYOND * error**2
     if known is not None:
         if max(_unknown_light(known)) <= limit:
             return known
@@ -136,7 +142,7 @@ def planner_of(
         return Planner(spectrum, lighting, sampling)
 
     while True:
-        transfer = _transfer(brdf, order, max_q, light.progress)
+        transfer = _transfer(brdf, order, max_q)
         # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
         above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
@@ -187,7 +193,7 @@ def _simplest(planner: Planner, want: Wanted) -> Form:
 
     The texels are chosen by F, and the bytes may be any number.
     """
-    counts, order_f, _ = planner.for_tolerance(want.tolerance)
+    counts, order_f, _ = planner.for_tolerance(want.eps)
     return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
 
 
@@ -213,7 +219,7 @@ def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
 
 def _is_captured(planner: Planner, form: Form, order: int, want: Wanted) -> bool:
     """Tell whether the functions of a form miss no more of the BRDF up to an order than asked."""
-    return planner.captured(form.counts, order) >= 1 - want.tolerance
+    return planner.captured(form.counts, order) >= 1 - want.eps
 
 
 def _fills_budget(planner: Planner, want: Wanted) -> bool:
@@ -245,10 +251,10 @@ def _unknown_light(planner: Planner) -> tuple[float, float]:
     return above / whole, aside / whole
 
 
-def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
+def _transfer(brdf: Brdf, order: int, max_q: int) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
     accuracy = _ACCURACY[brdf.is_measured]
-    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
+    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer)
 
 
 def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:
@@ -258,7 +264,7 @@ def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:
     else:
         form, is_met = _tolerated(planner, want)
     form = planner.form(form.counts, form.size, is_exact=True)
-    return term_of(brdf, planner, form, want.tolerance, is_met)
+    return term_of(brdf, planner, form, want.eps, is_met)
 
 
 def term_of(

@@ -20,6 +20,7 @@ DESCRIPTIONS = {
                 f"[default: {DEFAULT_PRODUCT_ORDER}]",
                 "integer",
                 limits=(0, MAX_PRODUCT_ORDER),
+                default=DEFAULT_PRODUCT_ORDER,
             ),
             Option(
                 "texels",
@@ -27,6 +28,7 @@ DESCRIPTIONS = {
                 f"[default: {DEFAULT_PRODUCT_SIZE}]",
                 "integer",
                 limits=(8, MAX_PRODUCT_SIZE),
+                default=DEFAULT_PRODUCT_SIZE,
             ),
             WINDOW,
         ),

@@ -19,6 +19,7 @@ from shrm_cli.maps.expansion import carried_band, view_band
 from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import wrong_light
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
@@ -94,23 +95,6 @@ SHRM_FORM = Form(lambda order_p: (order_p + 1) ** 2)
 """The form of an SHRM: a cube for each harmonic of the view."""
 
 
-def allowed_bytes(max_size: int | None, size: int | None = None) -> int:
-    """Return the most bytes of a map whose orders are chosen.
-
-    A size that is given by hand is obeyed even where the default would not allow it.
-
-    Parameters
-    ----------
-    max_size : int, optional
-        The most bytes that were asked for; `vocabulary.DEFAULT_MAX_SIZE` by default.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    """
-    if max_size is not None:
-        return max_size
-    return max(DEFAULT_MAX_SIZE, 0 if size is None else stored_bytes(size, 1))
-
-
 def most_order_p(
     max_size: int, size: int | None = None, most: int = MAX_ORDER_P
 ) -> Callable[[int], int]:
@@ -136,27 +120,14 @@ def most_order_p(
 
 
 def affordable(
-    light: Projection,
-    brdf: Brdf,
-    tolerance: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most: int = MAX_ORDER_P,
+    light: Projection, request: Request, most: int = MAX_ORDER_P
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
     Parameters
     ----------
     light : Projection
-    brdf : Brdf
-    tolerance : float
-        The fraction of the BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
+    request : Request
     most : int
         The largest P in any case.
 
@@ -173,25 +144,19 @@ def affordable(
     OrderError, BrdfError, ProbeError
         If the tolerance is none, or the BRDF or the probe cannot be used.
     """
-    most_p = most_order_p(max_size, size, most)
-    orders, coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)
+    allowed, size = request.allowed, request.size
+    most_p = most_order_p(allowed, size, most)
+    orders, coefficients = choose_orders(request.brdf, request.eps, most_p=most_p)
     choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
-    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, max_size), most)
-    if orders.captured >= 1 - tolerance and fits:
+    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, allowed), most)
+    if orders.captured >= 1 - request.eps and fits:
         return choice, coefficients
     lighting = light.to_order(coefficients.order_f)
-    choice = fitting(coefficients, lighting, tolerance, max_size, size, sampling, most)
-    return choice, coefficients
+    return fitting(coefficients, lighting, request, most), coefficients
 
 
 def fitting(
-    coefficients: BrdfCoefficients,
-    lighting: Lighting,
-    tolerance: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most: int = MAX_ORDER_P,
+    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int = MAX_ORDER_P
 ) -> Choice:
     """Choose the orders and the size of the best map that fits.
 
@@ -200,13 +165,7 @@ def fitting(
     coefficients : BrdfCoefficients
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    tolerance : float
-        The fraction of the BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
+    request : Request
     most : int
         The largest P in any case.
 
@@ -215,16 +174,17 @@ def fitting(
     ArgumentError
         If not even P = 0 fits.
     """
-    largest = choose_size(least_orders(coefficients, tolerance).order_f)
+    eps, allowed, size = request.eps, request.allowed, request.size
+    largest = choose_size(least_orders(coefficients, eps).order_f)
     sizes = [texels for texels in TRIED_SIZES if texels <= largest]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
         carried = min(supported_order(texels), coefficients.order_f)
-        p = min(largest_p(carried, texels, max_size), coefficients.order_p, most)
+        p = min(largest_p(carried, texels, allowed), coefficients.order_p, most)
         if p < 0:
             continue
-        error = np.hypot(*map_errors(lighting, coefficients, p, texels, sampling))
-        orders = least_orders(coefficients, tolerance, order_p=p)
+        error = np.hypot(*map_errors(lighting, coefficients, p, texels, request.sampling))
+        orders = least_orders(coefficients, eps, order_p=p)
         orders = replace(orders, order_f=min(orders.order_f, carried))
         made = Choice(orders, texels)
         found.append((float(error), made.bytes, made))
@@ -294,13 +254,13 @@ def within_error(
     BrdfError, ProbeError
         If the BRDF or the probe cannot be used.
     """
-    tolerance = _sufficient_tolerance(error)
+    eps = _sufficient_tolerance(error)
     coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
     from shrm_cli.plan.search import fewest_bytes  # plain runs search nothing
 
-    made = shrm_rows(lighting, coefficients, tolerance, max_size, size, sampling)
+    made = shrm_rows(lighting, coefficients, eps, max_size, size, sampling)
     found = fewest_bytes(made, error)
     if found is None:
         raise nothing_fits(size)
@@ -317,8 +277,8 @@ def sufficient_coefficients(
     light, brdf, error, max_size, size
         The same as for `within_error`.
     """
-    tolerance, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
-    return choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+    eps, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
+    return choose_orders(brdf, eps, most_p=most_p)[1]
 
 
 def _sufficient_tolerance(error: float) -> float:
@@ -345,7 +305,7 @@ class Tried:
 def shrm_rows(
     lighting: Lighting,
     coefficients: BrdfCoefficients,
-    tolerance: float,
+    eps: float,
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
@@ -358,7 +318,7 @@ def shrm_rows(
     lighting : Lighting
         The light, to at least the order of the coefficients.
     coefficients : BrdfCoefficients
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
     max_size, size, sampling
         The same as for `within_error`.
@@ -368,7 +328,7 @@ def shrm_rows(
     from shrm_cli.plan.search import Row  # plain runs search nothing
 
     def tried(texels: int, carried: int, p: int) -> Tried:
-        orders = least_orders(coefficients, tolerance, order_p=p)
+        orders = least_orders(coefficients, eps, order_p=p)
         f = min(orders.order_f, carried)
         captured = float(coefficients.captured()[carried, p])
         choice = Choice(Orders(f, p, 1 - captured, captured), texels)
@@ -469,14 +429,14 @@ def shortfall(
     form : Form
         What the map holds.
     """
-    if kept.captured >= 1 - kept.tolerance:
+    if kept.captured >= 1 - kept.eps:
         return None
     from shrm_cli.plan import policy  # most maps have nothing to be told of
 
     if error <= policy.ERROR:
         return None
-    wanted = least_orders(coefficients, kept.tolerance)
-    is_known = wanted.captured >= 1 - kept.tolerance
+    wanted = least_orders(coefficients, kept.eps)
+    is_known = wanted.captured >= 1 - kept.eps
     if brdf.zonal and not is_known:
         why = f"most beside lamps: {brdf!r} is sharper than cubes of any size can show"
         return wrong_light(error, why, "take the lamps out with `shrm sun`")

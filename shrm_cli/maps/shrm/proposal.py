@@ -6,11 +6,14 @@ the errors of SHRMs without sampling the BRDF again.
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.expansion import carry
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import Tried, shrm_rows, sufficient_coefficients
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
@@ -113,10 +116,11 @@ class ShrmProposals:
             return predicted_wrong_share([made])
 
         def make() -> Prefiltered:
-            return prefilter_shrm(
-                self.light, self.brdf, choice.orders.tolerance, size=choice.size,
-                sampling=self.sampling, max_size=max_size, chosen=(choice, coefficients),
+            request = Request(
+                "shrm", self.brdf, choice.orders.eps, size=choice.size,
+                sampling=self.sampling, max_size=max_size,
             )  # fmt: skip
+            return prefilter_shrm(self.light, request, (choice, coefficients), np.float64)
 
         look_ups = (choice.orders.order_p + 1) ** 2
         return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)

@@ -15,6 +15,7 @@ DESCRIPTIONS = {
                 "splitsum: how roughness rises with the level.  [default: linear]",
                 "choice",
                 choices=LEVEL_MAPPINGS,
+                default="linear",
             ),
             SHADER,
             TEXTURES,
@@ -23,6 +24,7 @@ DESCRIPTIONS = {
                 "splitsum: sizes that halve from level to level, down to one texel.  "
                 "[default: from the orders]",
                 "switch",
+                default=False,
             ),
         ),
         why_no_brdf="a split sum is of GGX",

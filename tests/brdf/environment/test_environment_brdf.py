@@ -11,6 +11,7 @@ from shrm_cli.brdf.environment.environment_brdf import (
 )
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
+from shrm_cli.progress import using
 
 COSINES = [0.002, 0.02, 0.1, 0.4, 0.9]
 
@@ -118,9 +119,11 @@ def test_tables_are_at_texel_centres_with_the_smoothest_row_first():
 
 def test_tables_tell_how_far_they_are():
     told = []
-    environment_table(3, progress=lambda *what: told.append(what))
+    with using(lambda *what: told.append(what)):
+        environment_table(3)
     assert told == [(1, 3), (2, 3), (3, 3)]
-    moments_table(2, progress=lambda *what: told.append(what))
+    with using(lambda *what: told.append(what)):
+        moments_table(2)
     assert told[3:] == [(1, 2), (2, 2)]
 
 
