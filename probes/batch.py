@@ -55,6 +55,9 @@ def carry_out(command: list[str]) -> bool:
     with subprocess.Popen(command) as child:
         try:
             return child.wait() == 0
+        except KeyboardInterrupt:  # which a terminal has sent it, too
+            child.wait()
+            raise
         except BaseException:
             child.terminate()
             raise
