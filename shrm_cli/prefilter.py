@@ -62,10 +62,11 @@ def prefilter(
     error : float, optional
         The relative RMS error of the reflected light of this probe that the map may have, with
         bilinear look-ups and half precision, in (0, 1). The map of the fewest bytes is made that
-        keeps it. For ``auto``, ``shrm`` and ``principal``, instead of `eps`.
+        keeps it, instead of `eps`; of forms other than ``auto``, ``shrm`` and ``principal`` the
+        first of a few settings. Of ``splitsum`` it is the error of each level.
     seen : float, optional
         The share of what is visible that may be wrong by more than 5 %, as it is predicted, in
-        (0, 1). For ``auto``, ``shrm`` and ``principal``, with `error` or without.
+        (0, 1), with `error` or without. For forms that are made for a BRDF.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     center : {"auto", "reflection", "normal", "tangent"}, optional
@@ -157,13 +158,24 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
     is_rising = needs_brdf and request.domain != "angular"
     work = Rising(progress) if is_rising else progress
     with using(work):
-        found = _maker(request.to)(probe, request)
+        found = _made(probe, request)
     if isinstance(work, Rising):
         work.end()
     # Maps of light alone have words of their own for what is negative, or cannot be.
     found = examined(found) if needs_brdf else found
     info = replace(found.map.info, options=request.record(probe))
     return replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+
+
+def _made(probe: Probe, request: Request) -> Prefiltered:
+    """Make a map, or the first of several that keeps the error that is asked for."""
+    asks = request.error is not None or request.seen is not None
+    if not (asks and registry.description(request.to).steps):
+        return _maker(request.to)(probe, request)
+    # Runs that ask for no error are spared the search.
+    from shrm_cli.maps.attempts import first_that_keeps
+
+    return first_that_keeps(_maker(request.to), probe, request)
 
 
 def _maker(to: str) -> Callable[[Probe, Request], Prefiltered]:

@@ -185,6 +185,9 @@ class Representation:
         Why the representation takes no BRDF; empty where it needs one.
     own_defaults : mapping of str to value
         Its defaults of shared arguments, where they are others than those in `SHARED`.
+    steps : tuple of mapping of str to value
+        The settings, from the coarsest on, of which an error that is asked for takes the first
+        that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.attempts`.
     """
 
     name: str
@@ -193,6 +196,7 @@ class Representation:
     options: tuple[Option, ...] = ()
     why_no_brdf: str = ""
     own_defaults: Mapping[str, Any] = field(default_factory=dict)
+    steps: tuple[dict[str, Any], ...] = ()
 
     @property
     def needs_brdf(self) -> bool:
@@ -325,7 +329,7 @@ WINDOW = Option(
 CUBE_ARGUMENTS = frozenset(("size", "sampling"))
 """The arguments that representations which hold cubes share."""
 
-BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error", "seen"}
+BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS
 """The arguments that representations which are made for a BRDF share."""
 
 AUTOMATIC = Representation(

@@ -139,8 +139,11 @@ def recorded_defaults(to: str, given: Iterable[str]) -> dict[str, Any]:
     given : iterable of str
         The names of arguments that are given. An error is asked for instead of `eps`.
     """
-    unasked = {"eps"} if {"error", "seen"} & set(given) else set()
-    defaults = registry.description(to).defaults
+    form = registry.description(to)
+    unasked: set[str] = set()
+    if {"error", "seen"} & set(given):
+        unasked = {"eps"}.union(*form.steps)
+    defaults = form.defaults
     return _listed({name: value for name, value in defaults.items() if name not in unasked})
 
 

@@ -16,7 +16,7 @@ DESCRIPTIONS = {
     "irradiance": Representation(
         "irradiance",
         "irradiance",
-        CUBE_ARGUMENTS | {"order_f"},
+        CUBE_ARGUMENTS | {"order_f", "error"},
         (
             WINDOW,
             FORM,
@@ -24,5 +24,6 @@ DESCRIPTIONS = {
         ),
         why_no_brdf="irradiance is that of a white Lambertian surface",
         own_defaults={"order_f": 2},  # nine coefficients
+        steps=tuple({"order_f": order} for order in (1, 2, 4, 6, 8)),  # cosines lack odd degrees
     )
 }

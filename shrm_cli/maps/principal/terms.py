@@ -267,10 +267,8 @@ def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:
     return term_of(brdf, planner, form, want.eps, is_met)
 
 
-def term_of(
-    brdf: Brdf, planner: Planner, form: Form, tolerance: float, is_met: bool = True
-) -> Term:
+def term_of(brdf: Brdf, planner: Planner, form: Form, eps: float, is_met: bool = True) -> Term:
     """Return a term with a form, and what this keeps of the BRDF."""
-    _, order_f, _ = planner.for_tolerance(tolerance)
+    _, order_f, _ = planner.for_tolerance(eps)
     captured = planner.captured(form.counts, form.carried)
     return Term(brdf, planner, form, captured, min(order_f, supported_order(form.size)), is_met)

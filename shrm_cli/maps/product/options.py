@@ -12,7 +12,7 @@ DESCRIPTIONS = {
     "product": Representation(
         "product",
         "product texture",
-        frozenset(("brdf",)),
+        frozenset(("brdf", "error")),
         (
             Option(
                 "order",
@@ -32,5 +32,6 @@ DESCRIPTIONS = {
             ),
             WINDOW,
         ),
+        steps=tuple({"order": order} for order in (2, 4, 6, 8, 10, 14)),
     )
 }

@@ -17,7 +17,7 @@ DESCRIPTIONS = {
     "she": Representation(
         "she",
         "SH exponential",
-        frozenset(),
+        frozenset(("error",)),
         (
             Option(
                 "p_order",
@@ -51,5 +51,6 @@ DESCRIPTIONS = {
             TEXTURES,
         ),
         why_no_brdf="an SH exponential is of GGX",
+        steps=tuple({"p_order": p, "q_order": q} for p, q in ((2, 1), (4, 2), (6, 4), (8, 6))),
     )
 }

@@ -7,7 +7,7 @@ DESCRIPTIONS = {
     "splitsum": Representation(
         "splitsum",
         "split sum",
-        CUBE_ARGUMENTS,
+        CUBE_ARGUMENTS | {"error"},
         (
             Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
             Option(
