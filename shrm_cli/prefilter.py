@@ -8,7 +8,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
@@ -16,11 +16,15 @@ from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.negative import examined
-from shrm_cli.maps.options import DEFAULTS, SHARED, Representation, listing, owners
+from shrm_cli.maps.options import DEFAULTS, OF_LIGHT, SHARED, Representation, listing, owners
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.seen import REMEDY
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress, Rising
 from shrm_cli.vocabulary import AUTO, REPRESENTATIONS, Domain, Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.lights.beside import Beside
 
 
 def prefilter(
@@ -40,6 +44,7 @@ def prefilter(
     size: int | None = None,
     sampling: Sampling | None = None,
     max_size: int | str | None = None,
+    sun: str | None = None,
     progress: Progress | None = None,
     **own: Any,
 ) -> Map:
@@ -91,6 +96,11 @@ def prefilter(
         The most bytes that the cubes of a map for a BRDF take in half precision, as a number or
         as text such as ``"32MB"``; `vocabulary.DEFAULT_MAX_SIZE` by default. Where they are too
         few for the orders that `eps` asks for, the best map within them is made.
+    sun : {"split"}, optional
+        Take the lamps out of the light as `shrm_cli.lights.split.split_lamps` does, and make the
+        map of what is left. They are kept beside it as discs, whose reflection `radiance` adds.
+        What is asked of the map is asked of what is left; the errors that it states are relative
+        to all of the reflected light.
     progress : callable, optional
         Called with the amount of work done and the amount in all. What is done never falls.
     **own
@@ -121,7 +131,7 @@ def prefilter(
     given = {
         "brdf": brdf, "eps": eps, "error": error, "seen": seen, "order_f": order_f,
         "order_p": order_p, "center": center, "domain": domain, "source_height": source_height,
-        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, **own,
+        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, "sun": sun, **own,
     }  # fmt: skip
     light = as_probe(probe)
     made = prefilter_with_facts(light, to, given, progress)
@@ -157,13 +167,41 @@ def prefilter_with_facts(
     is_rising = registry.description(to).needs_brdf and given.get("domain") != "angular"
     work = Rising(progress) if progress is not None and is_rising else progress
     several = to != AUTO and len(registry.module(to, "options").DESCRIPTIONS) > 1
-    made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=work)
+    asked = {name: value for name, value in given.items() if name not in OF_LIGHT}
+    light, lamps = _split(probe, given)
+    made: Prefiltered = make(light, **({"to": to} if several else {}), **asked, progress=work)
     if isinstance(work, Rising):
         work.end()
-    # Maps of light alone have words of their own for what is negative, or cannot be.
-    made = examined(made) if registry.description(to).needs_brdf else made
     info = replace(made.map.info, options=options_of(probe, to, given))
-    return replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
+    made = replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
+    if not registry.description(to).needs_brdf:
+        return made
+    # Maps of light alone have words of their own for what is negative, or cannot be.
+    return examined(_finished(made, probe, lamps, given["brdf"]))
+
+
+def _split(probe: Probe, given: Mapping[str, Any]) -> tuple[Probe, "Beside | None"]:
+    """Return the light that the map is made of, and the lamps if they are to be beside it."""
+    if "sun" not in given:
+        return probe, None
+    from shrm_cli.lights.beside import split_for
+
+    found = split_for(probe, given["brdf"])
+    return (found.split.residual_probe if found.split.discs else probe), found
+
+
+def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:
+    """Put the lamps beside the map, or say where that would help."""
+    if lamps is None and not any(REMEDY in line for line in made.warnings):
+        return made
+    from shrm_cli.lights.beside import MUCH, small_lamps_share, with_lamps
+
+    if lamps is not None:
+        return with_lamps(made, lamps, brdf)
+    if small_lamps_share(probe) <= MUCH:
+        return made
+    better = "take them out with `sun` split, dim them by `clamp`"
+    return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))
 
 
 def resolved_form(to: str, given: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ import pytest
 
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import OF_LIGHT
 from shrm_cli.vocabulary import REPRESENTATIONS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -286,7 +287,7 @@ def test_every_representation_has_its_modules(representation):
     folder = inspect.getmodule(options).__name__.rpartition(".")[0]
     assert (find_spec(f"{folder}.shader") is not None) == bool(prints)
     taken = inspect.signature(prefilter.prefilter).parameters
-    assert described.arguments - prints <= taken.keys()
+    assert described.arguments - prints - OF_LIGHT <= taken.keys()
     assert {"probe", "progress"} <= taken.keys()
     assert ("to" in taken) == (len(options.DESCRIPTIONS) > 1)
 

@@ -45,7 +45,7 @@ def making_options(
     options = [
         shared_options("eps", "error", "seen", "order_f", "order_p", "center"),
         representation_options(wanted),
-        shared_options("domain", "source_height", "frame", "size", "max_size"),
+        shared_options("domain", "source_height", "frame", "size", "max_size", "sun"),
         precision_option, both, of_probes, of_maps,
     ]  # fmt: skip
     return lambda command: with_options(command, options)

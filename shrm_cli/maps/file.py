@@ -25,6 +25,8 @@ from shrm_cli.maps.attributes import (
     read_attributes,
 )
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.lamps.attribute import read_lamps
+from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Orientation, Precision
@@ -91,7 +93,7 @@ def store(
     if precision == "auto":
         precision = reflection_map.natural_precision
     parts = [arrangement.arranged(part) for part in reflection_map.encode()]
-    info = reflection_map.info
+    info = reflection_map.stored.info
     allowed = _ALLOWED * float(np.hypot(info.predicted_error, info.added_error))
     storage, parts = prepared(path, parts, precision, allowed)
     if storage.error:
@@ -122,7 +124,8 @@ def open_map(path: str | os.PathLike[str]) -> Map:
             f"{path}: a {name} map is never laid out as {attributes['layout']}; make it again"
         )
     found: Map = registry.module(name, "file").decode(file)
-    return found
+    lamps = read_lamps(file.first)
+    return found if lamps is None else LampMap(found, *lamps, path=os.fspath(path))
 
 
 @record

@@ -265,9 +265,19 @@ SHARED = {
             metavar="BYTES",
         ),
         Option("sampling", "Where the edge texels of the map lie.", "choice", choices=SAMPLINGS),
+        Option(
+            "sun",
+            "split: take the lamps out, as shrm sun does. The map is of what is left, and they are "
+            "beside it, integrated where it is used.",
+            "choice",
+            choices=("split",),
+        ),
     )
 }
 """The arguments that several representations share, by name."""
+
+OF_LIGHT = frozenset(("sun",))
+"""Those that change the light before a map is made of it, which its maker does not see."""
 
 DEFAULTS: dict[str, Any] = {
     "eps": DEFAULT_EPS,
@@ -314,7 +324,7 @@ BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error", "seen
 AUTOMATIC = Representation(
     AUTO,
     "the form that the picture needs",
-    frozenset(("brdf", "error", "seen", "center", "max_size")) | CUBE_ARGUMENTS,
+    frozenset(("brdf", "error", "seen", "center", "max_size", "sun")) | CUBE_ARGUMENTS,
     (SHADER, TEXTURES),
 )
 """What is asked for where the form is not: its arguments are those of every form that may be it."""

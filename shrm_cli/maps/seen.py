@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from shrm_cli.maps.prefiltered import Prefiltered
 
 
+REMEDY = "take them out with `shrm sun` and prefilter its light file, dim them by `clamp`"
+"""What helps against lamps; `prefilter` says so in other words where it knows the lamps."""
+
+
 def kept_or_best(
     propose: Propose,
     goal: Goal,
@@ -77,6 +81,5 @@ def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
     return (
         f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
         f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the "
-        "most: take them out with `shrm sun` and prefilter its light file, dim them by "
-        f"`clamp`{more}"
+        f"most: {REMEDY}{more}"
     )
