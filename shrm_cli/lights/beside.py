@@ -145,8 +145,12 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
 
 
 def small_lamps_share(probe: Probe) -> float:
-    """Return the part of the luminance of a probe's light that small lamps hold."""
-    small = [lamp.light.flux for lamp in split_lamps(probe).lamps if lamp.radius < SMALL]
+    """Return the part of the luminance of a probe's light that small lamps hold.
+
+    Those are small, too, that look as large as pixels are.
+    """
+    lamps = split_lamps(probe).lamps
+    small = [each.light.flux for each in lamps if each.radius < SMALL or not each.is_resolved]
     mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
     whole = 4 * np.pi * float(mean @ LUMINANCE)
     return sum(float(flux @ LUMINANCE) for flux in small) / whole if whole > 0 else 0.0
