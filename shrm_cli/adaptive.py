@@ -17,12 +17,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.core import PART
 from shrm_cli.probe.pyramid import Level, Pyramid
 from shrm_cli.records import record
 from shrm_cli.vocabulary import LUMINANCE
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
 Cap = tuple[Array, float]
 """Axes of spherical caps, one for each point, and the half angle of all of them, radians."""

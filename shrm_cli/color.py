@@ -7,11 +7,10 @@ green, blue and white, 8 numbers. Light whose primaries nobody states is taken f
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.vocabulary import PRIMARIES
 
-Array = NDArray[np.floating]
 Primaries = Sequence[float]
 
 REC709 = PRIMARIES["rec709"]

@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients, remembered
-from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
-from shrm_cli.brdf.estimates import energy_above, next_octave, power_of_two_times
+from shrm_cli.brdf.coefficients import (
+    BrdfCoefficients,
+    compute_coefficients,
+    energy_above,
+    next_octave,
+    power_of_two_times,
+)
 from shrm_cli.errors import BrdfError, OrderError
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -25,8 +30,6 @@ from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.transfer import TransferFunctions
-
-Array = NDArray[np.floating]
 
 _FIRST_ORDER_F = 32
 """The least order F to which coefficients are computed first; it doubles until it suffices."""
@@ -180,11 +183,11 @@ def least_orders(
     """
     captured = coefficients.captured()
     enough = captured >= 1 - tolerance
-    p = _least(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
+    p = first_enough(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
     # A forced P may be too small for the tolerance. Then F must keep all but that fraction of
     # the energy that this P can capture.
     goal = (1 - tolerance) * (1 if enough[-1, p] else captured[-1, p])
-    f = _least(captured[:, p] >= goal) if order_f is None else order_f
+    f = first_enough(captured[:, p] >= goal) if order_f is None else order_f
     return Orders(f, p, tolerance, float(captured[f, p]))
 
 
@@ -234,7 +237,7 @@ def coefficient_count(orders: Orders, coefficients: BrdfCoefficients) -> int:
     return (orders.order_f + 1) ** 2 * (maps if coefficients.azimuth_free else maps**2)
 
 
-def _least(enough: NDArray[np.bool_]) -> int:
+def first_enough(enough: NDArray[np.bool_]) -> int:
     """Return the first index that is enough, or the last index where none is."""
     return int(np.argmax(enough)) if enough.any() else len(enough) - 1
 
@@ -306,7 +309,7 @@ def _sufficient_coefficients(
             continue
         if most_p is not None:
             known = np.cumsum(coefficients.degree_energy.sum(axis=-1))
-            largest = most_p(_least(known >= (1 - tolerance) * known[-1]))
+            largest = most_p(first_enough(known >= (1 - tolerance) * known[-1]))
         if missing > tolerance and p < largest and not brdf.zonal:
             p = min(2 * p, largest)
         else:

@@ -13,10 +13,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.estimates import energy_above
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.coefficients import BrdfCoefficients, energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
 from shrm_cli.sphere.clebsch_gordan import zonal_coupling
@@ -24,8 +23,6 @@ from shrm_cli.vocabulary import Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.transfer import TransferFunctions
-
-Array = NDArray[np.floating]
 
 _LAST_DEGREES = 16
 """The number of the light's last known degrees whose mean density the unknown degrees take."""
@@ -183,30 +180,6 @@ def own_energies_beyond(
     above = np.minimum(rest, above)
     above = np.where(coefficients.spread.any(axis=0), above, rest)
     return above, rest - above
-
-
-def visible_order(
-    lighting: Lighting, coefficients: BrdfCoefficients, order_p: int | None = None
-) -> int:
-    """Find the order l beyond which nothing of the reflected light is visible.
-
-    A truncated series rings, and beside a lamp rings are seen where the RMS error is small. What
-    is left out is therefore compared with the mean of the reflected light, channel by channel.
-
-    Parameters
-    ----------
-    lighting : Lighting
-        The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
-    order_p : int, optional
-        The order P of the map; every p by default.
-
-    Returns
-    -------
-    int
-        At most the order of the coefficients.
-    """
-    return last_visible(visible_beyond(lighting, coefficients, order_p))
 
 
 def last_visible(beyond: Array) -> int:

@@ -27,6 +27,7 @@ STOPS = [
     {"errors", "records"},
     {
         "addresses",
+        "arrays",
         "extras",
         "messages",
         "settings",
@@ -52,8 +53,8 @@ STOPS = [
     {"batch", "export"},
     {"render"},
     {"view", "lookdev"},
-    {"analysis"},
     {"choose"},
+    {"analysis"},
     {"report"},
     {"cli"},
     {"__main__"},
@@ -69,7 +70,7 @@ EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
     "batch/cluster.py": {"distributed", "dask", "threadpoolctl"},
     "batch/collect.py": {"pyarrow"},
-    "export/ktx2.py": {"zstandard"},
+    "export/ktx.py": {"zstandard"},
     "files/animation.py": {"PIL"},
     "files/remote.py": {"fsspec"},
     "render/flip.py": {"flip_evaluator"},
@@ -79,7 +80,7 @@ EXTRAS = {
 """What belongs to an extra, and is imported where it is used."""
 FOLDERS = {home.partition(".")[0] for home in REPRESENTATIONS.values()}
 LIGHT = {
-    "__init__.py", "errors.py", "extras.py", "files/inputs.py", "files/whole.py", "layouts.py",
+    "__init__.py", "errors.py", "extras.py", "files/whole.py", "layouts.py",
     "maps/options.py", "maps/registry.py", "naming.py", "progress.py", "settings.py",
     "vocabulary.py",
     "addresses.py", "bytecode.py", "messages.py", "records.py",

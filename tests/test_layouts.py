@@ -16,7 +16,7 @@ from shrm_cli.layouts import (
     default_orientation,
     grid_name,
 )
-from shrm_cli.sphere.grid.registry import grid_class
+from shrm_cli.sphere.grid.base import grid_class
 
 # Where +X, -X, +Y, -Y, +Z and -Z lie: column and row, in faces.
 PLACES = {

@@ -15,10 +15,10 @@ from shrm_cli.reflected import (
     energy_beyond,
     error_bound,
     filtered_parts,
+    last_visible,
     predicted_error,
     visible_beyond,
     visible_beyond_p,
-    visible_order,
 )
 from shrm_cli.sphere.harmonics import degrees
 
@@ -78,7 +78,7 @@ def test_black_light_has_no_error():
     black = lit(np.zeros((33, 3)))
     assert predicted_error(black, coefficients, 4, 2) == 0
     assert error_bound(black, coefficients, 4, 2) == 0
-    assert visible_order(black, coefficients, 2) == 0
+    assert last_visible(visible_beyond(black, coefficients, 2)) == 0
 
 
 @pytest.mark.parametrize(("spec", "order"), [("phong:exponent=512", 52), ("phong:exponent=64", 16)])
@@ -173,7 +173,7 @@ def test_the_worst_channel_is_what_is_visible():
 def test_nothing_is_visible_beyond_the_visible_order():
     coefficients = compute_coefficients(parse_spec("phong:exponent=64"), 80, 0)
     light = lamp(80)
-    order = visible_order(light, coefficients, 0)
+    order = last_visible(visible_beyond(light, coefficients, 0))
     seen = visible_beyond(light, coefficients, 0)
     assert seen[order] <= 1e-4 < seen[order - 1]
 

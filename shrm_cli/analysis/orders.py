@@ -1,15 +1,15 @@
 """What orders capture: energy of the BRDF, accuracy of the reflected light, and pictures of it.
 
-These are the studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figure 5.6). Sections, figures and
-equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
+These are the studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figures 5.6 and 5.7). Sections,
+figures and equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.files.picture import Picture
@@ -28,8 +28,6 @@ from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
 from shrm_cli.vocabulary import MAX_ORDER_F, Center
 
-Array = NDArray[np.floating]
-
 DEFAULT_ORDER_F = 32
 """The largest F of a grid, unless a tolerance needs a larger one."""
 
@@ -38,6 +36,12 @@ DEFAULT_ORDER_P = 8
 
 PICTURE_ORDER_P = 5
 """The largest P of the pictures, as in figure 5.6."""
+
+MATERIAL_F, MATERIAL_P = 30, 5
+"""The order F and the largest order P of figure 5.7, which compares materials."""
+
+_ACCURACY = 1e-3
+"""The fraction of a material's energy that the sampling of its coefficients may miss."""
 
 _HIGHER = 2
 """The reflected light counts as known at an F that is this many times the F of the grid."""
@@ -112,6 +116,42 @@ def energy_grid(
     accuracy = max(min(tolerances) / 300, 1e-5)
     coefficients = compute_coefficients(brdf, high, order_p, accuracy, rising)
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
+
+
+def material_energies(
+    brdfs: Sequence[Brdf],
+    order_f: int = MATERIAL_F,
+    order_p: int = MATERIAL_P,
+    progress: Progress | None = None,
+) -> Array:
+    """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
+
+    Parameters
+    ----------
+    brdfs : sequence of Brdf
+    order_f, order_p : int
+    progress : callable, optional
+        Called with the number of BRDFs done and the number of all BRDFs.
+
+    Returns
+    -------
+    ndarray, shape (BRDFs, P+1)
+        Fractions of the energy (eq. 5.18) for P = 0, 1, and so on. A BRDF that does not depend on
+        the view has the same fraction for all P.
+
+    Raises
+    ------
+    BrdfError
+        If a BRDF is anisotropic, or its coefficients do not converge.
+    """
+    rows = []
+    for index, brdf in enumerate(brdfs):
+        found = compute_coefficients(brdf, order_f, 0 if brdf.zonal else order_p, _ACCURACY)
+        captured = found.captured()[order_f]
+        rows.append(np.pad(captured, (0, order_p + 1 - len(captured)), mode="edge"))
+        if progress is not None:
+            progress(index + 1, len(brdfs))
+    return np.array(rows)
 
 
 @record(eq=False)

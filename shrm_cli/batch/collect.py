@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli import __release__, addresses
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, OrderError, OutputError
 from shrm_cli.extras import install
 from shrm_cli.files import npz, remote
-from shrm_cli.files.inputs import note
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import check_target, replacing
+from shrm_cli.files.whole import check_target, note, replacing
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.probe.lighting import project
@@ -30,7 +29,6 @@ from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import MAX_ORDER_F
 
-Array = NDArray[np.floating]
 What = Literal["radiance", "irradiance"]
 
 SUFFIXES = (".npz", ".parquet")

@@ -12,10 +12,8 @@ from contextlib import suppress
 from typing import Any
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import holds_nothing
-from shrm_cli.files.origin import says_map
+from shrm_cli.files.exr_header import condition, holds_nothing, says_map
 from shrm_cli.files.parts import peek
-from shrm_cli.files.seal import condition
 from shrm_cli.maps.file import Recorded, check_amount, recorded
 from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
 from shrm_cli.prefilter import checked_arguments, default_options, options_of

@@ -26,8 +26,8 @@ from typing import Any
 
 from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.files.inputs import note
 from shrm_cli.files.toml import read_toml
+from shrm_cli.files.whole import note
 from shrm_cli.maps.options import listing
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.options import ReadOptions, with_keywords

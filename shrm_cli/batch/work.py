@@ -12,10 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shrm_cli import addresses, settings
+from shrm_cli.arrays import Array
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
 from shrm_cli.batch.made import Difference, difference
@@ -23,16 +21,13 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
-from shrm_cli.files.inputs import protecting
-from shrm_cli.files.whole import kept
+from shrm_cli.files.whole import kept, protecting
 from shrm_cli.maps.file import store
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
-
-Array = NDArray[np.floating]
 
 Record = dict[str, Any]
 """What is told of a job; `docs/batch.md` lists the keys."""

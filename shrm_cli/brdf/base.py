@@ -14,11 +14,11 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
 
-Array = NDArray[np.floating]
 Color = tuple[float, float, float]
 
 Value = float | Sequence[float] | str
@@ -45,6 +45,8 @@ class Parameter:
     follows : str
         The name of an earlier parameter whose value this one takes, instead of its default,
         where it is left out.
+    is_optional : bool
+        Whether `Brdf.values` holds the parameter only where it is given.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Parameter:
     names: Mapping[str, Color] = field(default_factory=dict)
     choices: tuple[str, ...] = ()
     follows: str = ""
+    is_optional: bool = False
 
     @property
     def domain(self) -> str:
@@ -177,6 +180,8 @@ class Brdf(ABC):
                 )
         self.values = {}
         for key, parameter in known.items():
+            if parameter.is_optional and key not in values:
+                continue
             default = self.values.get(parameter.follows, parameter.default)
             try:
                 self.values[key] = parameter.checked(values.get(key, default))

@@ -19,10 +19,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.estimates import accuracy_remark, both_signs, energy_above
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_P
@@ -31,11 +30,29 @@ if TYPE_CHECKING:
     from shrm_cli.brdf.sums import Sum
     from shrm_cli.brdf.transfer import TransferFunctions
 
-Array = NDArray[np.floating]
+_FALLING = 0.8
+"""The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
+
+
+class Sampled:
+    """What was sampled up to an accuracy, or as far towards it as that went."""
+
+    accuracy: float
+    asked: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the sampling reached the accuracy that was asked for."""
+        return self.accuracy <= self.asked
+
+    @property
+    def remark(self) -> str | None:
+        """What a user should know of the accuracy, in one line; None where it is as asked."""
+        return accuracy_remark(self.accuracy, self.asked)
 
 
 @record(eq=False)
-class BrdfCoefficients:
+class BrdfCoefficients(Sampled):
     """Coefficients of a transfer function up to the orders F and P, and its whole energy.
 
     Attributes
@@ -109,16 +126,6 @@ class BrdfCoefficients:
     def energy_above(self) -> Array:
         """The energy at degrees above F as `transfer.energy_above` estimates it, shape (3,)."""
         return energy_above(self.degree_energy)
-
-    @property
-    def converged(self) -> bool:
-        """Whether the sampling reached the accuracy that was asked for."""
-        return self.accuracy <= self.asked
-
-    @property
-    def remark(self) -> str | None:
-        """What a user should know of the accuracy, in one line; None where it is as asked."""
-        return accuracy_remark(self.accuracy, self.asked)
 
     def energies(self) -> Array:
         """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q.
@@ -235,3 +242,63 @@ def _summed(
     return BrdfCoefficients(
         values.copy(), total, by_degree, (lights, views, azimuths), reached, accuracy
     )
+
+
+def accuracy_remark(accuracy: float, asked: float) -> str | None:
+    """What a user should know of the accuracy of coefficients; None where it is as asked."""
+    if accuracy <= asked:
+        return None
+    # As many digits as tell the two apart; 17 tell any two floats apart.
+    pairs = ((f"{accuracy:.{digits}g}", f"{asked:.{digits}g}") for digits in range(2, 18))
+    reached, wanted = next(pair for pair in pairs if pair[0] != pair[1])
+    return (
+        f"sampled to what it resolves: its coefficients are good to {reached} of its energy, "
+        f"not to {wanted}"
+    )
+
+
+def energy_above(degree_energy: Array) -> Array:
+    """Estimate the energy of the degrees above the known ones, as `next_octave` has them fall.
+
+    Parameters
+    ----------
+    degree_energy : ndarray, shape (F+1, ...)
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Infinite where energies have not begun to fall.
+    """
+    last, ratio = next_octave(degree_energy)
+    falls = ratio < _FALLING
+    above = np.where(falls, last * ratio / (1 - np.where(falls, ratio, 0.0)), np.inf)
+    return np.where(last > 0, above, 0.0)
+
+
+def next_octave(degree_energy: Array) -> tuple[Array, Array]:
+    """The energy of the last octave of degrees, F/2 < l <= F, and the next one's ratio to it.
+
+    Energies that fall by a power of the degree have the same ratio r from octave to octave, and
+    those that fall exponentially r, r^2, r^4 and so on. BRDFs lie between, as the last three
+    octaves tell, and about half way between what these tell and a power is what comes next.
+    """
+    ends = [len(degree_energy) - 1]
+    while len(ends) < 4:
+        ends.append(ends[-1] // 2)
+    octaves = [degree_energy[ends[k + 1] + 1 : ends[k] + 1].sum(axis=0) for k in range(3)]
+    last, before, first = (np.maximum(octave, 1e-300) for octave in octaves)
+    ratio, earlier = np.log(last / before), np.log(before / first)
+    steeper = np.sqrt(np.clip(ratio / np.minimum(earlier, -1e-9), 1.0, 4.0))
+    return octaves[0], np.exp(np.where((ratio < 0) & (earlier < 0), ratio * steeper, ratio))
+
+
+def both_signs(order: int) -> Array:
+    """How many signs each q >= 0 stands for: 1 for q = 0 and 2 for the others."""
+    return np.where(np.arange(order + 1) == 0, 1.0, 2.0)
+
+
+def power_of_two_times(least: int, wanted: float, most: int) -> int:
+    """`least`, doubled until it is at least `wanted`, or to double it would exceed `most`."""
+    while least < wanted and 2 * least <= most:
+        least *= 2
+    return least

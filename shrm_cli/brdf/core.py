@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 

@@ -8,11 +8,9 @@ Rusinkiewicz 1998, "A New Change of Variables for Efficient BRDF Representation"
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.directions import from_angles
-
-Array = NDArray[np.floating]
 
 
 def half_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:

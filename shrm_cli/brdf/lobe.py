@@ -6,7 +6,8 @@ Framework for Forward and Inverse Rendering" (2002).
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, grey, scaled
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, grey, scaled
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.quadrature import gauss_legendre
 

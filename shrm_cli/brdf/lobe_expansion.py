@@ -3,18 +3,22 @@
 from collections import OrderedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.lobe_samples import every_third, transfer_samples
-from shrm_cli.brdf.polar_rule import PolarRule, SplitRule, azimuths, squeezed_azimuths
+from shrm_cli.brdf.polar_rule import (
+    PolarRule,
+    SplitRule,
+    azimuths,
+    every_third,
+    squeezed_azimuths,
+    transfer_samples,
+)
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import at_once
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 from shrm_cli.sphere.harmonics import legendre_table
-
-Array = NDArray[np.floating]
 
 _SHARP = 0.5
 """The width of a lobe, radians, above which the nodes in theta_i are spread evenly."""

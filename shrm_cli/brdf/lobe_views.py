@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe_expansion import Expansion
-
-Array = NDArray[np.floating]
 
 _DOUBLED = 3.0
 """How often the error of a rule goes into its difference to the rule with half of its nodes.

@@ -18,8 +18,8 @@ from math import ceil
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product_rule import LightRule
 from shrm_cli.brdf.sums import Sum
@@ -29,9 +29,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import harmonic_planes
 from shrm_cli.sphere.parabolic import project, unproject
-
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
 
 ACCURACY = 1e-4
 """The relative RMS change, by doubling its nodes, that a rule may show."""

@@ -14,8 +14,8 @@ no horizon, about their central direction.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.lobe_expansion import lobe_width
@@ -23,8 +23,6 @@ from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, local_frame, to_angles
 from shrm_cli.sphere.quadrature import gauss_legendre
-
-Array = NDArray[np.floating]
 
 _LEAST_COSINE = 1e-3
 """The least N.V that the crowding of azimuths knows."""

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Value, value_text
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Value, value_text
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.vocabulary import MAX_TERMS

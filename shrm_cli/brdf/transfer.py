@@ -16,8 +16,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.estimates import accuracy_remark, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import Sampled, both_signs, power_of_two_times
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
 from shrm_cli.brdf.lobe_views import Views
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
@@ -27,8 +28,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
-
-Array = NDArray[np.floating]
 
 _MOST_SAMPLES = 2**25, 2**23
 """The most samples of a BRDF in all, of models and of measured ones, which take longer."""
@@ -60,7 +59,7 @@ _SCALE = 1000
 
 
 @record(eq=False)
-class TransferFunctions:
+class TransferFunctions(Sampled):
     """The lobes of a BRDF for all views, as harmonics of the light about the central direction.
 
     Attributes
@@ -128,16 +127,6 @@ class TransferFunctions:
             return last
         before = np.einsum("loc,loc,o->lc", self.values[-2], self.values[-2], self.weights)
         return last * np.minimum(last / np.maximum(before, 1e-300), 1.0)
-
-    @property
-    def converged(self) -> bool:
-        """Whether the sampling reached the accuracy that was asked for."""
-        return self.accuracy <= self.asked
-
-    @property
-    def remark(self) -> str | None:
-        """What a user should know of the accuracy, in one line; None where it is as asked."""
-        return accuracy_remark(self.accuracy, self.asked)
 
     def projected(self, order_p: int) -> Array:
         """rho_hat_lpq up to the order P, shape (F+1, P+1, P+1, 3), indexed [l, p, q, channel]."""

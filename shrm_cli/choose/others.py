@@ -56,7 +56,7 @@ def others_of(brdf: Brdf) -> list[Wanted]:
     found = []
     if isinstance(brdf, Lambertian):
         found += [Wanted({"to": "irradiance", "order_f": order}) for order in _ORDERS]
-    if isinstance(brdf, Ggx):
+    if isinstance(brdf, Ggx) and brdf.isotropic:
         own = brdf.number("roughness")
         found.append(Wanted({"to": "splitsum"}))
         for size in _LEVELS:

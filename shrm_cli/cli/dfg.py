@@ -5,10 +5,8 @@ import os
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.kept import force_option
-from shrm_cli.cli.options import precision_option, report_options
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import echo, echo_json
+from shrm_cli.cli.options import precision_option, report_options, tell
+from shrm_cli.cli.outputs import check_outputs, force_option
 from shrm_cli.cli.usage import exclude, given_options
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import CONTAINERS, Precision
@@ -41,8 +39,6 @@ def dfg(
     output: str,
     force: bool,
     precision: Precision,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Make the table that goes with a split sum: GGX's reflectance in a uniform environment.
 
@@ -62,7 +58,7 @@ def dfg(
     exclude("multiscatter", "moments")
     check_outputs([output], suffixes=CONTAINERS)
     kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
-    with progress_bar("integrating", quiet) as progress:
+    with progress_bar("integrating") as progress:
         if moments:
             table = moments_table(size, progress)
         else:
@@ -90,16 +86,12 @@ def dfg(
     }
     if moments:
         result["mean_direction"] = meaning.mean
-    if as_json:
-        echo_json(result)
-    elif not quiet:
-        lines = [
-            f"{output}: {size} x {size}, N.V across, roughness down; {', '.join(meaning.names)}; "
-            f"{pixel_type}",
-            f"  channels       {meaning.channels}",
-            f"  reflects       {meaning.reflectance}",
-            *([f"  mean           {meaning.mean}"] if moments else []),
-            f"  white furnace  {white.min():.2%} to {white.max():.2%} at f0 = 1 by single "
-            "scattering",
-        ]
-        echo("\n".join(lines))
+    lines = [
+        f"{output}: {size} x {size}, N.V across, roughness down; {', '.join(meaning.names)}; "
+        f"{pixel_type}",
+        f"  channels       {meaning.channels}",
+        f"  reflects       {meaning.reflectance}",
+        *([f"  mean           {meaning.mean}"] if moments else []),
+        f"  white furnace  {white.min():.2%} to {white.max():.2%} at f0 = 1 by single scattering",
+    ]
+    tell(result, lines)

@@ -17,7 +17,7 @@ from shrm_cli.cli.terminal import echo_message, tell_nobody
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
 from shrm_cli.errors import ArgumentError, ShrmError
-from shrm_cli.files import inputs
+from shrm_cli.files.whole import protecting
 
 # The module of a command is imported only when the command runs, so that --help is immediate.
 _COMMANDS = {
@@ -119,7 +119,7 @@ def main(arguments: list[str] | None = None) -> None:
         warnings.simplefilter("ignore")
     try:
         # A command that fails halfway leaves no settings behind.
-        with settings.using(), inputs.protecting():
+        with settings.using(), protecting():
             code = cli.main(arguments, prog_name="shrm", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Exit as stop:

@@ -7,8 +7,8 @@ law, and refused where they do not, with the command that makes the right ones.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Engine
 from shrm_cli.maps.splitsum.prefilter import make_levels
@@ -17,8 +17,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.sampling import CubeSampler
-
-Array = NDArray[np.floating]
 
 _SAME = 5e-4
 """Roughnesses that differ by this much are the same: files name them with few digits."""

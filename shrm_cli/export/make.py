@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli import __release__
 from shrm_cli.brdf.environment.environment_brdf import environment_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
-from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.pixels import FORMATS
-from shrm_cli.export.readme import readme, readme_name
+from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.files.whole import keeping, together
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
@@ -33,8 +33,6 @@ from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-
-Array = NDArray[np.floating]
 
 DIFFUSE_ORDER = 64
 """The order of the irradiance that cubes are made of. What is beyond rounds off the edge where the
@@ -183,20 +181,34 @@ def export(
     """
     check(engine, asked)
     light, told, warnings = gather(source, engine, asked, progress)
-    texels = FORMATS[asked.texels] if asked.texels else None
-    if texels is None and engine.formats:
-        texels = FORMATS[engine.formats[0]]
-    size = light.levels[0].shape[1] if light.levels else asked.size or engine.default_size
+    texels = FORMATS[asked.texels or (engine.formats or ("rgba16f",))[0]]
     try:
-        made = engine.pack(light, Wishes(size, texels))
+        made = engine.pack(light, texels)
     except MapError as error:  # which names the level or the file that it was to be in
         raise MapError(f"{source.title}: {error}") from None
     if not made.files:
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     made.told[:0] = told
     made.warnings[:0] = warnings
-    made.add_text(readme_name(light.name), readme(engine, light, made))
+    made.add_text(f"{light.name}_README.md", _readme(engine, light, made))
     return made
+
+
+def _readme(engine: Engine, light: Light, package: Package) -> str:
+    """Return the README: a line each of title, files, what was done, and loading, and the code.
+
+    File names stand in it without folders, so that the same light makes the same text anywhere.
+    """
+    files = ", ".join(code_span(file.name) for file in package.files)
+    told = "; ".join(package.told) or "nothing was turned or scaled"
+    lines = [
+        f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
+        f"Files: {files}.",
+        f"What was done: {told}.",
+        f"Load it in {engine.title}:",
+        *[f"    {line}" for line in package.loading],
+    ]
+    return "\n".join([*lines[:4], "", *lines[4:]]) + "\n"
 
 
 def check(engine: Engine, asked: Asked) -> None:

@@ -4,12 +4,10 @@ from bisect import bisect_left
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
 from shrm_cli.files.openimageio import oiio
-
-Array = NDArray[np.floating]
 
 _ELLIPSIS = "..."  # the font has no single character for an ellipsis
 

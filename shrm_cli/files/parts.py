@@ -17,15 +17,13 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, OutputError
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 from shrm_cli.parallel import in_order
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, PixelType, Precision
-
-Array = NDArray[np.floating]
 
 _HALF_MAX = float(np.finfo(np.float16).max)
 _FLOAT_MAX = float(np.finfo(np.float32).max)
@@ -231,13 +229,6 @@ def write_chosen(
         If the suffix is unknown, or the file cannot be written.
     """
     _container(path).write(path, parts, pixel_type)
-
-
-def choose_pixel_type(
-    path: str | os.PathLike[str], planes: Iterable[Array], precision: Precision
-) -> PixelType:
-    """Choose the pixel type, ``"half"`` or ``"float"``, as `choose_storage` does."""
-    return choose_storage(path, planes, precision).pixel_type
 
 
 def choose_storage(

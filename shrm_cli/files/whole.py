@@ -1,4 +1,9 @@
-"""Output files that appear whole or not at all."""
+"""Output files that appear whole or not at all, and the inputs that none of them may replace.
+
+Every function that opens a file for its user notes it here, whether the name came from the command
+line, from the specification of a BRDF or out of a map, and every function that writes one asks. A
+command does its work within `protecting`. Programs that use the library decide for themselves.
+"""
 
 import atexit
 import contextlib
@@ -11,23 +16,68 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.inputs import is_input, note_made
 
+Files = set[tuple[int, int]]
+"""Devices and numbers of files; links share those of their file."""
+
+_read: ContextVar[Files | None] = ContextVar("shrm_cli.inputs", default=None)
+_made: ContextVar[Files | None] = ContextVar("shrm_cli.made", default=None)
 _MARK = ".shrm-"
 """This text follows the target's name in the names of temporary files."""
-
 _HOST = 40
 """The most characters of the machine's name in a temporary file's name."""
-
 _ANY_WRITE = 0o222
 """The bits of a file's mode of which one at least says that it may be written."""
-
 _STEM = 40
 """The most characters of the target's name in a temporary file's name, which may have 255 bytes."""
-
-
 _mine: dict[Path, int] = {}
 """The temporary files and folders that there may be, with the processes that make them."""
+
+
+@contextlib.contextmanager
+def protecting() -> Iterator[None]:
+    """Within this context what was read is not overwritten."""
+    read, made = _read.set(set()), _made.set(set())
+    try:
+        yield
+    finally:
+        _read.reset(read)
+        _made.reset(made)
+
+
+def note(*paths: str | os.PathLike[str]) -> None:
+    """Note files as read, but for those that were made here.
+
+    Files that do not exist, or have names that no file can have, are left to the function that
+    opens them.
+    """
+    known = _read.get()
+    if known is None:
+        return
+    for path in paths:
+        with contextlib.suppress(OSError, ValueError):
+            known |= {_identity(path)} - (_made.get() or set())
+
+
+def note_made(path: str | os.PathLike[str]) -> None:
+    """Note a file as made here: who reads it back may overwrite it."""
+    made = _made.get()
+    if made is not None:
+        with contextlib.suppress(OSError, ValueError):
+            made.add(_identity(path))
+
+
+def is_input(path: str | os.PathLike[str]) -> bool:
+    """Whether a name leads to a file that was read, through links too."""
+    try:
+        return _identity(path) in (_read.get() or ())
+    except (OSError, ValueError):
+        return False
+
+
+def _identity(path: str | os.PathLike[str]) -> tuple[int, int]:
+    status = os.stat(path)
+    return status.st_dev, status.st_ino
 
 
 _kept: ContextVar[frozenset[str]] = ContextVar("shrm_cli.kept", default=frozenset())
@@ -165,6 +215,12 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         if (temporary, target) not in (_together.get() or ()):
             discard(temporary)
+
+
+def write_bytes(target: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file, whole or not at all; see `replacing`."""
+    with replacing(target) as temporary:
+        temporary.write_bytes(data)
 
 
 @contextlib.contextmanager

@@ -16,8 +16,8 @@ from typing import Any
 from urllib.parse import unquote
 
 from shrm_cli.errors import MeshError
-from shrm_cli.files.inputs import note
 from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.whole import note
 from shrm_cli.geometry.claims import MOST_BYTES
 from shrm_cli.geometry.mesh import MOST_FACES, SurfaceMaterial, too_many
 

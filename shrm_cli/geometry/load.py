@@ -18,16 +18,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.extras import install
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 from shrm_cli.geometry.claims import MOST_BYTES, check_ply, check_stl
 from shrm_cli.geometry.gltf import read_gltf
 from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.obj import read_obj
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Parts = list[SurfaceMaterial | None]
 
 SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")

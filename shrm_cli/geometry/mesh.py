@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.normals import face_normals, smooth_normals
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Integers = NDArray[np.int64]
 
 MOST_FACES = 2**22

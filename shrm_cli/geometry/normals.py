@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
+
 Integers = NDArray[np.int64]
 
 _FLAT = 1e-12

@@ -8,11 +8,10 @@ precision.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.extras import install
 from shrm_cli.geometry.mesh import Mesh
-
-Array = NDArray[np.floating]
 
 _AT_ONCE = 2**18
 """The most rays that are traced at a time: about 50 MB of vectors."""

@@ -1,12 +1,11 @@
 """Tangents of surfaces: the directions along which they are brushed."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.sphere.directions import horizontal_tangents
-
-Array = NDArray[np.floating]
 
 _NO_DIRECTION = 1e-6
 """Length of a projected unit vector below which it has no direction."""

@@ -12,6 +12,7 @@ from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.maps.lamps.map import LampMap
+from shrm_cli.maps.negative import negative_warnings
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import probe_name
 from shrm_cli.maps.seen import REMEDY
@@ -130,8 +131,15 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
         f"place of the pixels; without, errors were {1 / max(left, 1e-6):.3g} times as large a "
         "part of the light",
     )
-    lines = (line.replace(REMEDY, "dim what is left by `clamp`") for line in made.warnings)
-    told = [*split.clipped, *(f"of the light without its lamps: {line}" for line in lines)]
+    further = dict(made.further)
+    dark = further.pop("negative_share", None)  # it is found again, with the lamps
+    of_dark = () if dark is None else negative_warnings(made.map, dark())
+    told = [
+        f"of the light without its lamps: {line.replace(REMEDY, 'dim what is left by `clamp`')}"
+        for line in made.warnings
+        if line not in of_dark
+    ]
+    told += split.clipped
     if split.left:
         stay = "lamp stays" if split.left == 1 else "lamps stay"
         told.append(f"{split.left} more {stay} in the map")
@@ -141,7 +149,10 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
             "light: their shapes, or those of the pixels, show in so sharp a lobe"
         )
     lit = LampMap(inner, split.discs, left, beside.error, brdf)
-    return replace(made, map=lit, facts=facts, notes=(*made.notes, note), warnings=tuple(told))
+    return replace(
+        made, map=lit, facts=facts, notes=(*made.notes, note), warnings=tuple(told),
+        further=further,
+    )  # fmt: skip
 
 
 def small_lamps_share(probe: Probe) -> float:

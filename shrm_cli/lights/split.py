@@ -12,23 +12,21 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
 from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.proof import Proof, irradiance_rms, light_coefficients, order_on, prove
 from shrm_cli.lights.search import find_regions
 from shrm_cli.lights.surroundings import Filled, fill_regions
-from shrm_cli.probe.coarse import LEAST_ROWS, coarse_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.pixels import PixelPolicy
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import to_grid
+from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
-
-Array = NDArray[np.floating]
 
 _MOST_DISCS = 16
 """Discs of a lamp, at most."""

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from shrm_cli import __release__
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import StoredPart, sound_primaries
 from shrm_cli.layouts import LAYOUTS
@@ -29,8 +30,6 @@ from shrm_cli.vocabulary import (
 
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
-
-Array = NDArray[np.floating]
 
 VERSION = 6
 """The newest version of the format of files that this version of `shrm` reads.

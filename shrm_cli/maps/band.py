@@ -9,12 +9,10 @@ costs a part of what they would have shown, which predicted errors count.
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.records import record
 from shrm_cli.reflected import last_visible
-
-Array = NDArray[np.floating]
 
 _RINGS = 0.02
 """The RMS of what a series loses at its end, relative to the mean reflected light, above which its

@@ -25,8 +25,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
     from shrm_cli.brdf.base import Color
     from shrm_cli.files.parts import Part
     from shrm_cli.maps.shrm.shrm import Shrm
-
-Array = NDArray[np.floating]
 
 
 class Map(ABC):

@@ -10,17 +10,13 @@ For a small p that takes far less time than the rings of `shrm_cli.maps.shrm.cou
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.parallel import in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.clebsch_gordan import clebsch_gordan, zonal_coupling
 from shrm_cli.sphere.harmonics import complex_from_real
-
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
-
 
 _known_tables = Memo(2**25)
 """What couples light and view. All p to P = 2 take 0.3 MB together for F = 40, and all to P = 8

@@ -9,8 +9,8 @@ truncated series rings beside a lamp.
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
@@ -28,8 +28,6 @@ from shrm_cli.reflected import (
     visible_beyond_p,
 )
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
-
-Array = NDArray[np.floating]
 
 _KNOWN = 0.75
 """The part of the computed orders beyond which nothing may be visible. What is visible at the end

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.quadrature import spiral_directions
-
-Array = NDArray[np.floating]
 
 _PAIRS = 4096
 """The pairs of mirror directions and views at which maps are compared."""

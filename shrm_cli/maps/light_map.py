@@ -1,19 +1,67 @@
 """What the maps of light alone have in common: no BRDF is named when they are made."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import MapError
-from shrm_cli.maps.fixed_map import FixedMap
+from shrm_cli.maps.base import Map, no_way, refuse_arguments
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, Center, Frame, Sampling
 
-Array = NDArray[np.floating]
+
+class FixedMap(Map):
+    """A map whose file can only be made anew, from the light or from the BRDF.
+
+    It has no cubes, unless its class says otherwise.
+    """
+
+    @property
+    def cube_count(self) -> int:
+        """The number of cubes that the map stores."""
+        return 0
+
+    def planes(self) -> Sequence[Array]:
+        """Return the cubes of the map; see `Map.planes`."""
+        return ()
+
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> Self:
+        """Return the same map with other cubes, if it has any, and another `info`."""
+        return replace(self, info=info)  # type: ignore[type-var]
+
+    def converted(
+        self,
+        to: str,
+        size: int | None = None,
+        sampling: Sampling | None = None,
+        **options: Any,
+    ) -> Map:
+        """Return the map itself, `resampled` where that is asked; it has no other representation.
+
+        Raises
+        ------
+        ArgumentError
+            If another representation is asked for, or an argument does not apply.
+        """
+        if to != self.representation:
+            raise no_way(self, to)
+        return super().converted(to, size, sampling, **options)
+
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> Map:
+        """Return the map itself, because what it holds cannot be filtered.
+
+        Raises
+        ------
+        ArgumentError
+            If a size or a sampling is asked for.
+        """
+        refuse_arguments(self.what, size=size, sampling=sampling)
+        return self
 
 
 class LightMap(FixedMap):

@@ -22,6 +22,7 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, from_angles, local_frame
@@ -29,7 +30,6 @@ from shrm_cli.sphere.harmonics import complex_from_real
 from shrm_cli.sphere.wigner import small_d_degrees
 from shrm_cli.vocabulary import WRONG, Center
 
-Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
 _KEPT_ORDER = 96

@@ -1,15 +1,13 @@
 """What bilinear look-ups in the cubes of a map cost: predicted, or found from the cubes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import filtering_error
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _ORDERS_A_TEXEL = 2
 """Texels show no more degrees than this many for each of them along an edge."""

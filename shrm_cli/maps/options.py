@@ -394,4 +394,4 @@ def listing(names: Sequence[str], word: str) -> str:
 
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun in the singular or the plural: ``1 level``, ``8 levels``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
@@ -25,8 +25,6 @@ from shrm_cli.probe.lighting import Lighting
 from shrm_cli.reflected import last_visible, visible_beyond
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
-
-Array = NDArray[np.floating]
 
 _MAX_Q = 6
 """The largest azimuthal order q of lobes. Hardly any energy lies beyond, whatever P is."""

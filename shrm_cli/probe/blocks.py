@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import Layout
 from shrm_cli.probe.image import ProbeImage
@@ -15,7 +16,6 @@ from shrm_cli.sphere.cube import reoriented
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import Orientation
 
-Array = NDArray[np.floating]
 Block = tuple[int, Array, Array]
 """First row, pixels of shape (rows, width, 3), weights as `Grid.weights` has them."""
 

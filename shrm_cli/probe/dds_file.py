@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import FACES
 from shrm_cli.probe.encoding import Encoding
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 _MAGIC = b"DDS "
 _HEADER = struct.Struct("<4s I 4x 2I 4x 2I 44x 8x 4s 20x 4x I 12x")

@@ -3,14 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.records import record
+from shrm_cli.sphere.grid.latlong import latlong_coordinates
 from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
-from shrm_cli.sphere.latlong import latlong_coordinates
-
-Array = NDArray[np.floating]
 
 _VALUES_AT_ONCE = 2**22
 _ROWS_AT_ONCE = 32

@@ -1,15 +1,12 @@
 """Which layout an image has, and the faces of a cube in their places."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, IMAGE_LAYOUTS, Layout, grid_name
-from shrm_cli.sphere.grid.base import Grid
-from shrm_cli.sphere.grid.registry import grid_class
+from shrm_cli.sphere.grid.base import Grid, grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
-
-Array = NDArray[np.floating]
 
 
 def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:

@@ -21,12 +21,12 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
-from shrm_cli.files import inputs
 from shrm_cli.files.toml import read_toml
+from shrm_cli.files.whole import note
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.disc import Disc, facing_factor, radius_of
 from shrm_cli.probe.image_file import check_file
@@ -34,8 +34,6 @@ from shrm_cli.probe.light_sum import LightSum, SumImage, Term
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
 from shrm_cli.probe.probe import is_light_file, open_probe
 from shrm_cli.sphere.directions import from_azimuth_elevation
-
-Array = NDArray[np.floating]
 
 _MOST_BYTES = 2**20
 _MOST_LIGHTS = 1000
@@ -71,7 +69,7 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     path = check_file(name)
     too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
     found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
-    inputs.note(path)
+    note(path)
     _check_keys(name, found, {"probe", "disc", "working"})
     tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in ("probe", "disc")}
     count = sum(len(each) for each in tables.values())

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.blocks import Block
 from shrm_cli.probe.disc import Disc, disc_rows
@@ -23,8 +24,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
-
-Array = NDArray[np.floating]
 
 _LEAST_ROWS, _MOST_ROWS = 512, 2048
 """The range of the rows of the lat-long; within it, those of the finest probe are taken."""

@@ -9,12 +9,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation
-from shrm_cli.sphere.latlong import latlong_coordinates, latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_coordinates, latlong_directions
 
-Array = NDArray[np.floating]
 Image = NDArray[np.float32]
 
 BAND_ROWS = 64

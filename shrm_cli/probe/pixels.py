@@ -5,10 +5,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 
 @dataclass

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
 from shrm_cli.probe.blocks import Block, BlockReader
-from shrm_cli.probe.colors import ColorReading
 from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
 from shrm_cli.probe.image_file import ImageFile, check_file
 from shrm_cli.probe.layout import check_shape, detect_layout, grid_of
-from shrm_cli.probe.options import ReadKeywords, ReadOptions, with_keywords
+from shrm_cli.probe.options import ColorReading, ReadKeywords, ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid, Sampler
@@ -28,8 +28,6 @@ from shrm_cli.vocabulary import Orientation, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.probe.dds_file import DdsFile
-
-Array = NDArray[np.floating]
 
 _DDS = b"DDS "
 """The bytes that a DDS file begins with."""

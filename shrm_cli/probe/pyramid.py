@@ -14,14 +14,12 @@ Lightcuts: a scalable approach to illumination.
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.source import source_pixels
 from shrm_cli.records import record
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 _TOP_CELLS = 512
 """About how many of the largest cells there are: 16 rows of a lat-long, 11 degrees each. Half as

@@ -4,15 +4,11 @@ from dataclasses import field, fields
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.probe.image import ImageOfImage
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 MOST_BYTES = 128 * 2**20
 """The most bytes of an image's pixels that are held. Larger images are read again for each map."""
@@ -59,10 +55,11 @@ class SharedProbe(Probe):
 def shared(probe: Probe) -> Probe:
     """Return a probe to make several maps of.
 
-    A sum of lights, and a probe whose pixels are too many to hold, are returned as they are.
+    A sum of lights, and a probe whose pixels are too many to hold, are returned as they are, and so
+    is one that is shared.
     """
     size = sum(image.width * image.height for image in probe.images) * _PIXEL
-    if isinstance(probe, LightSum) or size > MOST_BYTES:
+    if isinstance(probe, LightSum | SharedProbe) or size > MOST_BYTES:
         return probe
     values = {each.name: getattr(probe, each.name) for each in fields(Probe)}
     held = tuple(HeldImage(image) for image in probe.images)

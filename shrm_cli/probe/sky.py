@@ -7,8 +7,8 @@ Preetham, Shirley & Smits 1999, A Practical Analytic Model for Daylight, SIGGRAP
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import sky_data as data
 from shrm_cli.probe.make import (
@@ -19,9 +19,7 @@ from shrm_cli.probe.make import (
     shade_in_bands,
 )
 from shrm_cli.sphere.directions import from_azimuth_elevation, local_frame, to_angles
-from shrm_cli.sphere.latlong import latlong_directions
-
-Array = NDArray[np.floating]
+from shrm_cli.sphere.grid.latlong import latlong_directions
 
 TURBIDITY_RANGE = (1.7, 10.0)
 """Below it the fitted zenith is dark (F(0, theta) is 0 at 1.65); above it the air is not clear."""

@@ -9,9 +9,8 @@ Functions, JCGT 2(2), section 2.2.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 PEREZ = {
     "Y": ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771),

@@ -3,17 +3,14 @@
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.probe.coarse import LEAST_ROWS, coarse_probe
-from shrm_cli.probe.lamps import lamps_of
+from shrm_cli.arrays import Array
+from shrm_cli.probe.lighting import lamps_of
 from shrm_cli.probe.probe import Probe
-from shrm_cli.probe.resample import to_grid
+from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.latlong import LatLong
-
-Array = NDArray[np.floating]
 
 _TILE_ROWS = 8
 """Rows of a tile, which has twice as many columns."""

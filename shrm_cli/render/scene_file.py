@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.errors import BrdfError, MeshError
-from shrm_cli.files.inputs import note
 from shrm_cli.files.toml import read_toml
+from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map

@@ -6,16 +6,14 @@ place among them, and the prediction is up to a fifth off. A small cube is soon 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.cube import cube_solid_angles, face_axes
 from shrm_cli.sphere.interpolation import linear_matrix
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.sampling import nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _FINER = 4, 2
 """For each texel along an edge, the places that are looked at."""

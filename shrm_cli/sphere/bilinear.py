@@ -14,14 +14,12 @@ comes with a wrong phase.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _POSITIONS = 8
 """Places over half a face along each of its axes."""

@@ -3,11 +3,10 @@
 from math import factorial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo, kept_order
-
-Array = NDArray[np.floating]
 
 MOST_SMALL = 12
 """The largest degree p for which the sums below keep ten digits."""

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
+from shrm_cli.vocabulary import Center
 
 _GRAZING = 1e-6
 """Length of R + V below which both are taken to be opposite."""
@@ -176,3 +177,24 @@ def local_frame(theta: ArrayLike, phi: ArrayLike) -> Array:
     zero = np.zeros_like(ct)
     rows = [[ct * cp, -sp, st * cp], [ct * sp, cp, st * sp], [-st, zero, ct]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def central_directions(center: Center, normals: Array, views: Array) -> Array:
+    """Compute the central directions C of points of a surface.
+
+    Parameters
+    ----------
+    center : {"reflection", "normal", "tangent"}
+        The mirror direction of the view, the normal, or the tangent. A surface that is known by
+        its normals alone has the horizontal tangent.
+    normals, views : ndarray, shape (..., 3), broadcastable
+        Unit vectors in world axes.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Unit vectors in world axes.
+    """
+    if center == "reflection":
+        return reflect(views, normals)
+    return normals if center == "normal" else horizontal_tangents(normals)

@@ -13,14 +13,11 @@ of an image with those waves into its coefficients c_lm.
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.parallel import at_once
 from shrm_cli.sphere.harmonics import legendre_columns, order_of
-
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
 
 _known_places = Memo(2**20)
 """What `_by_m` returns for some orders; that of order 96 takes 0.1 MB."""

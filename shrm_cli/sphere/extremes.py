@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.synthesis import synthesize_cube
-
-Array = NDArray[np.floating]
 
 _SAMPLES_AN_ORDER = 8
 """Texels along a face's edge of the searched cube, for each degree of the series. With 4, narrow
@@ -54,14 +53,7 @@ def series_values(series: Array, directions: Array) -> Array:
 
 
 def degree_values(series: Array, directions: Array) -> Array:
-    """Evaluate each degree of real series in some directions.
-
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, maps)
-        Each column is a series, index l(l+1)+m.
-    directions : ndarray, shape (n, 3)
-        Unit directions, in the axes of the series.
+    """Evaluate each degree of real series in some directions, as `series_values` takes them.
 
     Returns
     -------

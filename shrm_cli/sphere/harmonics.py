@@ -10,9 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo
-
-Array = NDArray[np.floating]
 
 
 def index(degree: int, m: int) -> int:

@@ -1,9 +1,8 @@
 """Matrices that interpolate functions of the polar angle from one set of nodes to another."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 
 def interpolation_matrix(nodes: Array, targets: Array, odd: bool) -> Array:

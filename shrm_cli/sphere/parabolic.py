@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.sampling import catmull_rom
 
-Array = NDArray[np.floating]
 Weigh = Callable[[Array], tuple[NDArray[np.intp], list[Array]]]
 """From places, in texels, to the first texel of a filter and the weights of all its texels."""
 
@@ -52,13 +52,6 @@ def unproject(x: ArrayLike, y: ArrayLike) -> Array:
     x, y = np.broadcast_arrays(x, y)
     square = x * x + y * y
     return np.stack([2 * x, 2 * y, 1 - square], axis=-1) / (1 + square)[..., None]
-
-
-def parabolic_solid_angles(size: int) -> Array:
-    """Return the solid angles of texels, shape (size, size), by their middles; 0 off the circle."""
-    at = (2 * np.arange(size) + 1) / size - 1
-    square = at**2 + at[:, None] ** 2
-    return np.where(square < 1, 4 / (1 + square) ** 2 * (2 / size) ** 2, 0.0)
 
 
 class ParabolicSampler:

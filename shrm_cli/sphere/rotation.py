@@ -13,12 +13,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.memo import Memo, kept_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.wigner import right_angle_blocks, right_angle_degrees
-
-Array = NDArray[np.floating]
 
 _CACHED_ORDER = 96
 _REPEATED_ORDER = 64

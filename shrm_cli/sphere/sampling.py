@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.sphere.cube import cube_coordinates, face_axes
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _RIM = 2
 """Texels of the faces beside it that are put around each face: as far as a cubic filter reaches."""
@@ -74,11 +73,11 @@ class CubeSampler:
 
     def _position(self, index: NDArray[np.intp]) -> Array:
         """Positions of texels on the face, [-1, 1]; indices outside the face give others."""
-        scale, shift = _scale(self.size, self.sampling)
+        scale, shift = texel_scale(self.size, self.sampling)
         return np.asarray((index + shift) / scale - 1)
 
     def _index(self, position: Array) -> Array:
-        return _index(position, self.size, self.sampling)
+        return texel_index(position, self.size, self.sampling)
 
     def _on_faces(self, faces: Array, directions: Array) -> Array:
         """Values at directions, shape (n, 3), each interpolated within the face that it meets."""
@@ -115,20 +114,20 @@ def nearest_texels(
     face, s, t = cube_coordinates(directions)
     sampling = sampling if size > 1 else "center"
     row, column = (
-        np.clip(np.rint(_index(position, size, sampling)), 0, size - 1).astype(np.intp)
+        np.clip(np.rint(texel_index(position, size, sampling)), 0, size - 1).astype(np.intp)
         for position in (t, s)
     )
     return face * size + row, column
 
 
-def _scale(size: int, sampling: Sampling) -> tuple[float, float]:
+def texel_scale(size: int, sampling: Sampling) -> tuple[float, float]:
     """Texels for each unit of position, and how many texels position -1 lies before texel 0."""
     return ((size - 1) / 2, 0.0) if sampling == "border" else (size / 2, 0.5)
 
 
-def _index(position: Array, size: int, sampling: Sampling) -> Array:
+def texel_index(position: Array, size: int, sampling: Sampling) -> Array:
     """Texel indices, not rounded, of positions in [-1, 1]."""
-    scale, shift = _scale(size, sampling)
+    scale, shift = texel_scale(size, sampling)
     return np.asarray((position + 1) * scale - shift)
 
 
@@ -156,132 +155,3 @@ def _lagrange(x: Array, count: int, size: int) -> tuple[NDArray[np.intp], list[A
                 weight = weight * (f - j) / (i - j)
         weights.append(weight)
     return first, weights
-
-
-class LatLongSampler:
-    """Bilinear filtering of a lat-long.
-
-    It wraps around in longitude, and goes on beyond a pole half a turn away.
-
-    Parameters
-    ----------
-    image : array_like, shape (H, W, channels)
-    sampling : {"center", "border"}
-    """
-
-    def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
-        self._image = np.asarray(image)
-        self._sampling = sampling
-
-    def __call__(self, directions: ArrayLike) -> Array:
-        """Values at directions of any length, shape (..., 3): (..., channels)."""
-        from shrm_cli.sphere.latlong import latlong_coordinates
-
-        image = self._image
-        height, width = image.shape[:2]
-        across, down = latlong_coordinates(directions)
-        x, y = _index(across, width, self._sampling), _index(down, height, self._sampling)
-        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-        fx, fy = (x - column)[..., None], (y - row)[..., None]
-        result: Array = np.zeros((), dtype=image.dtype)
-        for i, wy in ((row, 1 - fy), (row + 1, fy)):
-            turned = np.where((i < 0) | (i >= height), width // 2, 0)
-            i = np.minimum(np.maximum(i, -1 - i), height - 1)  # -1 is row 0, height the last
-            for j, wx in ((column, 1 - fx), (column + 1, fx)):
-                result = result + wy * wx * image[i, (j + turned) % width]
-        return result
-
-
-def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
-    """Cubically filtered values of a center-sampled lat-long.
-
-    The filter is more exact than that of `LatLongSampler` for smooth images, but overshoots beside
-    bright pixels.
-
-    Parameters
-    ----------
-    image : array_like, shape (H, W, channels)
-    directions : array_like, shape (..., 3)
-        They may have any length but 0.
-
-    Returns
-    -------
-    ndarray, shape (..., channels)
-    """
-    from shrm_cli.sphere.latlong import latlong_coordinates
-
-    image = np.asarray(image)
-    height, width = image.shape[:2]
-    across, down = latlong_coordinates(directions)
-    columns, along = catmull_rom(_index(across, width, "center"))
-    rows, below = catmull_rom(_index(down, height, "center"))
-    result: Array = np.zeros((*across.shape, image.shape[2]), dtype=image.dtype)
-    for i in range(4):
-        row = rows + i
-        turned = np.where((row < 0) | (row >= height), width // 2, 0)
-        row = np.where(row < 0, -1 - row, np.minimum(row, 2 * height - 1 - row))
-        line = np.zeros_like(result)
-        for j in range(4):
-            line += along[j][..., None] * image[row, (columns + j + turned) % width]
-        result += below[i][..., None] * line
-    return result
-
-
-class AngularSampler:
-    """Bilinear filtering of an angular map, which goes on beyond its rim on the other side.
-
-    What the image holds outside its rim does not count.
-
-    Parameters
-    ----------
-    image : array_like, shape (N, N, channels)
-    sampling : {"center", "border"}
-    """
-
-    def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
-        self._image = np.asarray(image)
-        self._sampling = sampling
-        self._padded = _beyond_rim(self._image, sampling) if len(self._image) > 1 else self._image
-
-    def __call__(self, directions: ArrayLike) -> Array:
-        """Values at directions of any length, shape (..., 3): (..., channels)."""
-        from shrm_cli.sphere.angular import angular_coordinates
-
-        across, down = angular_coordinates(directions)
-        if len(self._image) == 1:
-            return np.broadcast_to(self._image[0, 0], (*across.shape, self._image.shape[2]))
-        return _bilinear(self._padded, across, down, self._sampling)
-
-
-def _bilinear(padded: Array, across: Array, down: Array, sampling: Sampling) -> Array:
-    """Values at positions in [-1, 1] of a square image with one more texel on every side."""
-    size = len(padded) - 2
-    x, y = _index(across, size, sampling) + 1, _index(down, size, sampling) + 1
-    column = np.clip(np.floor(x).astype(np.intp), 0, size)
-    row = np.clip(np.floor(y).astype(np.intp), 0, size)
-    fx, fy = (x - column)[..., None], (y - row)[..., None]
-    top = (1 - fx) * padded[row, column] + fx * padded[row, column + 1]
-    bottom = (1 - fx) * padded[row + 1, column] + fx * padded[row + 1, column + 1]
-    return np.asarray((1 - fy) * top + fy * bottom)
-
-
-def _beyond_rim(image: Array, sampling: Sampling) -> Array:
-    """An angular map that goes on beyond its rim, with one more texel on every side.
-
-    The way through -Z leads to the other side of the image: from radius r > 1 to radius 2 - r,
-    half a turn away. A bilinear filter can trust texels up to a distance from the rim; beyond it
-    values are interpolated between the last ones of this side and those of the other side.
-    """
-    size = len(image)
-    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    scale, shift = _scale(size, sampling)
-    s = (np.arange(-1, size + 1) + shift) / scale - 1
-    radius = np.hypot(s[:, None], s)
-    reach = 1.5 / scale  # a bilinear filter reaches less than a texel's diagonal
-    rows, columns = np.nonzero((radius > 1) & (radius < 1 + reach))
-    r = radius[rows, columns]
-    x, y = s[columns] / r * (1 - reach), s[rows] / r * (1 - reach)
-    far = ((r - 1 + reach) / (2 * reach))[:, None]
-    here, there = _bilinear(padded, x, y, sampling), _bilinear(padded, -x, -y, sampling)
-    padded[rows, columns] = (1 - far) * here + far * there
-    return padded

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.layouts import FACES
 from shrm_cli.memo import Memo
 from shrm_cli.parallel import at_once, in_order
@@ -31,8 +32,6 @@ from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.sphere.rotation import rotated_again, transform_coefficients
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _X_POLAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rows: the world axes y, z, x, which are x', y' and the polar z' of the turned series."""
@@ -310,30 +309,10 @@ def _waves(count: int, s: Array, t: Array) -> tuple[Array, Array]:
     )
 
 
-def integrate_cube(planes: Array, order: int, sampling: Sampling = "center") -> Array:
+class CubeIntegral:
     """Integrals of cube images with every real harmonic: the transpose of `synthesize_cube`.
 
-    Parameters
-    ----------
-    planes : ndarray, shape (maps, 6 N, N)
-        Values at the texels, each already multiplied by its solid angle.
-    order : int
-        Largest degree.
-    sampling : {"center", "border"}
-
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, maps)
-    """
-    maps, _, size = planes.shape
-    faces = planes.reshape(maps, 6, size, size)
-    result = CubeIntegral(order, sampling)
-    result.add({name: faces[:, index] for index, name in enumerate(FACES)})
-    return result.coefficients()
-
-
-class CubeIntegral:
-    """The integrals of `integrate_cube`, of faces that arrive one after the other.
+    The faces arrive one after the other, each of whose values is multiplied by its solid angle.
 
     Parameters
     ----------

@@ -7,9 +7,9 @@ exp(-i m a) d^l_mn(b) exp(-i n c)`` rotates complex harmonics with Condon-Shortl
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 
 def small_d_degrees(

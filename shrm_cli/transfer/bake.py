@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli import settings
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
@@ -25,8 +26,6 @@ from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
-
-Array = NDArray[np.floating]
 
 _RAYS_AT_ONCE = 2**16
 """Rays of the vertices that a thread takes at a time."""

@@ -30,12 +30,12 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing, together
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.transfer.transfer import Transfer
 
-Array = NDArray[np.floating]
 Writer = Callable[[str | os.PathLike[str], Mesh, Transfer], None]
 
 PIFU_ORDER = 2

@@ -44,12 +44,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
 
-Array = NDArray[np.floating]
 Both = tuple[Array, Array | None]
 """Transfer vectors and matrices of some vertices."""
 
@@ -58,7 +58,6 @@ OFFSET = 1e-5
 
 It is some hundred times the rounding of the 32-bit coordinates that rays are traced with.
 """
-
 
 INSET = 0.01
 """How far a ray begins from a vertex on a border, as a part of the way into its triangles.

@@ -2,14 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.errors import TransferError
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import order_of
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -9,7 +9,7 @@ import pytest
 
 from shrm_cli.batch.entry import Entry, found_probes
 from shrm_cli.errors import ProbeError
-from shrm_cli.files.origin import is_output
+from shrm_cli.files.exr_header import is_output
 from tests.batch.helpers import work_here, write_probes
 from tests.cli.helpers import MESH, noise, run, snapshot, write_exr
 

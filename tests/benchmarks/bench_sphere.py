@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.memo import Memo
 from shrm_cli.sphere import double_fourier, rotation
+from shrm_cli.sphere.grid.latlong import LatLongAnalysis
 from shrm_cli.sphere.synthesis import synthesize_cube
-from shrm_cli.sphere.transform import LatLongAnalysis
 from tests.benchmarks.table import Row, fastest, measure
 from tests.oracles import alm_from_real, angles, cube_texels, real_from_alm
 

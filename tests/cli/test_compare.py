@@ -434,8 +434,7 @@ def test_progress_of_the_truth(folder, monkeypatch):
     bars = {}
 
     class Bar:
-        def __init__(self, label, quiet):
-            assert not quiet
+        def __init__(self, label):
             self.seen = bars.setdefault(label, [])
 
         def __enter__(self):

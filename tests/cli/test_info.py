@@ -8,9 +8,9 @@ import struct
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.measured.goniometer import write_goniometer
 from shrm_cli.brdf.spec import parse_spec
 from tests import oracles
+from tests.brdf.measured.goniometer_files import write_goniometer
 from tests.cli.helpers import assert_refused, done, noise, process, run, snapshot, write_exr
 from tests.fuzz.exr_header import Attribute, parse
 

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 from shrm_cli.cli.render import render
 from shrm_cli.errors import MapError, OutputError, ProbeError, ShrmError
 from shrm_cli.files.image import write_image
-from shrm_cli.files.inputs import protecting
 from shrm_cli.files.png import encode_srgb
+from shrm_cli.files.whole import protecting
 from shrm_cli.maps.file import save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
@@ -302,9 +302,8 @@ def test_rows_are_counted_for_the_progress_bar(folder, monkeypatch):
     seen = []
 
     class Bar:
-        def __init__(self, label, quiet):
+        def __init__(self, label):
             assert label
-            assert not quiet
 
         def __enter__(self):
             return lambda done, total: seen.append((done, total))

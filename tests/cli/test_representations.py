@@ -249,7 +249,7 @@ def test_progress(folder, only_shrm, monkeypatch):
     seen = []
 
     class Bar:
-        def __init__(self, label, quiet):
+        def __init__(self, label):
             assert label
 
         def __enter__(self):

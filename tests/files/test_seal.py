@@ -6,8 +6,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from shrm_cli.files.exr_header import condition
 from shrm_cli.files.parts import Part, write_parts
-from shrm_cli.files.seal import is_intact
 from tests.cli.helpers import noise, write_exr
 
 
@@ -24,7 +24,7 @@ def test_it_is_the_digest_of_all_other_bytes(sealed):
     data = sealed.read_bytes()
     told = OpenEXR.File(str(sealed)).parts[0].header["shrm:digest"]
     assert hashlib.sha256(data.replace(told.encode(), b"")).hexdigest() == told
-    assert is_intact(sealed)
+    assert condition(sealed) == "intact"
     assert "shrm:digest" not in OpenEXR.File(str(sealed)).parts[1].header
 
 
@@ -42,10 +42,10 @@ def test_all_damage_is_noticed(sealed):
     damaged += [data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :] for at in map(int, places)]
     for each in damaged:
         sealed.write_bytes(each)
-        assert not is_intact(sealed)
+        assert condition(sealed) != "intact"
 
 
 def test_files_of_others_are_not_known(tmp_path):
-    assert not is_intact(write_exr(tmp_path / "other.exr", noise()))
+    assert condition(write_exr(tmp_path / "other.exr", noise())) == "unknown"
     (tmp_path / "text.exr").write_text("no image")
-    assert not is_intact(tmp_path / "text.exr")
+    assert condition(tmp_path / "text.exr") == "unknown"

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.files.inputs import note, protecting
-from shrm_cli.files.whole import check_target, replacing, together
+from shrm_cli.files.whole import check_target, note, protecting, replacing, together
 from tests.cli.helpers import environment
 
 HOST = platform.node()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MeshError
-from shrm_cli.files.inputs import is_input, protecting
+from shrm_cli.files.whole import is_input, protecting
 from shrm_cli.geometry import claims
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import MOST_FACES

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.lights.pixels import SpherePixels, clusters, near
-from shrm_cli.sphere.grid.registry import grid_class
+from shrm_cli.sphere.grid.base import grid_class
 from tests import oracles
 
 GRIDS = {"latlong": (40, "center"), "cube": (20, "center"), "angular": (48, "center")}

@@ -8,7 +8,7 @@ import pytest
 from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.proof import prove
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.probe import coarse
+from shrm_cli.probe import resample
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
@@ -241,7 +241,7 @@ def test_large_probes_are_searched_in_means(monkeypatch):
     """Against the search in all pixels: the same lamp, and the residual has all pixels."""
     made = probe("latlong", (round_lamp(PLACES["generic"], 4.0), LIGHT))
     fine = split_lamps(made)
-    monkeypatch.setattr(coarse, "LEAST_ROWS", 48)
+    monkeypatch.setattr(resample, "LEAST_ROWS", 48)
     monkeypatch.setattr("shrm_cli.lights.split.LEAST_ROWS", 48)
     split = split_lamps(replace(made))
     assert split.grid.shape == (48, 96)

@@ -10,9 +10,9 @@ from shrm_cli.maps.band import Band
 from shrm_cli.maps.expansion import carried_band
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
-from shrm_cli.reflected import visible_order
+from shrm_cli.reflected import last_visible, visible_beyond
 from shrm_cli.render.seen import seen_errors
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests import brute_force
 from tests.paper import seen
 from tests.paper.glossy_truth import light_of, sphere
@@ -91,7 +91,7 @@ def test_maps_of_one_light_end_in_every_way():
     coefficients = compute_coefficients(parse_spec("phong:exponent=64"), 80, 0)
     light = lamp(80)
     enough = carried_band(light, coefficients, 10, 0, 40)
-    assert enough == Band.exact(visible_order(light, coefficients, 0))
+    assert enough == Band.exact(last_visible(visible_beyond(light, coefficients, 0)))
     assert carried_band(light, coefficients, 70, 0, 40) == Band.exact(70)
     # A single cube goes as far as its texels can tell degrees apart, and fades before.
     few_texels = carried_band(light, coefficients, 10, 0, 15)

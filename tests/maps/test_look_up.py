@@ -10,7 +10,7 @@ from shrm_cli.maps.size import total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.paper.glossy_truth import light_of
 from tests.paper.looked_up import looked_up
 from tests.paper.pairs import bright_pairs

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
-from shrm_cli.brdf.environment.lobe_moments import LobeMoments
+from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo, LobeMoments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import Probe

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.centers import central_directions
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.sphere.directions import central_directions
 from shrm_cli.sphere.harmonics import real_harmonics
 from tests.bilinear import look_up
 

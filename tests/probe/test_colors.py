@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.probe import coarse
+from shrm_cli.probe import resample
 from shrm_cli.probe.icc import profile_primaries
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
@@ -70,9 +70,9 @@ def test_unknown_primaries_are_taken_for_rec709_and_told(tmp_path, pixels):
 
 
 def test_a_large_probe_is_converted_once(pixels, monkeypatch):
-    monkeypatch.setattr(coarse, "LEAST_ROWS", 4)
+    monkeypatch.setattr(resample, "LEAST_ROWS", 4)
     whole = Probe.from_array(pixels, working="p3")
-    small = coarse.coarse_probe(whole, 1)
+    small = resample.coarse_probe(whole, 1)
     assert small.height < whole.height
     np.testing.assert_allclose(small.image().mean((0, 1)), whole.image().mean((0, 1)), rtol=2e-2)
 

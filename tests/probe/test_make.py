@@ -6,7 +6,7 @@ import pytest
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe import make
 from shrm_cli.sphere.directions import from_azimuth_elevation
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 
 
 @pytest.mark.parametrize("size", [2, 3, 17, 512, 8192])

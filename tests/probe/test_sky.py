@@ -17,7 +17,7 @@ from shrm_cli.probe.sky import (
     zenith_luminance,
 )
 from shrm_cli.sphere.directions import from_azimuth_elevation
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 
 LUMINANCE = np.array([0.2126390, 0.7151687, 0.0721923])
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 from shrm_cli.sphere.rotation import (
     euler_zyz,
     rotate_each_into_frame,

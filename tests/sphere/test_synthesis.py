@@ -2,12 +2,22 @@ import ducc0
 import numpy as np
 import pytest
 
+from shrm_cli.layouts import FACES
 from shrm_cli.sphere import octants, synthesis
-from shrm_cli.sphere.synthesis import CubeSeries, integrate_cube, synthesize_cube
+from shrm_cli.sphere.synthesis import CubeIntegral, CubeSeries, synthesize_cube
 from tests import oracles
 from tests.oracles import tolerance
 
 SAMPLINGS = ["center", "border"]
+
+
+def integrate_cube(planes, order, sampling="center"):
+    """Integrals of planes, (maps, 6 N, N), that are weighted already, with every harmonic."""
+    maps, _, size = planes.shape
+    faces = planes.reshape(maps, 6, size, size)
+    result = CubeIntegral(order, sampling)
+    result.add({name: faces[:, index] for index, name in enumerate(FACES)})
+    return result.coefficients()
 
 
 def truth(coefficients, size, sampling):

@@ -14,7 +14,7 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sphere import render_background, render_sphere
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 from shrm_cli.view.figure import figure
 from shrm_cli.view.page import page as make_page
 from shrm_cli.view.scene import Start, Truth, make_scene

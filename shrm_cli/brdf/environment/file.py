@@ -4,14 +4,13 @@ import os
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.files.parts import Part, StoredPart, peek, write_parts
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 
-Array = NDArray[np.floating]
 Kind = Literal["scale-bias", "multiscatter", "moments"]
 
 _MOMENTS = 2

@@ -4,7 +4,8 @@ from functools import cached_property
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter, Value, grey
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter, Value, grey
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 

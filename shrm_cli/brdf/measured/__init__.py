@@ -8,13 +8,18 @@ import os
 from abc import abstractmethod
 from typing import ClassVar, Self, cast
 
+import numpy as np
+
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.discovery import load_class, module_names
+from shrm_cli.brdf.library import load_class, module_names
 from shrm_cli.brdf.measured.reading.file import check_file, first_bytes
 from shrm_cli.errors import BrdfError
-from shrm_cli.files.inputs import note
+from shrm_cli.files.whole import note
 
 _HEAD = 4096
+_PAIRS_AT_ONCE = 2**14
+"""Arrays of so many pairs of directions stay in the processor's cache."""
 
 
 class MeasuredBrdf(Brdf):
@@ -53,6 +58,29 @@ class MeasuredBrdf(Brdf):
         BrdfError
             If it cannot be read, is damaged, or is of another format.
         """
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        dtype = np.result_type(light, view, np.float32)
+        above = (light[..., 2] > 0) & (view[..., 2] > 0)
+        shape = above.shape
+        lights, views = (
+            [np.broadcast_to(v[..., k], shape).reshape(-1) for k in range(3)] for v in (light, view)
+        )
+        values = np.zeros((above.size, 3), dtype=dtype)
+        found = np.flatnonzero(above)
+        for start in range(0, len(found), _PAIRS_AT_ONCE):
+            part = found[start : start + _PAIRS_AT_ONCE]
+            # Kernels compute with whole components, so that each of them is gathered on its own.
+            pair = (np.stack([x.take(part) for x in xyz]).astype(dtype) for xyz in (lights, views))
+            values[part] = self.above(*(xyz.T for xyz in pair))
+        return values.reshape(*shape, 3)
+
+    def above(self, light: Array, view: Array) -> Array:
+        """Values for directions above the horizon, (n, 3) each; below it they are 0.
+
+        They may have any precision, and become that of the directions.
+        """
+        raise NotImplementedError
 
     def __repr__(self) -> str:
         return str(self.values["file"])

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.half_angles import half_angles
-from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values
+from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.text_file import first_lines, parse_numbers, read_lines
 from shrm_cli.errors import BrdfError
-from shrm_cli.files.whole import replacing
 from shrm_cli.parallel import at_once
 from shrm_cli.sphere.directions import from_angles
 
@@ -33,7 +31,6 @@ _NODES_AT_ONCE = 512
 _ROWS_AT_ONCE = 16
 _RECORD = 4  # floats of a node in memory, of which three are used: four are fetched faster
 _LARGEST = 1e30  # a larger number in a file is an error
-_WAVELENGTHS = np.arange(400, 701, 10)
 
 
 class Goniometer(MeasuredBrdf):
@@ -97,11 +94,7 @@ class Goniometer(MeasuredBrdf):
         light, view = from_angles(theta_i, phi_i), from_angles(theta_s, phi_s)
         return cls(light, view, colors, file_values(path))
 
-    def evaluate(self, light: Array, view: Array) -> Array:
-        return evaluate_above(self._interpolated, light, view)
-
-    def _interpolated(self, light: Array, view: Array) -> Array:
-        """Values at directions above the horizon, shape (n, 3)."""
+    def above(self, light: Array, view: Array) -> Array:
         total = np.zeros((len(light), _RECORD), dtype=light.dtype)
         corners = [(np.zeros(len(light), dtype=np.intp), np.ones(len(light), dtype=light.dtype))]
         for part, nodes in zip(_unit_angles(light, view), _NODES, strict=True):
@@ -116,48 +109,6 @@ class Goniometer(MeasuredBrdf):
         for at, weight in corners:
             total += self._table.take(at, axis=0) * weight[:, None]
         return np.maximum(np.exp(total[:, :3]) - self._offset, 0)
-
-
-def write_goniometer(
-    path: str | os.PathLike[str], brdf: Brdf, incidences: int = 8, rings: int = 10
-) -> None:
-    """Write any isotropic BRDF as goniometer samples, at directions as Cornell's.
-
-    The light is at `incidences` angles of equal steps between the normal and the horizon, by
-    default 10, 20 .. 80 degrees. The viewer is on one half of `rings` rings of equal distances on
-    the equal-area disk. Colors become spectra of three blocks of equal height.
-
-    Raises
-    ------
-    BrdfError
-        If the BRDF is about a tangent or anisotropic, its value is not finite, or the samples
-        are too many to be read again.
-    OutputError
-        If the file cannot be written.
-    """
-    if brdf.center == "tangent" or not brdf.isotropic:
-        raise BrdfError(f"{brdf!r}: goniometer files hold isotropic BRDFs about a normal; use .exr")
-    theta_s = [0.0] + [
-        2 * np.arcsin(k / rings / np.sqrt(2)) for k in range(1, rings) for _ in range(4 * k + 1)
-    ]
-    phi_s = [0.0] + [-np.pi * j / (4 * k) for k in range(1, rings) for j in range(4 * k + 1)]
-    theta_i = np.linspace(0, np.pi / 2, incidences + 2)[1:-1]
-    if len(theta_i) * len(theta_s) > MAX_SAMPLES:
-        raise BrdfError(f"{path}: more than {MAX_SAMPLES:,} samples; lower incidences or rings")
-    angles = np.array([(t, 0.0, *s) for t in theta_i for s in zip(theta_s, phi_s, strict=True)])
-    light = from_angles(angles[:, 0], angles[:, 1])
-    colors = np.asarray(brdf.evaluate(light, from_angles(angles[:, 2], angles[:, 3])))
-    if brdf.includes_cosine:
-        colors = colors / light[:, 2:]
-    if not np.isfinite(colors).all():
-        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
-    blocks = np.stack([_WAVELENGTHS >= 600, abs(_WAVELENGTHS - 545) < 50, _WAVELENGTHS < 500])
-    spectra = colors @ np.linalg.inv(to_linear_srgb(_WAVELENGTHS, blocks.astype(float))) @ blocks
-    with replacing(path) as temporary, open(temporary, "w", encoding="ascii") as stream:
-        stream.write(f"# num wls\n{len(_WAVELENGTHS)}\n\n# wls\n")
-        stream.write(" ".join(map(str, _WAVELENGTHS)) + "\n\n")
-        stream.write("# theta i, phi i, theta s, phi_s, spectral sample values\n\n")
-        np.savetxt(stream, np.column_stack([angles, spectra]), fmt="%.9g")
 
 
 def _unit_angles(light: Array, view: Array) -> tuple[Array, Array, Array]:

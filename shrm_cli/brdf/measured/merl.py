@@ -8,11 +8,11 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Array, Brdf, Value
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
-from shrm_cli.brdf.hemisphere import evaluate_above
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import check_file, file_values
+from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 
@@ -76,18 +76,11 @@ class Merl(MeasuredBrdf):
             If it cannot be read, or is not a whole MERL file.
         """
         path = check_file(path)
-        try:
-            with open(path, "rb") as stream:
-                cells = _read_cells(stream, path)
-        except OSError as error:
-            raise BrdfError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+        with readable(path, "copy it again") as stream:
+            cells = _read_cells(stream, path)
         return cls(_pulled(cells)[..., :3], file_values(path))
 
-    def evaluate(self, light: Array, view: Array) -> Array:
-        return evaluate_above(self._interpolated, light, view)
-
-    def _interpolated(self, light: Array, view: Array) -> Array:
-        """Values at directions above the horizon, shape (n, 3)."""
+    def above(self, light: Array, view: Array) -> Array:
         i, j, k = half_difference(light, view)
         low_i, part_i = _split(np.clip(i, 0, CELLS[0] - 1), CELLS[0] - 2)
         low_j, part_j = _split(np.clip(j, 0, CELLS[1] - 1), CELLS[1] - 2)

@@ -18,7 +18,8 @@ import os
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import MeasuredBrdf

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Value
-from shrm_cli.brdf.hemisphere import evaluate_above
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import file_values
+from shrm_cli.brdf.measured.reading.file import file_values, first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
-from shrm_cli.brdf.measured.reading.text_file import first_lines, parse_numbers, read_lines
 from shrm_cli.brdf.measured.reading.zernike_series import (
     MAX_ORDER,
     Term,
@@ -82,10 +81,7 @@ class Zernike(MeasuredBrdf):
         series, ceiling = _measurements(Path(path), lines)
         return cls(series, file_values(path), ceiling)
 
-    def evaluate(self, light: Array, view: Array) -> Array:
-        return evaluate_above(self._clamped, light, view)
-
-    def _clamped(self, light: Array, view: Array) -> Array:
+    def above(self, light: Array, view: Array) -> Array:
         return np.clip(self.series.evaluate(light, view), 0, self._ceiling)
 
 

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter
 from shrm_cli.brdf.vectors import above_horizon, colored, half_vector
 
 

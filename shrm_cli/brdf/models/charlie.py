@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter
 from shrm_cli.brdf.vectors import above_horizon, colored, cosines, half_vector
 
 # The parameters a, b, c, d, e of L(x) for roughness 0 and 1, table 1 of Estevez and Kulla 2017.

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter
 from shrm_cli.brdf.vectors import colored, fifth_power, tangential
 
 

@@ -1,11 +1,25 @@
-"""The GGX microfacet model of most renderers."""
+"""The GGX microfacet model of most renderers, of even and of brushed surfaces."""
+
+import math
+from typing import ClassVar
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
-from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
-from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector, schlick
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter, Value, scaled
+from shrm_cli.brdf.vectors import (
+    NORMAL_REFLECTANCE,
+    Half,
+    above_horizon,
+    cosines,
+    half_vector,
+    schlick,
+)
+from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import MIN_ROUGHNESS
+
+_LEAST_ALPHA = 0.0025
+"""That of the least roughness."""
 
 
 class Ggx(Brdf):
@@ -14,24 +28,96 @@ class Ggx(Brdf):
     D is ``1 / (pi a^2 (tan(theta_h)^2 / a^2 + 1)^2 cos(theta_h)^4)``, G is Smith's for correlated
     heights of light and view, and F Schlick's approximation of Fresnel's reflectance. Light that
     meets several facets is lost.
+
+    A brushed surface has an alpha along its x axis and another along y. They are given, as `ax` and
+    `ay`, or follow from `roughness` and `anisotropy` s by one of two mappings: that of glTF,
+    ``ax = a + (1 - a) s^2, ay = a``, or that of OpenPBR, ``ax = a sqrt(2 / (1 + (1 - s)^2))``,
+    ``ay = (1 - s) ax``. Both stretch the lobe along x, so that x runs across the brush marks.
     """
 
     name = "ggx"
     summary = "microfacets with the long tails of real surfaces, as most renderers have them"
-    source = "Walter et al. 2007, eq. 33; G: Heitz 2014, eq. 99; a = roughness^2: Burley 2012"
-    parameters = (
+    source = (
+        "Walter et al. 2007, eq. 33; G: Heitz 2014, eq. 86 and 99; a = roughness^2: Burley 2012"
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "roughness", 0.4, MIN_ROUGHNESS, 1.0, "perceptual roughness, the root of GGX's alpha"
         ),
+        Parameter(
+            "anisotropy", 0.0, 0.0, 1.0, "how far the lobe is stretched along x", is_optional=True
+        ),
+        Parameter(
+            "mapping", "gltf", choices=("gltf", "openpbr"), is_optional=True,
+            meaning="whose alphas follow from roughness and anisotropy",
+        ),
+        Parameter(
+            "ax", 0.16, _LEAST_ALPHA, 1.0, "alpha along x, instead of roughness", is_optional=True
+        ),
+        Parameter(
+            "ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True
+        ),
         NORMAL_REFLECTANCE,
-    )
+    )  # fmt: skip
+
+    def __init__(self, **values: Value) -> None:
+        if "ax" in values:
+            values.setdefault("ay", values["ax"])
+        super().__init__(**values)
+        if values.keys() & {"ax", "ay"}:
+            self._check_alphas(values)
+            del self.values["roughness"]
+        elif "mapping" in values and "anisotropy" not in values:
+            raise BrdfError("ggx: mapping applies with anisotropy")
+        self.alphas = self._alphas()
+        self.isotropic = self.alphas[0] == self.alphas[1]
+        if self.isotropic and "ax" in self.values:  # it is called as all even surfaces are
+            roughness = math.sqrt(self.values.pop("ax"))  # type: ignore[arg-type]
+            self.values = {"roughness": roughness, "f0": self.values["f0"]}
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
         light_cosine, view_cosine = cosines(light, view)
-        a2 = self.number("roughness") ** 4
-        distribution = 1 / (np.pi * a2 * (half.square_sine / a2 + half.z**2) ** 2)
-        masking = light_cosine * np.sqrt(a2 + (1 - a2) * view_cosine**2)
-        shadowing = view_cosine * np.sqrt(a2 + (1 - a2) * light_cosine**2)
+        distribution = self._distribution(half)
+        masking = light_cosine * self._projected(view, view_cosine)
+        shadowing = view_cosine * self._projected(light, light_cosine)
         value = above_horizon(distribution / (2 * (masking + shadowing)), light, view)
         return scaled(schlick(self.color("f0"), half.cosine), value)
+
+    def _distribution(self, half: Half) -> Array:
+        """The distribution D of normals of facets, Heitz 2014, eq. 85."""
+        if self.isotropic:
+            a2 = self.number("roughness") ** 4
+            return 1 / (np.pi * a2 * (half.square_sine / a2 + half.z**2) ** 2)
+        ax, ay = self.alphas
+        stretched = (half.x / ax) ** 2 + (half.y / ay) ** 2 + half.z**2
+        return 1 / (np.pi * ax * ay * stretched**2)
+
+    def _projected(self, direction: Array, cosine: Array) -> Array:
+        """The root of ``ax^2 x^2 + ay^2 y^2 + z^2``, which is ``z (1 + 2 Lambda)``."""
+        if self.isotropic:
+            a2 = self.number("roughness") ** 4
+            return np.sqrt(a2 + (1 - a2) * cosine**2)
+        ax, ay = self.alphas
+        x, y = direction[..., 0], direction[..., 1]
+        return np.sqrt((ax * x) ** 2 + (ay * y) ** 2 + cosine**2)
+
+    def _alphas(self) -> tuple[float, float]:
+        if "ax" in self.values:
+            return self.number("ax"), self.number("ay")
+        alpha = self.number("roughness") ** 2
+        if "anisotropy" not in self.values:
+            return alpha, alpha
+        stretch = self.number("anisotropy")
+        if self.values.get("mapping") == "openpbr":
+            across = alpha * math.sqrt(2 / (1 + (1 - stretch) ** 2))
+            return min(across, 1.0), max((1 - stretch) * across, _LEAST_ALPHA)
+        return alpha + (1 - alpha) * stretch**2, alpha
+
+    @staticmethod
+    def _check_alphas(values: dict[str, Value]) -> None:
+        if "ax" not in values:
+            raise BrdfError("ggx: ax is missing; ay is given with it")
+        for name in ("roughness", "anisotropy", "mapping"):
+            if name in values:
+                raise BrdfError(f"ggx: {name} does not apply with ax and ay")

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Color, Parameter, Value
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Color, Parameter, Value
 from shrm_cli.brdf.vectors import above_horizon, colored, is_grey, power, tangential
 from shrm_cli.errors import BrdfError
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, Brdf, Parameter, grey
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter, grey
 
 
 class Microfacet(Brdf):

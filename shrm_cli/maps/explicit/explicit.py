@@ -14,26 +14,23 @@ from dataclasses import field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from shrm_cli.brdf.centers import central_directions
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles
-from shrm_cli.sphere.directions import bisector
+from shrm_cli.sphere.directions import bisector, central_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
-Array = NDArray[np.floating]
-
 _MOST_VALUES = 2**28
 """The most values of all images: 1 GiB, of which some copies are made on the way to a file."""
-Indices = NDArray[np.intp]
 
 _RANK_TOLERANCE = 1e-6
 """Singular values of the harmonics at the samples below this one count as zero."""
@@ -132,12 +129,12 @@ class ExplicitMap(Map):
         """Return the weights of the samples in an integral over the view, shape (K,)."""
 
     @classmethod
-    @abstractmethod
     def basis(cls, order_p: int, count: int) -> Array:
         """Return the harmonics of the view at the samples, shape (K, (P+1)^2).
 
         Harmonics that the map cannot hold are zero.
         """
+        return real_harmonics(order_p, cls.sample_views(count))
 
     @classmethod
     @abstractmethod
@@ -334,17 +331,7 @@ class ExplicitMap(Map):
         return fitted.to_frame(frame or self.frame)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, interpolated between the samples of the view.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes; views point to the viewer.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Interpolate the reflected radiance between samples of the view; see `Map.radiance`."""
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         return self.central_radiance(central_directions(self.center, normals, views), views)
 

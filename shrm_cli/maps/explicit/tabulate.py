@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal.principal import PrincipalMap
@@ -16,7 +16,6 @@ from shrm_cli.sphere.directions import to_angles
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import Center, Sampling
 
-Array = NDArray[np.floating]
 Kind = TypeVar("Kind", bound=ExplicitMap)
 
 _PAIRS = 4096

@@ -11,18 +11,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.maps.arrangement import StoredImage, image_channels
 from shrm_cli.maps.attributes import COLORS, common_header, read_numbers
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.window import FAMILIES, Window, window_factors
 from shrm_cli.maps.irradiance.zh3 import FORMS, Zh3, zonal_harmonics
-from shrm_cli.maps.stored import StoredImage, image_channels
-from shrm_cli.sphere.cube import cube_coordinates, face_axes
+from shrm_cli.sphere.cube import cube_coordinates, texel_directions
 from shrm_cli.sphere.quadrature import nodes, spiral_directions
-
-Array = NDArray[np.floating]
 
 _CHECKED_TEXELS = 256
 """The number of texels all over the cube that are compared with the coefficients."""
@@ -195,7 +194,5 @@ def _some_texels(made: Irradiance) -> tuple[NDArray[np.intp], NDArray[np.intp], 
     at = nodes(made.size, made.sampling)
     face, s, t = cube_coordinates(spiral_directions(_CHECKED_TEXELS))
     column, row = (np.abs(at[:, None] - x).argmin(axis=0) for x in (s, t))
-    right, down, forward = np.moveaxis(face_axes(), 1, 0)
-    points = forward[face] + at[column][:, None] * right[face] + at[row][:, None] * down[face]
-    normals = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return face * made.size + row, column, normals
+    row += face * made.size
+    return row, column, texel_directions(row, column, made.size, made.sampling)

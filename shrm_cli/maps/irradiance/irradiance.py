@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -24,8 +25,6 @@ from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Sampling
-
-Array = NDArray[np.floating]
 
 POLYNOMIAL_ORDER = 2
 """The largest order at which E is a quadratic polynomial of the normal (eq. 4.14 to 4.16)."""
@@ -156,17 +155,7 @@ class Irradiance(LightMap):
         return values.reshape(normals.shape)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the radiance of a white Lambertian surface, E / pi.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes. The views change nothing.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Return the radiance E / pi of a white Lambertian surface, whatever the views are."""
         normals = np.asarray(normals, dtype=float)
         shape = np.broadcast_shapes(normals.shape, np.shape(views))
         return np.broadcast_to(self.irradiance(normals) / np.pi, shape)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 _TINY = 1e-13
 """Residuals, gains and coefficients that are smaller than this, relatively, count as rounding."""

@@ -6,16 +6,14 @@ Without them, a sun or another small bright light may leave a side where the irr
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.irradiance.quadratic import shortest_within
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import spiral_directions
-
-Array = NDArray[np.floating]
 
 FAMILIES = ("hann", "lanczos")
 NAMES = ("none", *FAMILIES, "auto")

@@ -26,8 +26,9 @@ from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import luminance_weights
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
@@ -35,8 +36,6 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import real_harmonics
-
-Array = NDArray[np.floating]
 
 FORMS = ("zh3", "zh3-channel", "zh3-hallucinated")
 """The forms with a zonal degree 2."""

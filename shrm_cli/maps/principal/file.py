@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
+from shrm_cli.maps.arrangement import StoredImage
 from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
-from shrm_cli.maps.stored import StoredImage
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
 Array = NDArray[np.floating]

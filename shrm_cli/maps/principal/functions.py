@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.estimates import both_signs
+from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.records import record
 from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix

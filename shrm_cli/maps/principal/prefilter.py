@@ -1,14 +1,11 @@
 """How maps with a BRDF's own functions of the view are made, in the frequency domain."""
 
-from dataclasses import replace
-
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered, unkept_error, wrong_light
 from shrm_cli.maps.principal.proposal import Proposal, Proposals
-from shrm_cli.maps.principal.terms import Wanted, kept_form
-from shrm_cli.maps.seen import kept_or_best
+from shrm_cli.maps.principal.terms import Wanted
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Goal
 from shrm_cli.probe.lighting import Projection
@@ -48,6 +45,9 @@ def prefilter(
     asked = Wanted(eps, error if goal is None else goal.error, maps, max_size, size)
     proposals = Proposals(Projection(probe, progress), brdf, asked, center, sampling, divide)
     if goal is not None:
+        # Only maps that are judged by what is seen need this module.
+        from shrm_cli.maps.seen import kept_or_best
+
         return kept_or_best(proposals.candidate, goal, max_size)
     proposal = proposals.propose()
     unmet = _unmet(proposals, proposal, error, max_size)
@@ -62,23 +62,17 @@ def _unmet(
     if error is not None:
         if total <= error * ROUNDING:
             return None
-        return unkept_error(error, total, max_size, _sufficient(proposals, proposal))
+        return unkept_error(error, total, max_size, _sufficient(proposals, error))
     if total <= policy.ERROR or all(term.is_met for term in proposal.terms):
         return None
     why = f"bilinear look-ups included: {bytes_text(max_size)} before packing hold too little of it"
     return wrong_light(total, why, "raise `max_size`")
 
 
-def _sufficient(proposals: Proposals, proposal: Proposal) -> str:
-    """Return which number of bytes would keep the errors of all terms, or what helps without."""
-    needed = 0
-    for planner, want in zip(proposals.planners, proposal.wanted, strict=True):
-        free = replace(want, max_size=_ANY_SIZE)
-        form, is_met = kept_form(planner, want.error or 0.0, free)
-        if not is_met:
-            return "dim the lamps with `clamp`"
-        needed = max(needed, form.bytes)
-    # Every broad term gets the same share. It is rounded up to what `bytes_text` shows.
-    needed *= proposals.broad
-    step = 10 ** max(len(str(needed)) - 2, 0)
-    return f"raise `max_size` to {bytes_text(-(-needed // step) * step)}"
+def _sufficient(proposals: Proposals, error: float) -> str:
+    """Return which number of bytes would keep the error, or what helps without."""
+    free, is_met = proposals.sharing.kept(error, _ANY_SIZE, proposals.asked.size)
+    if not is_met:
+        return "dim the lamps with `clamp`"
+    step = 10 ** max(len(str(free.bytes)) - 2, 0)  # rounded up to what `bytes_text` shows
+    return f"raise `max_size` to {bytes_text(-(-free.bytes // step) * step)}"

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -29,7 +28,7 @@ from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles, texel_directions
-from shrm_cli.sphere.directions import bisector, to_angles, views_around
+from shrm_cli.sphere.directions import bisector, central_directions, to_angles, views_around
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames

@@ -11,26 +11,24 @@ Kautz, Sloan and Snyder 2002, "Fast, Arbitrary BRDF Shading for Low-Frequency Li
 Spherical Harmonics", sections 3 and 4.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.fixed_map import FixedMap
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.light_map import FixedMap
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.parabolic import ParabolicSampler
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.vocabulary import Center, Frame, Sampling
-
-Array = NDArray[np.floating]
 
 _POINTS_AT_ONCE = 2**14
 """Points that are shaded at a time."""
@@ -55,15 +53,6 @@ class ProductMap(FixedMap):
         def lighting(self) -> Array | None: ...
         @property
         def channels(self) -> int: ...
-
-    @property
-    def cube_count(self) -> int:
-        """The number of cubes is 0: the map holds no light over directions."""
-        return 0
-
-    def planes(self) -> tuple[()]:
-        """Return no cubes, since the map has none."""
-        return ()
 
     @property
     def needs_light(self) -> bool:  # type: ignore[override]
@@ -172,12 +161,6 @@ class ProductTexture(ProductMap):
         """Return the map with other channels; see `maps.primaries`."""
         self.check_mixing()
         return replace(self, lighting=self.lighting @ matrix.T, info=info)  # type: ignore[operator]
-
-    def with_planes(
-        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
-    ) -> "ProductTexture":
-        """Return the same texture with another `info`, since the map has no cubes."""
-        return replace(self, info=info)
 
     def lit(self, lighting: ArrayLike) -> "ProductTexture":
         """Return the same texture under light of some coefficients.

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from shrm_cli.arrays import Array
 
 MOST_STEPS = 64
 """The most textures of a parameter."""

@@ -7,8 +7,8 @@ is. All texels off the circle of the views are of views on its rim.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions, own_frame
 from shrm_cli.progress import Progress
@@ -18,8 +18,6 @@ from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import turn_about_z
 from shrm_cli.sphere.sampling import catmull_rom
-
-Array = NDArray[np.floating]
 
 _PROBES = 512
 """Pairs of directions at which it is seen whether a BRDF is symmetric."""

@@ -15,15 +15,14 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.product.product import ProductMap, ProductTexture
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 
 @record
@@ -158,18 +157,7 @@ class VaryingProduct(ProductMap):
     def varied_radiance(
         self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
     ) -> Array:
-        """Evaluate what a surface reflects over which the parameter varies.
-
-        Parameters
-        ----------
-        normals, tangents, views : array_like, shape (..., 3), broadcastable
-            As `Map.brushed_radiance` takes them.
-        shares : array_like, shape (...), broadcastable with them
-            The parameter as a share of the way from its least to its largest value, 0 .. 1.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
+        """Evaluate what a surface reflects whose parameter varies; see `Map.varied_radiance`.
 
         Raises
         ------

@@ -10,8 +10,9 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
 from shrm_cli.maps.negative import visible_pairs
@@ -22,8 +23,6 @@ from shrm_cli.sphere.directions import bisector, horizontal_tangents, surface_fr
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.vocabulary import LUMINANCE, NEGATIVE_SHARE, SEEN_FLOOR
-
-Array = NDArray[np.floating]
 
 _FRAMES = 1024
 """The orientations of the surface for which reflected light is looked at."""

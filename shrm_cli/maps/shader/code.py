@@ -93,7 +93,7 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
     language : {"glsl", "hlsl", "c"}
     textures : {"cube-array", "layers"}, optional
         Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
-        wants them, or from the arrays of images that `packing.pack` returns. Code in C reads the
+        wants them, or from the arrays of images that `file.pack` returns. Code in C reads the
         latter; for the other languages, arrays of cube maps are the default.
 
     Returns

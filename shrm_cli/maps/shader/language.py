@@ -9,12 +9,10 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
 _MOST_NAME = 100

@@ -13,14 +13,12 @@ mean of the three texels that meet there, so that bilinear filtering within a fa
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import face_axes
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 MAX_LAYERS = 256
 """The most layers of an array: every WebGL2 takes so many."""

@@ -3,15 +3,11 @@
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.environment_brdf import moments_table
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 
 @record

@@ -31,16 +31,16 @@ Silvennoinen, Sloan, Iwanicki and Nowrouzezahrai 2025, Spherical harmonic expone
 efficient glossy reflections, eq. 5, 9-12 and 15.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
-from shrm_cli.brdf.environment.lobe_moments import LobeMoments, mean_vectors, whole_lobe
+from shrm_cli.brdf.environment.environment_brdf import LobeMoments, mean_vectors, whole_lobe
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
@@ -49,8 +49,6 @@ from shrm_cli.sphere.directions import bisector, reflect
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import LAWS, Law, Sampling
-
-Array = NDArray[np.floating]
 
 _LARGEST_EXPONENT = 80.0
 """Larger exponents count as this one, whose exponential is still finite in single precision."""
@@ -120,27 +118,12 @@ class SphericalHarmonicExponential(SurfaceLightMap):
         low, high = self.ggx_alpha
         return float(np.sqrt(low)), float(np.sqrt(high))
 
-    @property
-    def cube_count(self) -> int:
-        """The number of cubes is 0: the map consists of coefficients alone."""
-        return 0
-
-    def planes(self) -> tuple[()]:
-        """Return no cubes, since the map has none."""
-        return ()
-
     def mixed(self, matrix: Array, info: MapInfo) -> "SphericalHarmonicExponential":
         """Refuse: a sum of exponentials is the exponential of no such series."""
         raise MapError(
             f"{self.what} holds logarithms, whose channels cannot be mixed; prefilter its probe "
             "with `working`"
         )
-
-    def with_planes(
-        self, planes: Sequence[Array], sampling: Sampling, info: MapInfo
-    ) -> "SphericalHarmonicExponential":
-        """Return the same coefficients with another `info`, since the map has no cubes."""
-        return replace(self, info=info)
 
     def turned(self, matrix: ArrayLike) -> "SphericalHarmonicExponential":
         """Return the map of the same light turned, exactly; see `Map.turned`.
@@ -172,24 +155,7 @@ class SphericalHarmonicExponential(SurfaceLightMap):
         return np.concatenate([self.p_coefficients, self.q_coefficients])
 
     def shaded(self, roughness: float, f0: Color) -> "ShadedExponential":
-        """Return a GGX surface of some roughness and reflectance under this light.
-
-        Parameters
-        ----------
-        roughness : float
-            Perceptual roughness, in 0 .. 1.
-        f0 : tuple of 3 float
-            Reflectance at normal incidence, linear RGB, in 0 .. 1.
-
-        Returns
-        -------
-        ShadedExponential
-
-        Raises
-        ------
-        MapError
-            If the roughness or the reflectance is outside 0 .. 1.
-        """
+        """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`."""
         return ShadedExponential(self, roughness, f0)
 
 
@@ -200,17 +166,7 @@ class ShadedExponential(Shaded):
     light: SphericalHarmonicExponential
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the reflected radiance.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes; views point to the viewer.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Return the reflected radiance; see `Map.radiance`."""
         normals, views = np.broadcast_arrays(
             np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.environment.lobe_moments import lobe_moments, whole_lobe
+from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
 from shrm_cli.maps.prefiltered import Prefiltered

@@ -4,19 +4,20 @@ Samples from the frequency domain have no noise, and take few operations.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.brdf.lobe_harmonics import lobe_harmonics
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, scaled
 from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.polar_rule import PolarRule, azimuths, transfer_samples
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector, local_frame
-from shrm_cli.sphere.quadrature import gauss_legendre
+from shrm_cli.sphere.harmonics import legendre_table
+from shrm_cli.sphere.quadrature import colatitude_weights, gauss_legendre, nodes
 from shrm_cli.sphere.rotation import rotate_to_frames, turn_about_z
-
-Array = NDArray[np.floating]
 
 _AZIMUTHS = 24
 """Nodes over half a turn of the azimuth, for the integrals that expand a lobe."""
@@ -178,3 +179,50 @@ def _reflect(light: Array, lobes: Array, turns: Array) -> tuple[Array, Array]:
             series = np.tensordot(own, light[zonal[m:] + sign * m], 1)  # shape (A, 2, T, 3, R)
             reflected += series.transpose(0, 1, 4, 2, 3)[..., None, :] * wave(m * turns)[..., None]
     return reflected, mirrored
+
+
+def lobe_harmonics(
+    brdf: Brdf, view_theta: Array, order: int, max_m: int, samples: tuple[int, int]
+) -> Array:
+    """Expand rho_hat over the direction to the light, for views at some angles from C.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    view_theta : ndarray, shape (n,)
+        The angles between C and the view, radians; the view lies in the plane of azimuth 0.
+    order, max_m : int
+        The largest l and m.
+    samples : tuple of 2 int
+        The number of Fejer's nodes in theta_i, and of nodes over half a turn of the azimuth.
+
+    Returns
+    -------
+    ndarray, shape (max_m+1, order+1, n, 3)
+        Coefficients of the real harmonics with m >= 0, indexed [m, l - m, view, channel]. Those
+        with m < 0 vanish, because the lobe is even in the azimuth.
+    """
+    count, azimuth_count = samples
+    by_m = np.zeros((count, len(view_theta), 3, max_m + 1))
+    phi = azimuths(azimuth_count)
+    waves = np.cos(np.outer(phi, np.arange(max_m + 1)))
+    waves *= 2 * np.pi / azimuth_count
+    waves[:, 1:] *= np.sqrt(2)
+    everywhere = np.broadcast_to(phi, (len(view_theta), azimuth_count))
+    for rows, values, coverage in transfer_samples(
+        brdf, PolarRule(), count, view_theta, everywhere
+    ):
+        covered = values if coverage is None else scaled(values, coverage)
+        for channel in range(3):
+            by_m[rows, :, channel] = covered[..., channel] @ waves
+    flat = by_m.reshape(count, -1, max_m + 1).transpose(2, 0, 1)
+    return (_weighted_legendre(order, max_m, count) @ flat).reshape(
+        max_m + 1, order + 1, len(view_theta), 3
+    )
+
+
+@lru_cache(1)
+def _weighted_legendre(order: int, max_m: int, count: int) -> Array:
+    """Normalized Legendre functions at Fejer's nodes, times the weights: [m, l - m, node]."""
+    cosines = np.cos((nodes(count) + 1) * (np.pi / 2))
+    return legendre_table(order, cosines, max_m) * colatitude_weights(count)

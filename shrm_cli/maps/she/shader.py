@@ -6,8 +6,8 @@ The formulas are those of `shrm_cli.maps.she.exponential`.
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.shader.harmonics import harmonic_loop
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import (
@@ -20,8 +20,6 @@ from shrm_cli.maps.shader.source import (
     ggx_moments,
 )
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
-
-Array = NDArray[np.floating]
 
 
 def source(made: SphericalHarmonicExponential, textures: str) -> Source:

@@ -7,7 +7,8 @@ known before the map is made, so that the best pair of the two can be chosen. Wh
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from shrm_cli.maps.size import (
     choose_size,
     largest_p,
     nothing_fits,
+    sizes_of,
     stored_bytes,
     supported_order,
     total_error,
@@ -37,6 +39,9 @@ from shrm_cli.vocabulary import (
     MIN_CUBE_SIZE,
     Sampling,
 )
+
+if TYPE_CHECKING:
+    from shrm_cli.plan.search import Row
 
 _LEAST_TOLERANCE = 1e-4
 """The least part of a BRDF's energy that its coefficients are computed to."""
@@ -293,7 +298,10 @@ def within_error(
     coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
-    found = least_choice(lighting, coefficients, error, tolerance, max_size, size, sampling)
+    from shrm_cli.plan.search import fewest_bytes  # plain runs search nothing
+
+    made = shrm_rows(lighting, coefficients, tolerance, max_size, size, sampling)
+    found = fewest_bytes(made, error)
     if found is None:
         raise nothing_fits(size)
     return found[0].choice, coefficients, found[1]
@@ -334,38 +342,30 @@ class Tried:
         return self.choice.bytes
 
 
-def least_choice(
+def shrm_rows(
     lighting: Lighting,
     coefficients: BrdfCoefficients,
-    error: float,
     tolerance: float,
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
     most_p: int = MAX_ORDER_P,
-) -> tuple[Tried, bool] | None:
-    """Choose the SHRM of the fewest bytes that keeps an error, from known coefficients.
+) -> "Iterator[Row[Tried]]":
+    """Yield the SHRMs that known coefficients allow, for each size of cubes those of every P.
 
     Parameters
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
     coefficients : BrdfCoefficients
-    error, max_size, size, sampling
-        The same as for `within_error`.
     tolerance : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
+    max_size, size, sampling
+        The same as for `within_error`.
     most_p : int
         The largest P in any case.
-
-    Returns
-    -------
-    tried : Tried
-        The best one that fits, where none keeps the error.
-    is_met : bool
-        Whether the error is kept. None stands for both where no map fits.
     """
-    from shrm_cli.plan.search import Row, fewest_bytes  # plain runs search nothing
+    from shrm_cli.plan.search import Row  # plain runs search nothing
 
     def tried(texels: int, carried: int, p: int) -> Tried:
         orders = least_orders(coefficients, tolerance, order_p=p)
@@ -375,13 +375,10 @@ def least_choice(
         errors = map_errors(lighting, coefficients, p, texels, sampling)
         return Tried(choice, total_error(*errors))
 
-    def rows() -> Iterator[Row[Tried]]:
-        for texels in TRIED_SIZES if size is None else (size,):
-            carried = min(supported_order(texels), coefficients.order_f)
-            most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
-            yield Row(most + 1, partial(_bytes_of_p, texels), partial(tried, texels, carried))
-
-    return fewest_bytes(rows(), error)
+    for texels in sizes_of(size):
+        carried = min(supported_order(texels), coefficients.order_f)
+        most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
+        yield Row(most + 1, partial(_bytes_of_p, texels), cache(partial(tried, texels, carried)))
 
 
 def _bytes_of_p(size: int, order_p: int) -> int:

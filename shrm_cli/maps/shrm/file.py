@@ -17,9 +17,9 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import MAX_VALUES
 
 if TYPE_CHECKING:
+    from shrm_cli.maps.arrangement import StoredImage
     from shrm_cli.maps.shrm.compressed import CompressedShrm
     from shrm_cli.maps.shrm.summed import SummedShrm
-    from shrm_cli.maps.stored import StoredImage
 
 Array = NDArray[np.floating]
 
@@ -112,8 +112,8 @@ def decode(file: StoredFile) -> Shrm | CompressedShrm | SummedShrm:
         If parts, channels or attributes are missing or contradict each other, or if there are too
         many coefficients to load.
     """
+    from shrm_cli.maps.arrangement import StoredImage
     from shrm_cli.maps.shrm.summed import SummedShrm
-    from shrm_cli.maps.stored import StoredImage
 
     if len(file.parts) == 1:
         return _decode_term(StoredImage.of(file.first))

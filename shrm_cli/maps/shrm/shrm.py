@@ -14,7 +14,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.brdf.centers import central_directions
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
@@ -24,7 +23,7 @@ from shrm_cli.memo import Memo
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
-from shrm_cli.sphere.directions import bisector, local_frame, to_angles
+from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
 from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube

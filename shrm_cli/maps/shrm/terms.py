@@ -27,15 +27,11 @@ from shrm_cli.maps.shrm.single import from_expansion
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
+from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error, reflected_rms
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
-
-_LOOSER = 2.0 ** (np.arange(24, -5, -1) / 4)
-"""The tolerances that are tried for the terms, in units of the whole BRDF's: from 64 to a half."""
-_LARGEST_TOLERANCE = 0.7
-"""The largest tolerance that is tried for the terms."""
 
 
 @record(eq=False)
@@ -168,8 +164,8 @@ def plan_terms(
             return None
         return Plan(shared, whole, light, max_size, is_closer=True)
     enough = _truncation_error([whole], lighting)
-    for factor in _LOOSER:
-        looser = min(factor * tolerance, _LARGEST_TOLERANCE)
+    for factor in policy.LOOSER:
+        looser = min(factor * tolerance, policy.LARGEST_TOLERANCE)
         plan = Plan(
             tuple(
                 _least_term(term, each, looser, size)

@@ -6,8 +6,8 @@ whose expansion rings about lamps, far into dark places.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
@@ -17,8 +17,6 @@ from shrm_cli.sphere.directions import from_angles
 from shrm_cli.sphere.harmonics import legendre_degrees
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import MAX_ORDER_F
-
-Array = NDArray[np.floating]
 
 _NODES = 256
 """Gauss's nodes over the angle of a core."""

@@ -14,14 +14,11 @@ light, which side by side are one matrix.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.splitsum.core import LobeCore
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
 
 _IMAGES = 16
 _PAIRS_AT_ONCE = 2**15

@@ -7,16 +7,15 @@ rings about lamps, and the rings are large beside the light of dark places.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
+from shrm_cli.orders import first_enough
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
-
-Array = NDArray[np.floating]
 
 DARK_ERROR = 3e-4
 """Degrees are carried until the RMS of what is left beyond them is this part of the mean radiance.
@@ -61,10 +60,10 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
     Expansion
     """
     passed = multipliers(coefficients)
-    light, missing = _energies(lighting, passed)
+    light, missing = energies(lighting, passed)
     whole = light[0] + missing[0]
-    order = _least(missing <= tolerance**2 * whole)
-    dark = _least(missing <= DARK_ERROR**2 * light[0])
+    order = first_enough(missing <= tolerance**2 * whole)
+    dark = first_enough(missing <= DARK_ERROR**2 * light[0])
     carried = min(max(dark, faded_order(order)), lighting.order)
     fade = Band(order, carried).factors
     lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
@@ -75,28 +74,6 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
 def faded_order(order: int) -> int:
     """Return the order to which the light is to be known, so that an expansion can fade out."""
     return min(int(np.ceil(order * (1 + _FADE))), MAX_ORDER_F)
-
-
-def expansion_errors(lighting: Lighting, coefficients: BrdfCoefficients) -> Array:
-    """Predict the relative RMS error of a level for each order at which it may end abruptly.
-
-    The prediction is by Parseval, like that of `orders.predicted_error`. It counts the light beyond
-    the light's own expansion too, as `unknown_light` estimates it.
-
-    Parameters
-    ----------
-    lighting : Lighting
-    coefficients : BrdfCoefficients
-        Coefficients of a zonal lobe, to at least the light's order.
-
-    Returns
-    -------
-    ndarray, shape (order + 1,)
-        One error for each order from 0 to that of the light.
-    """
-    light, missing = _energies(lighting, multipliers(coefficients))
-    whole = light[0] + missing[0]
-    return np.sqrt(missing / whole) if whole > 0 else np.zeros_like(light)
 
 
 def unknown_light(lighting: Lighting, passed: Array) -> float:
@@ -134,13 +111,8 @@ def synthesized(light: CubeSeries, passed: Array, size: int, sampling: Sampling)
     return np.ascontiguousarray(planes.transpose(1, 2, 0))
 
 
-def _energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
+def energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
     """Return the energy of a level in each degree that is known of the light, and beyond each."""
     light = lighting.power().sum(axis=1) * passed[: lighting.order + 1] ** 2
     beyond = unknown_light(lighting, passed**2)
     return light, np.cumsum(light[::-1])[::-1] - light + beyond
-
-
-def _least(enough: NDArray[np.bool_]) -> int:
-    """Return the first degree that is enough, or the last one where none is."""
-    return int(np.argmax(enough)) if enough.any() else len(enough) - 1

@@ -4,17 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.maps.arrangement import image_channels
 from shrm_cli.maps.attributes import COLORS, common_header, map_info, read_attributes, shortest
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.maps.stored import image_channels
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, MAX_CUBE_SIZE, MAX_LEVELS, LevelMapping
-
-Array = NDArray[np.floating]
 
 _AGAIN = "make it again with shrm prefilter --to splitsum"
 

@@ -6,17 +6,14 @@ roughness 1 in a whole chain, its light is averaged over ever larger pixels.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.splitsum.roughness import DEFAULT_LEVELS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.sphere.latlong import latlong_directions, latlong_points
+from shrm_cli.sphere.grid.latlong import latlong_directions, latlong_points
 from shrm_cli.sphere.quadrature import cell_edges
-from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LevelMapping, Sampling
-
-Array = NDArray[np.floating]
 
 _SAMPLES = 16
 """Samples along the edge of a pixel that light is averaged over."""
@@ -125,20 +122,14 @@ def latlong_mips(split: SplitSum, height: int, sampling: Sampling = "center") ->
             f"take `size` {max(least, power_of_two(height))}"
         )
     levels = []
-    for cube in split.levels:
-        pixels = latlong_directions(2 * height, height, sampling)
-        levels.append(_looked_up(split, cube, pixels))
+    for level in range(len(split.levels)):
+        levels.append(split.sampled(level, latlong_directions(2 * height, height, sampling)))
         height //= 2
     while height:
         levels.append(_averaged(split, 2 * height, height, sampling))
         height //= 2
     levels.append(_averaged(split, 1, 1, "center"))
     return levels
-
-
-def _looked_up(split: SplitSum, cube: Array, directions: Array) -> Array:
-    values = CubeSampler(cube, split.sampling)(directions)
-    return np.maximum(values, min(float(cube.min()), 0.0))  # a cubic filter overshoots
 
 
 def _averaged(split: SplitSum, width: int, height: int, sampling: Sampling) -> Array:
@@ -151,6 +142,6 @@ def _averaged(split: SplitSum, width: int, height: int, sampling: Sampling) -> A
     first = -1.0 if sampling == "border" and width > 1 else -1 + step / 2
     across = (first + step * (np.arange(width)[:, None] + steps - 0.5)).ravel()
     weights = np.sin((down + 1) * np.pi / 2)[:, None, None]
-    light = _looked_up(split, split.levels[-1], latlong_points(across, down[:, None])) * weights
+    light = split.sampled(len(split.levels) - 1, latlong_points(across, down[:, None])) * weights
     blocks = light.reshape(height, _SAMPLES, width, _SAMPLES, 3).sum(axis=(1, 3))
     return blocks / (weights.reshape(height, -1).sum(axis=1)[:, None, None] * _SAMPLES)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import (
     TABLE_SIZE,
@@ -18,8 +18,6 @@ from shrm_cli.maps.shader.source import (
     ggx_moments,
 )
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-
-Array = NDArray[np.floating]
 
 _POSITIONS: dict[str, tuple[str, Callable[[float], float]]] = {
     "linear": ("roughness", lambda r: r),

@@ -10,18 +10,17 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from shrm_cli.brdf.centers import central_directions
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
 from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import central_directions
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.vocabulary import LEVEL_MAPPINGS, LevelMapping, Sampling
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)
@@ -165,34 +164,18 @@ class SplitSum(SurfaceLightMap):
         ndarray, shape (..., 3)
         """
         low, weight = blend(roughness, self.roughness, self.mapping)
-        value = self._sampled(low, directions)
+        value = self.sampled(low, directions)
         if weight == 0:
             return value
-        return (1 - weight) * value + weight * self._sampled(low + 1, directions)
+        return (1 - weight) * value + weight * self.sampled(low + 1, directions)
 
     def shaded(self, roughness: float, f0: Sequence[float]) -> "ShadedSplitSum":
-        """Return a GGX surface of some roughness and reflectance under this light.
-
-        Parameters
-        ----------
-        roughness : float
-            Perceptual roughness, in 0 .. 1.
-        f0 : sequence of 3 float
-            Reflectance at normal incidence, linear RGB, in 0 .. 1.
-
-        Returns
-        -------
-        ShadedSplitSum
-
-        Raises
-        ------
-        MapError
-            If the roughness or the reflectance is outside 0 .. 1.
-        """
+        """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`."""
         red, green, blue = (float(channel) for channel in f0)
         return ShadedSplitSum(self, float(roughness), (red, green, blue))
 
-    def _sampled(self, level: int, directions: ArrayLike) -> Array:
+    def sampled(self, level: int, directions: ArrayLike) -> Array:
+        """Return the light of a level, filtered between its texels, in directions (..., 3)."""
         if level not in self._samplers:
             self._samplers[level] = CubeSampler(self.levels[level], self.sampling)
         values = self._samplers[level](directions)
@@ -213,17 +196,7 @@ class ShadedSplitSum(Shaded):
     light: SplitSum
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return the reflected radiance: the light about R, times ``f0 * scale + bias``.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit vectors in world axes; views point to the viewer.
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-        """
+        """Return the light about R times ``f0 * scale + bias``; see `Map.radiance`."""
         normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
         centers = central_directions("reflection", normals, views)
         light = self.light.prefiltered(self.roughness, centers)

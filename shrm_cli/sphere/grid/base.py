@@ -6,17 +6,18 @@ Whoever has an image asks its grid, and never which grid it is. A new grid is a 
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from importlib import import_module
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.layouts import GRIDS
 from shrm_cli.records import record
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import Sampling
 
-Array = NDArray[np.floating]
-Indices = NDArray[np.intp]
 Sampler = Callable[[ArrayLike], Array]
 """From directions of any length, shape (..., 3), to filtered values, shape (..., channels)."""
 
@@ -264,6 +265,13 @@ class Grid(ABC):
         ndarray, shape (target rows, target columns, channels), or None
         """
         return None
+
+
+def grid_class(name: str) -> type[Grid]:
+    """The class of a grid, by a name out of `shrm_cli.layouts.GRIDS`."""
+    module, _, member = GRIDS[name].partition(":")
+    found: type[Grid] = getattr(import_module(module), member)
+    return found
 
 
 def channels_at_once(pixels: Array) -> int:

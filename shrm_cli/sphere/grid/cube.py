@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shrm_cli.arrays import Array, Indices
 from shrm_cli.layouts import FACES
 from shrm_cli.sphere.cube import (
     cube_coordinates,
@@ -11,7 +12,7 @@ from shrm_cli.sphere.cube import (
     right_angles,
     turned_face,
 )
-from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler, channels_at_once
+from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler, channels_at_once
 from shrm_cli.sphere.sampling import CubeSampler
 from shrm_cli.sphere.synthesis import CubeIntegral
 

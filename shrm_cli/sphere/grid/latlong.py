@@ -1,10 +1,31 @@
-"""The grid of latitude-longitude maps, whose rows can be read and analyzed in blocks."""
+"""The grid of latitude-longitude maps, whose rows can be read and analyzed in blocks.
+
+This is a lat-long seen from inside, with the world axes that it looks at::
+
+        left quarter      center      right quarter        top row: +Y
+            +X              +Z             -X              the seam at both ends: -Z
+"""
+
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.sphere.grid.base import Analysis, Array, Grid, Indices, Sampler
-from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights
-from shrm_cli.sphere.transform import LatLongAnalysis
+from shrm_cli.arrays import Array, Indices
+from shrm_cli.memo import Memo
+from shrm_cli.sphere.double_fourier import harmonics_from_moments
+from shrm_cli.sphere.grid.base import Analysis, Grid, Sampler
+from shrm_cli.sphere.quadrature import cell_edges, colatitude_weights, longitude_weights, nodes
+from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.sphere.sampling import catmull_rom, texel_index
+from shrm_cli.vocabulary import Sampling
+
+AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""World axes of a lat-long's own x, y and polar z, as rows: longitude 0 is +Z, 90 degrees +X."""
+_known_waves = Memo(2**24)
+"""The waves of each size and order; those of 1024 x 512 pixels and order 64 take 0.8 MB."""
+_ROWS_AT_ONCE = 64
+"""The rows that are folded at a time, which stay in the processor's cache."""
 
 
 class LatLong(Grid):
@@ -19,8 +40,6 @@ class LatLong(Grid):
     wraps = True
 
     def directions(self) -> Array:
-        from shrm_cli.sphere.latlong import latlong_directions
-
         return latlong_directions(2 * self.size, self.size, self.sampling)
 
     def weights(self, start: int = 0, stop: int | None = None) -> Array:
@@ -42,20 +61,14 @@ class LatLong(Grid):
         return LatLong(self.size // count)
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
-        from shrm_cli.sphere.latlong import latlong_points
-
         density = np.cos(down * (np.pi / 2)) * (np.pi**2 / 2)
         return latlong_points(across, down), density + 0 * across
 
     def coordinates(self, directions: Array) -> tuple[Indices, Array, Array]:
-        from shrm_cli.sphere.latlong import latlong_coordinates
-
         across, down = latlong_coordinates(directions)
         return np.zeros(across.shape, dtype=np.intp), across, down
 
     def sampler(self, image: Array) -> Sampler:
-        from shrm_cli.sphere.sampling import LatLongSampler
-
         return LatLongSampler(image, self.sampling)
 
     def analysis(self, order: int) -> Analysis:
@@ -80,3 +93,209 @@ class LatLong(Grid):
         if turn is None or not isinstance(target, LatLong):
             return None
         return overlapped(image, self.sampling, target.shape, target.sampling, *turn)
+
+
+def latlong_directions(width: int, height: int, sampling: Sampling = "center") -> Array:
+    """World directions of the pixels of a lat-long, shape (height, width, 3)."""
+    return latlong_points(nodes(width, sampling), nodes(height, sampling)[:, None])
+
+
+def latlong_points(across: ArrayLike, down: ArrayLike) -> Array:
+    """World directions at positions on a lat-long, each in [-1, 1], broadcastable: (..., 3)."""
+    theta = (np.asarray(down) + 1) * (np.pi / 2)
+    longitude = -np.asarray(across) * np.pi
+    x, y, z = np.broadcast_arrays(
+        np.sin(theta) * np.sin(longitude), np.cos(theta), np.sin(theta) * np.cos(longitude)
+    )
+    return np.stack([x, y, z], axis=-1)
+
+
+def latlong_coordinates(directions: ArrayLike) -> tuple[Array, Array]:
+    """Position across and down a lat-long, each in [-1, 1], of directions, shape (..., 3)."""
+    x, y, z = np.moveaxis(np.asarray(directions), -1, 0)
+    return -np.arctan2(x, z) / np.pi, np.arctan2(np.hypot(x, z), y) * (2 / np.pi) - 1
+
+
+class LatLongSampler:
+    """Bilinear filtering of a lat-long.
+
+    It wraps around in longitude, and goes on beyond a pole half a turn away.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W, channels)
+    sampling : {"center", "border"}
+    """
+
+    def __init__(self, image: ArrayLike, sampling: Sampling) -> None:
+        self._image = np.asarray(image)
+        self._sampling = sampling
+
+    def __call__(self, directions: ArrayLike) -> Array:
+        """Values at directions of any length, shape (..., 3): (..., channels)."""
+        image = self._image
+        height, width = image.shape[:2]
+        across, down = latlong_coordinates(directions)
+        x, y = texel_index(across, width, self._sampling), texel_index(down, height, self._sampling)
+        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+        fx, fy = (x - column)[..., None], (y - row)[..., None]
+        result: Array = np.zeros((), dtype=image.dtype)
+        for i, wy in ((row, 1 - fy), (row + 1, fy)):
+            turned = np.where((i < 0) | (i >= height), width // 2, 0)
+            i = np.minimum(np.maximum(i, -1 - i), height - 1)  # -1 is row 0, height the last
+            for j, wx in ((column, 1 - fx), (column + 1, fx)):
+                result = result + wy * wx * image[i, (j + turned) % width]
+        return result
+
+
+def sample_latlong_cubic(image: ArrayLike, directions: ArrayLike) -> Array:
+    """Cubically filtered values of a center-sampled lat-long.
+
+    The filter is more exact than that of `LatLongSampler` for smooth images, but overshoots beside
+    bright pixels.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W, channels)
+    directions : array_like, shape (..., 3)
+        They may have any length but 0.
+
+    Returns
+    -------
+    ndarray, shape (..., channels)
+    """
+    image = np.asarray(image)
+    height, width = image.shape[:2]
+    across, down = latlong_coordinates(directions)
+    columns, along = catmull_rom(texel_index(across, width, "center"))
+    rows, below = catmull_rom(texel_index(down, height, "center"))
+    result: Array = np.zeros((*across.shape, image.shape[2]), dtype=image.dtype)
+    for i in range(4):
+        row = rows + i
+        turned = np.where((row < 0) | (row >= height), width // 2, 0)
+        row = np.where(row < 0, -1 - row, np.minimum(row, 2 * height - 1 - row))
+        line = np.zeros_like(result)
+        for j in range(4):
+            line += along[j][..., None] * image[row, (columns + j + turned) % width]
+        result += below[i][..., None] * line
+    return result
+
+
+class LatLongAnalysis:
+    """Analysis of a lat-long whose rows arrive in blocks.
+
+    The integrals with cos(m phi), sin(m phi) over longitude are a matrix product for each block,
+    and those with the waves in theta another. Only (order+1)^2 moments stay in memory. The rules
+    are exact for images band-limited below half the height.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of the whole image; the width is even.
+    order : int
+        Largest degree.
+    sampling : {"center", "border"}
+    dtype : float32 or float64
+        Precision of the longitude integral; everything after it is float64.
+
+    References
+    ----------
+    Ramamoorthi 2002, eq. 5.20 and 5.21.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        order: int,
+        sampling: Sampling = "center",
+        dtype: type = np.float32,
+    ) -> None:
+        self.order = order
+        key = width, height, order, sampling, np.dtype(dtype)
+        self._row_waves, self._column_waves = _known_waves.get(key, lambda: _analysis_waves(*key))
+        self._moments: Array | None = None
+
+    def add(self, start: int, pixels: Array, weights: Array | None = None) -> None:
+        """Take in a block of rows of the image.
+
+        Parameters
+        ----------
+        start : int
+            Index of the first row.
+        pixels : ndarray, shape (rows, width, channels)
+        weights : ndarray, optional
+            Not used. Other analyses need the solid angles of the pixels; this one has separate
+            weights for rows and columns, which it knows.
+        """
+        count, width, channels = pixels.shape
+        planes = np.moveaxis(pixels, -1, 0)
+        left, right = planes[..., : width // 2], planes[..., : width // 2 - 1 : -1]
+        dtype = self._column_waves[0].dtype
+        rings = np.empty((channels, count, 2, self.order + 1))
+        for first in range(0, count, _ROWS_AT_ONCE):
+            rows = slice(first, min(first + _ROWS_AT_ONCE, count))
+            # The product is three times as fast where the columns of a channel lie side by side.
+            folded = np.empty((channels, rows.stop - first, width // 2), dtype)
+            for k, (fold, wave) in enumerate(
+                zip((np.add, np.subtract), self._column_waves, strict=True)
+            ):
+                fold(left[:, rows], right[:, rows], out=folded, dtype=dtype)  # half would overflow
+                product = folded.reshape(-1, width // 2) @ wave
+                rings[:, rows, k] = product.reshape(channels, -1, product.shape[1])
+        if self._moments is None:
+            self._moments = np.zeros((2, self.order + 1, self.order + 1, channels))
+        for parity, waves in enumerate(self._row_waves):
+            part = waves[start : start + count].T @ np.moveaxis(
+                rings[..., parity::2], 1, 0
+            ).reshape(count, -1)
+            part = part.reshape(self.order + 1, channels, 2, -1)
+            self._moments[:, parity::2] += part.transpose(2, 3, 0, 1)
+
+    def coefficients(self) -> Array:
+        """Real coefficients in world axes, shape ((order+1)^2, channels)."""
+        return transform_coefficients(self.polar_coefficients(), AXES.T)
+
+    def polar_coefficients(self) -> Array:
+        """Coefficients in the image's own axes, whose polar axis is the world's +Y.
+
+        They have the same shape as `coefficients`, and are cheaper where the axes do not matter.
+        """
+        if self._moments is None:
+            raise ValueError("no rows were added")
+        return harmonics_from_moments(self._moments)
+
+
+def _analysis_waves(
+    width: int, height: int, order: int, sampling: Sampling, dtype: np.dtype[Any]
+) -> tuple[list[Array], list[Array]]:
+    """Return the waves over rows and over columns, times the weights of the integrals.
+
+    The parameters are those of `LatLongAnalysis`.
+
+    Returns
+    -------
+    rows : list of ndarray, shape (height, order+1)
+        The cosines and the sines.
+    columns : list of ndarray, shape (width/2, order+1)
+        The same over half of the columns, in the precision `dtype`.
+    """
+    border = sampling == "border"
+    # theta is a multiple of pi / rows, longitude one of pi / columns.
+    rows = height - 1 if border else 2 * height
+    columns = width - 1 if border else width
+    weights = colatitude_weights(height, sampling)[:, None]
+    multiples = np.arange(height) if border else 2 * np.arange(height) + 1
+    row_waves: list[Array] = [wave * weights for wave in _waves(multiples, rows, order)]
+    # Column j and its mirror image width - 1 - j have opposite longitudes: half is enough.
+    half = np.arange(width // 2)
+    measure = longitude_weights(width, sampling)[: len(half), None]
+    column_waves = _waves(width - 1 - 2 * half, columns, order)
+    return row_waves, [(wave * measure).astype(dtype) for wave in column_waves]
+
+
+def _waves(multiples: NDArray[np.integer], divisor: int, order: int) -> tuple[Array, Array]:
+    """Cosine and sine of ``m * multiples * pi / divisor``, m = 0 .. order, looked up in a table."""
+    turns = np.arange(2 * divisor) * (np.pi / divisor)
+    at = np.outer(multiples, np.arange(order + 1)) % (2 * divisor)
+    return np.cos(turns)[at], np.sin(turns)[at]

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.vocabulary import Sampling
 
-Array = NDArray[np.floating]
 Overlap = tuple[NDArray[np.intp], Array]
 """Some cells of the source, and the share of each in a cell of the target."""
 

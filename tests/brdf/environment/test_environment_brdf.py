@@ -83,8 +83,8 @@ def test_more_nodes_change_nothing(monkeypatch):
     for roughness in (0.01, 0.05, 0.15, 0.5, 1.0):
         once = environment_brdf(roughness, cosines)
         with monkeypatch.context() as patch:
-            patch.setattr("shrm_cli.brdf.environment.lobe_moments._SLOPES", 120)
-            patch.setattr("shrm_cli.brdf.environment.lobe_moments._AZIMUTHS", 120)
+            patch.setattr("shrm_cli.brdf.environment.environment_brdf._SLOPES", 120)
+            patch.setattr("shrm_cli.brdf.environment.environment_brdf._AZIMUTHS", 120)
             again = environment_brdf(roughness, cosines)
         assert np.abs(np.subtract(once, again)).max() < 1e-5
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.measured.goniometer import write_goniometer
 from shrm_cli.brdf.measured.merl import write_merl
 from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
@@ -11,6 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
+from tests.brdf.measured.goniometer_files import write_goniometer
 from tests.cli.helpers import write_exr
 from tests.maps.shrm.test_predicted_error import reduced
 

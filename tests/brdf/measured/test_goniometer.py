@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.measured.goniometer import MAX_SAMPLES, Goniometer, write_goniometer
+from shrm_cli.brdf.measured.goniometer import MAX_SAMPLES, Goniometer
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.models.microfacet import Microfacet
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles, normalize
+from tests.brdf.measured.goniometer_files import write_goniometer
 
 COLOR = np.array([0.9, 0.6, 0.3])
 
@@ -250,19 +251,3 @@ def test_huge_and_missing_files(tmp_path):
         Goniometer.open(path)
     with pytest.raises(BrdfError, match="no such file"):
         Goniometer.open(tmp_path / "missing.brdf")
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [({"center": "tangent"}, "about a normal"), ({"isotropic": False}, "isotropic")],
-)
-def test_refuses_to_write_what_the_format_cannot_hold(tmp_path, change, message):
-    brdf = OwnGgx(0.4)
-    vars(brdf).update(change)
-    with pytest.raises(BrdfError, match=message):
-        write_goniometer(tmp_path / "x.brdf", brdf)
-    with pytest.raises(BrdfError, match="lower incidences"):
-        write_goniometer(tmp_path / "x.brdf", OwnGgx(0.4), incidences=40)
-    with pytest.raises(BrdfError, match="not finite"):
-        write_goniometer(tmp_path / "x.brdf", OwnGgx(np.nan))
-    assert not list(tmp_path.iterdir())

@@ -12,6 +12,7 @@ from scipy.special import gamma
 from shrm_cli.brdf.library import built_in_names, find_model
 from shrm_cli.brdf.models.lafortune import FITS
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import BrdfError
 from shrm_cli.orders import choose_orders
 from tests import brute_force
 
@@ -67,7 +68,7 @@ def random_model(name, rng):
     values = {}
     for parameter in MODELS[name].parameters:
         low, high = parameter.minimum, parameter.maximum
-        if parameter.choices:
+        if parameter.choices or parameter.is_optional:
             continue
         if isinstance(parameter.default, tuple):
             values[parameter.name] = list(rng.uniform(low, high, 3))
@@ -77,6 +78,8 @@ def random_model(name, rng):
             values[parameter.name] = rng.uniform(max(low, 0.1 * min(high, 1)), high)
     if name == "poulin-fournier":  # the cylinders themselves reflect no more than they receive
         values["specular"] = list(1 - np.array(values["diffuse"]))
+    if name == "ggx" and rng.integers(2):  # brushed
+        values["anisotropy"] = rng.uniform(0, 0.8)
     return MODELS[name](**values)
 
 
@@ -416,6 +419,81 @@ def test_ggx_of_mitsuba(mitsuba, rng):
     expected = mitsuba_values(mitsuba, plugin, light, view) * correlation[:, None]
     found = parse_spec("ggx:roughness=0.55,f0=gold").transfer(light, view)
     np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+BRUSHED = {
+    "ggx:ax=0.5,ay=0.12": (0.5, 0.12),
+    "ggx:ax=0.06,ay=0.3": (0.06, 0.3),
+    # KHR_materials_anisotropy: mix(alpha, 1, strength^2) along the tangent.
+    "ggx:roughness=0.5,anisotropy=0.6": (0.52, 0.25),
+    # OpenPBR 1.1, section on microfacet models: r^2 sqrt(2 / (1 + (1 - s)^2)), and 1 - s of it.
+    "ggx:roughness=0.5,anisotropy=0.6,mapping=openpbr": (0.328266, 0.131306),
+}
+
+
+@pytest.mark.parametrize(("spec", "alphas"), BRUSHED.items())
+def test_brushed_ggx_of_mitsuba(mitsuba, rng, spec, alphas):
+    """At generic azimuths; Mitsuba's G is the product of masking and shadowing."""
+    light, view = upper(rng, 200), upper(rng, 200)
+    lambdas = []
+    for v in (light, view):
+        slope = ((alphas[0] * v[:, 0]) ** 2 + (alphas[1] * v[:, 1]) ** 2) / v[:, 2] ** 2
+        lambdas.append((np.sqrt(1 + slope) - 1) / 2)
+    one, other = lambdas
+    correlation = (1 + one) * (1 + other) / (1 + one + other)
+    plugin = {"type": "roughconductor", "distribution": "ggx", "material": "none",
+              "alpha_u": alphas[0], "alpha_v": alphas[1]}  # fmt: skip
+    expected = mitsuba_values(mitsuba, plugin, light, view) * correlation[:, None]
+    found = parse_spec(spec).transfer(light, view)
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=1e-6)
+
+
+def test_brushed_ggx_is_reciprocal_and_loses_light(rng):
+    """The albedo, by a grid over the hemisphere, is at most 1; light on several facets is lost."""
+    brdf = parse_spec("ggx:roughness=0.6,anisotropy=0.7")
+    light, view = upper(rng, 200), upper(rng, 200)
+    np.testing.assert_allclose(brdf.evaluate(light, view), brdf.evaluate(view, light), rtol=1e-12)
+    height = (np.arange(400) + 0.5) / 400
+    azimuth = 2 * np.pi * (np.arange(800) + 0.5) / 800
+    z, p = (axis.ravel() for axis in np.meshgrid(height, azimuth))
+    sine = np.sqrt(1 - z * z)
+    lights = np.stack([sine * np.cos(p), sine * np.sin(p), z], axis=-1)
+    albedos = [brdf.transfer(lights, each)[:, 0].mean() * 2 * np.pi for each in view[:9]]
+    assert max(albedos) < 1
+    assert min(albedos) > 0.6
+
+
+def test_ggx_of_two_equal_alphas_is_ggx(rng):
+    light, view = upper(rng, 60), upper(rng, 60)
+    even, equal = parse_spec("ggx:roughness=0.5"), parse_spec("ggx:ax=0.25")
+    assert equal.isotropic
+    assert repr(equal) == repr(even)
+    np.testing.assert_array_equal(equal.evaluate(light, view), even.evaluate(light, view))
+    nearly = parse_spec("ggx:ax=0.25,ay=0.2500001")
+    assert not nearly.isotropic
+    np.testing.assert_allclose(nearly.evaluate(light, view), even.evaluate(light, view), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("spec", "why"),
+    [
+        ("ggx:ay=0.2", "ax is missing"),
+        ("ggx:ax=0.2,ay=0.3,roughness=0.4", "roughness does not apply with ax and ay"),
+        ("ggx:mapping=openpbr", "mapping applies with anisotropy"),
+        ("ggx:anisotropy=1.5", "outside 0 .. 1"),
+    ],
+)
+def test_alphas_and_mappings_that_do_not_fit_are_refused(spec, why):
+    with pytest.raises(BrdfError, match=why):
+        parse_spec(spec)
+
+
+def test_optional_parameters_are_recorded_only_where_they_are_given():
+    """Labels and files of even surfaces are as they were."""
+    assert parse_spec("ggx").values.keys() == {"roughness", "f0"}
+    brushed = parse_spec("ggx:roughness=0.5,anisotropy=0.6")
+    assert repr(brushed) == "ggx:roughness=0.5,anisotropy=0.6,f0=1"
+    assert type(brushed)(**brushed.values).alphas == brushed.alphas
 
 
 def test_beckmann_distribution_of_mitsuba(mitsuba, rng):

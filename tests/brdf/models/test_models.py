@@ -64,12 +64,31 @@ CORNERS = np.array(
 )  # fmt: skip
 
 
+OPTIONAL = {
+    "ggx": [
+        {"anisotropy": 1.0},
+        {"anisotropy": 1.0, "mapping": "openpbr"},
+        {"ax": 0.0025, "ay": 1.0},
+        {"ax": 1.0, "ay": 0.0025},
+    ]
+}
+"""Optional parameters of the models that have some, at the ends of their ranges."""
+
+
 def extremes(model):
-    """The model with its defaults, and with all parameters at one end of their ranges."""
+    """The model with its defaults, and with all parameters at one end of their ranges.
+
+    Optional ones may exclude each other, and are taken one set at a time.
+    """
     yield model()
+    ordinary = [p for p in model.parameters if not p.is_optional]
     for end in ("minimum", "maximum"):
-        yield model(**{p.name: getattr(p, end) for p in model.parameters if not p.choices})
-    for parameter in model.parameters:
+        values = {p.name: getattr(p, end) for p in ordinary if not p.choices}
+        yield model(**values)
+        for more in OPTIONAL.get(model.name, ()):
+            kept = {} if "ax" in more else values
+            yield model(**kept, **more)
+    for parameter in ordinary:
         for choice in parameter.choices:
             yield model(**{parameter.name: choice})
 
@@ -123,7 +142,13 @@ def test_isotropic_models_do_not_see_a_turn_about_the_normal(name, rng):
 
 
 @pytest.mark.parametrize(
-    "spec", ["ward:ax=0.1,ay=0.3", "ashikhmin-shirley:nu=10,nv=90", "poulin-fournier"]
+    "spec",
+    [
+        "ward:ax=0.1,ay=0.3",
+        "ashikhmin-shirley:nu=10,nv=90",
+        "poulin-fournier",
+        "ggx:roughness=0.4,anisotropy=0.6",
+    ],
 )
 def test_brushed_models_do(spec, rng):
     light, view = abs(brute_force.unit(rng, 100)), abs(brute_force.unit(rng, 100))
@@ -146,6 +171,9 @@ def test_every_model_states_itself(name):
         assert parameter.domain
         assert parameter.default_text
         default = parameter.checked(parameter.default)
+        assert (parameter.name in brdf.values) is not parameter.is_optional
+        if parameter.is_optional:
+            continue
         assert brdf.values[parameter.name] == default
         assert parse_spec(f"{name}:{parameter.name}={value_text(default)}").values == brdf.values
 

@@ -13,8 +13,8 @@ from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.irradiance.prefilter import prefilter
+from shrm_cli.maps.irradiance.shader import irradiance_snippet
 from shrm_cli.maps.irradiance.zh3 import FORMS, Zh3, form_errors, in_form
-from shrm_cli.maps.irradiance.zh3_shader import zh3_snippet
 from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import PRIMARIES
@@ -261,7 +261,7 @@ def test_snippets_run(tmp_path, light, form, language):
     made = prefilter(light, form=form).map
     main = C_MAIN if language == "c" else CPP_MAIN.replace("{snippet}", DOT + "{snippet}")
     source = tmp_path / ("a.c" if language == "c" else "a.cpp")
-    source.write_text(main.format(snippet=zh3_snippet(made, language)))
+    source.write_text(main.format(snippet=irradiance_snippet(made, language)))
     flags = ["-std=c89", "-Wall", "-Wextra", "-pedantic", "-Werror"] if language == "c" else []
     subprocess.run([compiler, *flags, str(source), "-o", str(tmp_path / "a")], check=True)
     normals = oracles.random_directions(np.random.default_rng(2), 50)

@@ -9,7 +9,7 @@ from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps.size import total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.latlong import latlong_directions
+from shrm_cli.sphere.grid.latlong import latlong_directions
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
 

@@ -17,7 +17,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reflected import predicted_error
 from tests import brute_force, oracles
-from tests.cli.helpers import polynomial_light, write_exr
+from tests.cli.helpers import ROOT, polynomial_light, write_exr
 from tests.maps.scenes import EXPLICIT
 from tests.maps.shrm.test_predicted_error import reduced
 
@@ -223,3 +223,20 @@ def test_kajiya_kay_needs_no_azimuth(smooth):
     ).map.to_frame("local")
     difference = np.abs(made.map.coefficients - general.coefficients).max()
     assert difference < 1e-9 * np.abs(general.coefficients).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "eps", "tolerance"),
+    [
+        ("furnace", 0.005, 64 * 0.005),
+        ("furnace", 0.03, 0.7),
+        ("studio", 0.03, 0.5 * 0.03),
+    ],
+)
+def test_the_tolerances_that_are_tried_for_terms(name, eps, tolerance):
+    """Constant light has no error, so that the loosest is taken. A studio shows what lobes miss."""
+    light = Projection(open_probe(ROOT / "probes" / f"{name}.exr"))
+    spec = "0.5*phong:exponent=8+0.5*phong:exponent=40"
+    plan = plan_terms(light, parse_sum(spec, parse_spec), eps)
+    for term in plan.terms:
+        assert term.choice.orders.tolerance == pytest.approx(tolerance)

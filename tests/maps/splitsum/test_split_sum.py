@@ -13,7 +13,7 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError, OrderError
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.splitsum.expansion import expansion_errors
+from shrm_cli.maps.splitsum.expansion import energies, multipliers
 from shrm_cli.maps.splitsum.prefilter import frequency_pays
 from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.maps.splitsum.roughness import (
@@ -417,6 +417,12 @@ def test_sizes_and_orders_follow_the_lobes(real_probes):
     small = prefilter_split_sum(probe, levels=3, mapping="filament", size=32)
     assert [level.shape[1] for level in small.map.levels] == [32, 32, 32]
     assert small.map.info.probe == "sunset.exr"
+
+
+def expansion_errors(lighting, coefficients):
+    """The relative RMS error of a level for each order at which it may end abruptly."""
+    light, missing = energies(lighting, multipliers(coefficients))
+    return np.sqrt(missing / (light[0] + missing[0]))
 
 
 def test_predicted_errors_are_those_of_the_orders(real_probes):

@@ -19,9 +19,9 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sheet import PAPER
-from shrm_cli.render.variation import OfVertices
+from shrm_cli.render.variation import Variation
 from shrm_cli.sphere.harmonics import degrees
-from shrm_cli.sphere.parabolic import parabolic_directions, parabolic_solid_angles
+from shrm_cli.sphere.parabolic import parabolic_directions
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests.paper.extent import Extent
 from tests.paper.product.scenes import Shot, exposure, vase, write_sheet
@@ -72,7 +72,7 @@ def figure_2(folder: Path, extent: Extent) -> tuple[str, Array]:
     size = extent.product_small
     found = texture(EXAMPLE, extent.product_texels).values(parabolic_directions(size))
     table = found.mean(axis=-1)[::-1]  # the rows of a picture go down
-    off = parabolic_solid_angles(size)[::-1] == 0
+    off = solid_angles(size)[::-1] == 0
     table[off] = 0
     bands = [np.flatnonzero(degrees(ORDER) == degree) for degree in range(ORDER + 1)]
     squares = [np.sum(table[..., band] ** 2, axis=-1) for band in bands]
@@ -140,7 +140,7 @@ def figure_4(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Vari
         lit = varying.lit(light)
         shown = {
             f"{values[0]:g} everywhere": shot.picture(lit.textures[0]),
-            f"varying {what}": shot.picture(lit, OfVertices()),
+            f"varying {what}": shot.picture(lit, Variation()),
             f"{values[-1]:g} everywhere": shot.picture(lit.textures[-1]),
         }
         rows.append([(picture, label) for label, picture in shown.items()])
@@ -152,7 +152,7 @@ def figure_4(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Vari
 
 def _between(varying: VaryingProduct, spec: str, texels: int) -> float:
     """Return the relative RMS error of interpolated textures midway between two of them."""
-    weights = parabolic_solid_angles(texels)[..., None, None]
+    weights = solid_angles(texels)[..., None, None]
     wrong = whole = 0.0
     values = varying.values
     pairs = zip(varying.textures, varying.textures[1:], values, values[1:], strict=False)
@@ -162,3 +162,10 @@ def _between(varying: VaryingProduct, spec: str, texels: int) -> float:
         wrong += float(np.sum(weights * error**2))
         whole += float(np.sum(weights * exact**2))
     return float(np.sqrt(wrong / whole))
+
+
+def solid_angles(size):
+    """Return the solid angles of texels, shape (size, size), by their middles; 0 off the circle."""
+    at = (2 * np.arange(size) + 1) / size - 1
+    square = at**2 + at[:, None] ** 2
+    return np.where(square < 1, 4 / (1 + square) ** 2 * (2 / size) ** 2, 0.0)

@@ -9,7 +9,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.base import Array
+from shrm_cli.arrays import Array
 
 Index = NDArray[np.intp]
 

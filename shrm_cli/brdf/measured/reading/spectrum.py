@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.brdf.base import Array
+from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError
 
 # The package colour-science has these numbers too, but importing it takes longer than all that is

@@ -23,7 +23,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.measured.reading.file import check_file
 from shrm_cli.brdf.measured.table import AXES, Table, TableSettings
 from shrm_cli.errors import BrdfError, MapError, OutputError

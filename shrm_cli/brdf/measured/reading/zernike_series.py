@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.brdf.base import Array
+from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.lobe_harmonics import lobe_harmonics
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.models.phong import Phong
+from shrm_cli.maps.she.reflectance import lobe_harmonics
 from tests import ggx, oracles
 
 SAMPLES = 64, 24

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from scipy.special import eval_legendre
 
-from shrm_cli.sphere.transform import LatLongAnalysis, analyze_angular
+from shrm_cli.sphere.grid.angular import analyze_angular
+from shrm_cli.sphere.grid.latlong import LatLongAnalysis
 from tests import oracles
 from tests.oracles import EPS
 

@@ -3,17 +3,16 @@
 import numpy as np
 import pytest
 
-from shrm_cli.probe import blocks, coarse
-from shrm_cli.probe.coarse import coarse_probe
+from shrm_cli.probe import blocks, resample
 from shrm_cli.probe.probe import Probe, open_probe
-from shrm_cli.probe.resample import to_layout
+from shrm_cli.probe.resample import coarse_probe, to_layout
 from shrm_cli.render.camera import Viewer, background_directions, background_rows
 from tests.probe import scenes
 
 
 @pytest.fixture(autouse=True)
 def _everything_is_large(monkeypatch):
-    monkeypatch.setattr(coarse, "LEAST_ROWS", 2)
+    monkeypatch.setattr(resample, "LEAST_ROWS", 2)
 
 
 def solid_angles(height):

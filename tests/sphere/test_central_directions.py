@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.centers import central_directions
-from shrm_cli.sphere.directions import bisector, horizontal_tangents
+from shrm_cli.sphere.directions import bisector, central_directions, horizontal_tangents
 from tests import oracles
 from tests.brute_force import unit
 
