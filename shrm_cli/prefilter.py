@@ -6,18 +6,21 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.negative import examined
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.vocabulary import AUTO, Domain, Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.lights.beside import Beside
 
 
 def prefilter(
@@ -37,6 +40,7 @@ def prefilter(
     size: int | None = None,
     sampling: Sampling | None = None,
     max_size: int | str | None = None,
+    sun: str | None = None,
     progress: Progress | None = None,
     **own: Any,
 ) -> Map:
@@ -89,6 +93,11 @@ def prefilter(
         The most bytes that the cubes of a map for a BRDF take in half precision, as a number or
         as text such as ``"32MB"``; `vocabulary.DEFAULT_MAX_SIZE` by default. Where they are too
         few for the orders that `eps` asks for, the best map within them is made.
+    sun : {"split"}, optional
+        Take the lamps out of the light as `shrm_cli.lights.split.split_lamps` does, and make the
+        map of what is left. They are kept beside it as discs, whose reflection `radiance` adds.
+        What is asked of the map is asked of what is left; the errors that it states are relative
+        to all of the reflected light.
     progress : callable, optional
         Called with the amount of work done and the amount in all. What is done never falls.
     **own
@@ -119,7 +128,7 @@ def prefilter(
     given = {
         "brdf": brdf, "eps": eps, "error": error, "seen": seen, "order_f": order_f,
         "order_p": order_p, "center": center, "domain": domain, "source_height": source_height,
-        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, **own,
+        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, "sun": sun, **own,
     }  # fmt: skip
     light = as_probe(probe)
     found = prefilter_with_facts(light, to, given, progress)
@@ -154,17 +163,47 @@ def prefilter_with_facts(
 def make(probe: Probe, request: Request, progress: Progress | None = None) -> Prefiltered:
     """Make the map that a request asks for; see `prefilter_with_facts`."""
     needs_brdf = registry.description(request.to).needs_brdf
+    if request.to == AUTO:  # several forms may be tried, and lamps be looked for
+        from shrm_cli.probe.shared import shared
+
+        probe = shared(probe)
     # Maps for a BRDF take one attempt after another at its coefficients.
     is_rising = needs_brdf and request.domain != "angular"
     work = Rising(progress) if is_rising else progress
+    light, lamps = _split(probe, request)
     with using(work):
-        found = _made(probe, request)
+        found = _made(light, request)
     if isinstance(work, Rising):
         work.end()
-    # Maps of light alone have words of their own for what is negative, or cannot be.
-    found = examined(found) if needs_brdf else found
     info = replace(found.map.info, options=request.record(probe))
-    return replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+    found = replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+    if not needs_brdf:  # maps of light alone have words of their own for what is negative
+        return found
+    return examined(_finished(found, probe, lamps, request.brdf))
+
+
+def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
+    """Return the light that the map is made of, and the lamps if they are to be beside it."""
+    if request.sun is None:
+        return probe, None
+    from shrm_cli.lights.beside import split_for
+
+    found = split_for(probe, request.brdf)
+    return (found.split.residual_probe if found.split.discs else probe), found
+
+
+def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:
+    """Put the lamps beside the map, or say where that would help."""
+    if lamps is None and not any(REMEDY in line for line in made.warnings):
+        return made
+    from shrm_cli.lights.beside import MUCH, small_lamps_share, with_lamps
+
+    if lamps is not None:
+        return with_lamps(made, lamps, brdf)
+    if small_lamps_share(probe) <= MUCH:
+        return made
+    better = "take them out with `sun` split, dim them by `clamp`"
+    return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))
 
 
 def _made(probe: Probe, request: Request) -> Prefiltered:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
+from shrm_cli.lights.beside import MUCH, SMALL
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -30,11 +31,6 @@ _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
 _PLATEAU, _PLATEAU_OVER_MEAN = 4.0, 4.0
 """As many pixels of exactly the same largest value, which is the mean times this, are suspected to
 be clipped; pixels count by their areas, because the whole row at a pole is one of them."""
-_SMALL, _MUCH = np.radians(1.0), 0.02
-"""Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
-real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
-plastic of roughness 0.3 have errors of 7 % to 16 %. The others have 1 % to 4 %: a courtyard without
-lamps, a forest whose sun of a degree holds 7 %, a studio with 75 % in lamps of 3 to 6 degrees."""
 _LEAST_GREEN = 1e-6
 """Light with less green, over its largest channel, has none: it is what rounding left."""
 _COLDEST, _HOTTEST, _FARTHEST = 1000.0, 25000.0, 0.05
@@ -104,9 +100,9 @@ class ProbeStatistics:
     def advice(self) -> str:
         """What to do about small lamps that hold much of the light; empty without any."""
         pairs = zip(self.lamps, self.lamp_shares, strict=True)
-        small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < _SMALL]
+        small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < SMALL]
         sizes, share = [np.degrees(radius) for radius, _ in small], sum(each for _, each in small)
-        if share <= _MUCH:
+        if share <= MUCH:
             return ""
         low, high = (f"{each:.2g}" for each in (min(sizes), max(sizes)))
         if len(sizes) == 1:

@@ -199,6 +199,10 @@ def convert_to_layers(job: Conversion, shader: str | None) -> Converted:
     from shrm_cli.maps.shader.file import write_layers
 
     made, notes = open_source(job)
+    if made.stored is not made and shader is None:
+        notes.append(
+            f"{job.path}: textures hold no lamps; the code of `shader` has those of the map"
+        )
     code = None if shader is None else look_up_code(made, shader, "layers")
     try:
         pixel_type, shapes = write_layers(job.path, made, job.precision)

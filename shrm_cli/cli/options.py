@@ -284,7 +284,7 @@ def making_options(
     return several(
         shared_options("eps", "error", "seen", "order_f", "order_p", "center"),
         representation_options(wanted),
-        shared_options("domain", "source_height", "frame", "size", "max_size"),
+        shared_options("domain", "source_height", "frame", "size", "max_size", "sun"),
         precision_option,
         click.option(
             "--sampling", type=_sampling,

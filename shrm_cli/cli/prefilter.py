@@ -51,7 +51,7 @@ _OWN_OPTIONS = {
 }
 MAKING_HEADINGS = {
     "What to make": ["brdf", "to"],
-    "How exact": ["eps", "error", "seen", "order_f", "order_p", "max_size", "center"],
+    "How exact": ["eps", "error", "seen", "order_f", "order_p", "max_size", "center", "sun"],
     "Form of the map": [
         "size", "frame", "map_sampling", "domain", "source_height", "precision",
     ],

@@ -157,27 +157,14 @@ def _result(probe: str, split: LampSplit) -> dict[str, Any]:
 
 def _doubts(split: LampSplit) -> list[str]:
     """Return what a user should know of the lamps, a line each."""
-    import numpy as np
-
-    lines = [
-        f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
-        for number, lamp in enumerate(split.lamps, 1)
-        if lamp.clipped
-    ]
-    if split.left:
-        lamps = "lamp stays" if split.left == 1 else "lamps stay"
-        lines.append(
-            f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
-            "are less like discs"
-        )
-    if split.proof.rms > split.error:
-        turned = not np.array_equal(split.probe.matrix, np.eye(3))
-        cure = "turning it resampled its pixels, do that later" if turned else "check it before use"
-        lines.append(
-            f"residual and discs change the irradiance by {split.proof.rms:.3%} RMS, more than "
-            f"the {split.error:.3g} that `error` allows; {cure}"
-        )
-    return lines
+    if not split.left:
+        return split.clipped + split.changed
+    lamps = "lamp stays" if split.left == 1 else "lamps stay"
+    left = (
+        f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
+        "are less like discs"
+    )
+    return [*split.clipped, left, *split.changed]
 
 
 def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:

@@ -93,6 +93,27 @@ class LampSplit:
         """The residual as a probe in memory."""
         return _in_memory(self.probe, self.residual, np.eye(3))
 
+    @property
+    def clipped(self) -> list[str]:
+        """A line about each lamp that may be clipped."""
+        return [
+            f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
+            for number, lamp in enumerate(self.lamps, 1)
+            if lamp.clipped
+        ]
+
+    @property
+    def changed(self) -> list[str]:
+        """A line about the irradiance, if it changes more than is allowed."""
+        if self.proof.rms <= self.error:
+            return []
+        turned = not np.array_equal(self.probe.matrix, np.eye(3))
+        cure = "turning it resampled its pixels, do that later" if turned else "check it before use"
+        return [
+            f"residual and discs change the irradiance by {self.proof.rms:.3%} RMS, more than "
+            f"the {self.error:.3g} that `error` allows; {cure}"
+        ]
+
     @cached_property
     def proof(self) -> Proof:
         """How far the irradiance of residual and discs is from that of the probe."""

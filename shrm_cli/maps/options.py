@@ -293,6 +293,13 @@ SHARED = {
             choices=SAMPLINGS,
             default="center",
         ),
+        Option(
+            "sun",
+            "split: take the lamps out, as shrm sun does. The map is of what is left, and they are "
+            "beside it, integrated where it is used.",
+            "choice",
+            choices=("split",),
+        ),
     )
 }
 """The arguments that several representations share, by name."""
@@ -335,7 +342,7 @@ BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS
 AUTOMATIC = Representation(
     AUTO,
     "the form that the picture needs",
-    frozenset(("brdf", "error", "seen", "center", "max_size")) | CUBE_ARGUMENTS,
+    frozenset(("brdf", "error", "seen", "center", "max_size", "sun")) | CUBE_ARGUMENTS,
     (SHADER, TEXTURES),
     own_defaults={"max_size": DEFAULT_MAX_SIZE},
 )

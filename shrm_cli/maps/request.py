@@ -39,7 +39,8 @@ class Request:
         None for forms that have a BRDF of their own.
     eps : float
         The fraction of the BRDF's energy that may be missed.
-    error, seen, order_f, order_p, center, frame, size, sampling, max_size, domain, source_height
+    error, seen, order_f, order_p, center, frame, size, sampling, max_size, domain, source_height,
+    sun
         As `shrm_cli.prefilter.prefilter` takes them.
     own : mapping of str to value
         The options of the representation itself. One that was not given and has no default is
@@ -62,6 +63,7 @@ class Request:
     max_size: int | None = None
     domain: Domain = "frequency"
     source_height: int | None = None
+    sun: str | None = None
     own: Mapping[str, Any] = field(default_factory=dict)
     given: Mapping[str, Any] = field(default_factory=dict)
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
 from shrm_cli.vocabulary import NEGATIVE_SHARE
-
-if TYPE_CHECKING:
-    from shrm_cli.maps.prefiltered import Prefiltered
 
 
 @keeping_light()
@@ -85,6 +82,5 @@ def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
     return (
         f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
         f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the "
-        "most: take them out with `shrm sun` and prefilter its light file, dim them by "
-        f"`clamp`{more}"
+        f"most: {REMEDY}{more}"
     )
