@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 MODELS = "shrm_cli.brdf.models"
+LAYERED = "shrm_cli.brdf.layered"
 GROUP = "shrm.brdf"
 
 
 def built_in_names() -> list[str]:
     """Names of the models of `shrm`, in the order of the alphabet; none is loaded."""
-    return module_names(MODELS)
+    return sorted(module_names(MODELS) + module_names(LAYERED))
 
 
 def model_names() -> list[str]:
@@ -38,8 +39,9 @@ def find_model(name: str) -> type[Brdf]:
         If there is none, and then names that look like it are suggested; or if an installed
         package has one that cannot be used.
     """
-    if name in built_in_names():
-        return load_class(MODELS, name)
+    for package in (MODELS, LAYERED):
+        if name in module_names(package):
+            return load_class(package, name)
     installed = _installed()
     if name in installed:
         return _load(installed[name])

@@ -47,7 +47,9 @@ class Ggx(Brdf):
         Parameter(
             "ax", 0.16, _LEAST_ALPHA, 1.0, "alpha along x, instead of roughness", is_optional=True
         ),
-        Parameter("ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True),
+        Parameter(
+            "ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True
+        ),
         NORMAL_REFLECTANCE,
     )  # fmt: skip
 
@@ -73,7 +75,11 @@ class Ggx(Brdf):
         masking = light_cosine * self._projected(view, view_cosine)
         shadowing = view_cosine * self._projected(light, light_cosine)
         value = above_horizon(distribution / (2 * (masking + shadowing)), light, view)
-        return scaled(schlick(self.color("f0"), half.cosine), value)
+        return scaled(self._fresnel(half.cosine), value)
+
+    def _fresnel(self, cosine: Array) -> Array:
+        """The reflectance of a facet that is met at an angle, shape (..., 3)."""
+        return schlick(self.color("f0"), cosine)
 
     def _distribution(self, half: Half) -> Array:
         """The distribution D of normals of facets, Heitz 2014, eq. 85."""

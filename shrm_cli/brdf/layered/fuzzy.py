@@ -1,0 +1,56 @@
+"""Fuzz, such as dust or the fibres of cloth, over any base."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
+from shrm_cli.brdf.layered.parts.layered import BASE, Layered
+from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos
+from shrm_cli.brdf.models.charlie import Charlie
+from shrm_cli.brdf.sums import flat_terms
+
+
+class Fuzzy(Layered):
+    """Charlie's sheen, and below it the base, as far as the sheen lets light pass.
+
+    The base is multiplied by the smaller one of ``1 - E(N.L)`` and ``1 - E(N.V)``, where E is the
+    part of light from an angle that the sheen reflects, in its brightest channel.
+    """
+
+    name = "fuzzy"
+    summary = "fuzz, as of cloth or dust, over any base"
+    source = "glTF, KHR_materials_sheen; Estevez and Kulla 2017 for the sheen"
+    parameters = (
+        Parameter("roughness", 0.5, 0.05, 1.0, "of the fuzz, as of charlie"),
+        Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "of the fuzz"),
+        BASE,
+    )
+
+    def _layers(self) -> Sequence[tuple[float, Brdf]]:
+        sheen = Charlie(roughness=self.values["roughness"], color=self.values["color"])
+        terms = flat_terms([(1.0, self.base)])
+        return [(1.0, sheen), *((weight, UnderFuzz(self, term, sheen)) for weight, term in terms)]
+
+
+class UnderFuzz(Brdf):
+    """A term of a base as it is seen through fuzz."""
+
+    name = "fuzzy-part"
+    summary = "a term of a base under fuzz"
+
+    def __init__(self, whole: Fuzzy, term: Brdf, sheen: Charlie) -> None:
+        self.term, self.sheen, self.source = term, sheen, whole.source
+        self.values = {**whole.values, "part": repr(term)}
+        self.center, self.isotropic = term.center, term.isotropic
+        self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
+
+    @cached_property
+    def _passing(self) -> Table:
+        reflected = albedos(self.sheen, COSINES).max(axis=1, keepdims=True)
+        return Table(np.maximum(1 - np.tile(reflected, 3), 0))
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        passing = (self._passing(each[..., 2])[..., 0] for each in (light, view))
+        return scaled(self.term.evaluate(light, view), np.minimum(*passing))

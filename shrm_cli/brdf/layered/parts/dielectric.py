@@ -1,0 +1,106 @@
+"""Borders between air and a clear medium, smooth or rough: Fresnel, Snell, and lobes of GGX."""
+
+import numpy as np
+
+from shrm_cli.brdf.base import Array, grey, scaled
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector
+
+
+def reflectance(cosine: Array, ior: float) -> Array:
+    """Fresnel's reflectance of unpolarized light that comes through air, exact.
+
+    Parameters
+    ----------
+    cosine : ndarray
+        Of the angle in air, 0 .. 1.
+    ior : float
+        The medium's index of refraction.
+    """
+    below = refracted_cosine(cosine, ior)
+    across = (cosine - ior * below) / (cosine + ior * below)
+    along = (ior * cosine - below) / (ior * cosine + below)
+    return np.asarray((across**2 + along**2) / 2)
+
+
+def inner_reflectance(cosine: Array, ior: float) -> Array:
+    """Fresnel's reflectance of light that comes through the medium; it is 1 beyond the critical
+    angle. Parameters are those of `reflectance`, with the cosine in the medium.
+    """
+    square = 1 - ior**2 * (1 - cosine**2)
+    leaving = np.sqrt(np.maximum(square, 0.0))
+    return np.where(square > 0, reflectance(leaving, ior), np.ones((), cosine.dtype))
+
+
+def refracted_cosine(cosine: Array, ior: float) -> Array:
+    """The cosine in the medium of light that has a cosine in air, by Snell's law."""
+    return np.sqrt(1 - (1 - cosine**2) / ior**2)
+
+
+def refracted(directions: Array, ior: float) -> Array:
+    """Directions (..., 3) in air as they go on in the medium, away from its border, as they do.
+
+    Directions below the horizon become those that graze in air.
+    """
+    z = refracted_cosine(np.clip(directions[..., 2], 0.0, 1.0), ior)
+    return np.stack([directions[..., 0] / ior, directions[..., 1] / ior, z], axis=-1)
+
+
+def swerve(inner: Array, ior: float) -> Array:
+    """How far a tilted facet of the border turns light in the medium, in parts of its tilt.
+
+    Parameters
+    ----------
+    inner : ndarray
+        The cosine of the light in the medium.
+    ior : float
+    """
+    outer = np.sqrt(np.maximum(1 - ior**2 * (1 - inner**2), 0.0))
+    return np.asarray(inner - outer / ior)
+
+
+class CoatLobe(Ggx):
+    """What the rough border of a clear medium reflects: `Ggx` with Fresnel's equations."""
+
+    name = "coat-lobe"
+    summary = "reflection at the border of a clear medium"
+
+    def __init__(self, roughness: float, ior: float) -> None:
+        super().__init__(roughness=roughness)
+        self.values = {"roughness": roughness, "ior": ior}
+
+    def _fresnel(self, cosine: Array) -> Array:
+        return grey(reflectance(cosine, self.number("ior")))
+
+
+class ThroughCoat(Ggx):
+    """GGX as it is seen through a rough border: light is turned on its way in and on its way out.
+
+    The variances of the slopes add. Where light goes to and fro, the lobe is twice as wide, and the
+    facets of the border that reflect it add theirs.
+    """
+
+    name = "ggx-through-coat"
+
+    def __init__(self, whole: Ggx, coat: CoatLobe, is_later: bool) -> None:
+        ax, ay = whole.alphas
+        super().__init__(ax=ax, ay=ay, f0=whole.values["f0"])
+        self.alphas, self.isotropic, self.is_later = whole.alphas, whole.isotropic, is_later
+        self.coat, self.ior = coat.number("roughness") ** 4, coat.number("ior")
+        self.values = {**whole.values, "coat": repr(coat)}
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        half, factor = half_vector(light, view), 4 if self.is_later else 1
+        turned = sum(swerve(np.clip(each[..., 2], 0, 1), self.ior) ** 2 for each in (light, view))
+        added = self.coat * (turned + factor - 1)
+        squares = [np.minimum(factor * alpha**2 + added, 1) for alpha in self.alphas]
+        stretched = half.x**2 / squares[0] + half.y**2 / squares[1] + half.z**2
+        cosines_ = cosines(light, view)
+        masked = [
+            cosine
+            * np.sqrt(squares[0] * other[..., 0] ** 2 + squares[1] * other[..., 1] ** 2 + z**2)
+            for cosine, other, z in zip(cosines_, (view, light), cosines_[::-1], strict=True)
+        ]
+        area = np.pi * np.sqrt(squares[0] * squares[1])
+        value = above_horizon(1 / (2 * area * stretched**2 * sum(masked)), light, view)
+        return scaled(self._fresnel(half.cosine), value)
