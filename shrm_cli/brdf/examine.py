@@ -96,40 +96,44 @@ def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
     return float(np.sqrt(np.mean((first - second) ** 2) / size)) if size > 0 else 0.0
 
 
-def directional_albedo(brdf: Brdf, theta: float) -> Array:
+def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) -> Array:
     """Integrate rho_hat over all directions of the light, for a view at an angle.
 
     The samples lie on polar coordinates about the mirror direction, and are dense near it. Their
-    number is doubled in both coordinates until the result changes by a thousandth at most, or
-    there are 384 x 384.
+    number is doubled in both coordinates until the result changes by the accuracy at most, or there
+    are 384 x 384.
 
     Parameters
     ----------
     brdf : Brdf
     theta : float
         The angle of the view from the z axis, radians.
+    accuracy : float
+        Relative.
 
     Returns
     -------
     ndarray, shape (3,)
         Linear RGB.
     """
-    return settled(lambda count: _albedo(brdf, theta, count))
+    return settled(lambda count: _albedo(brdf, theta, count), accuracy)
 
 
-def settled(sample: Callable[[int], Array]) -> Array:
-    """Sample something with more and more nodes, until its sum changes by a thousandth at most.
+def settled(sample: Callable[[int], Array], accuracy: float = _ACCURACY) -> Array:
+    """Sample something with more and more nodes, until its sum changes by an accuracy at most.
 
     Parameters
     ----------
     sample : callable
         Takes a number of nodes of each angle, and returns what is found, shape (..., 3).
+    accuracy : float
+        Relative.
     """
     previous = np.full(3, np.inf)
     for count in _COUNTS:
         found = sample(count)
         current = found.reshape(-1, 3).sum(axis=0)
-        if np.abs(current - previous).max() <= _ACCURACY * current.max():
+        if np.abs(current - previous).max() <= accuracy * current.max():
             break
         previous = current
     return found

@@ -46,6 +46,10 @@ class UnderFuzz(Brdf):
         self.center, self.isotropic = term.center, term.isotropic
         self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
 
+    @property
+    def is_measured(self) -> bool:
+        return self.term.is_measured
+
     @cached_property
     def _passing(self) -> Table:
         reflected = albedos(self.sheen, COSINES).max(axis=1, keepdims=True)

@@ -75,9 +75,9 @@ class Ggx(Brdf):
         masking = light_cosine * self._projected(view, view_cosine)
         shadowing = view_cosine * self._projected(light, light_cosine)
         value = above_horizon(distribution / (2 * (masking + shadowing)), light, view)
-        return scaled(self._fresnel(half.cosine), value)
+        return scaled(self.reflectance(half.cosine), value)
 
-    def _fresnel(self, cosine: Array) -> Array:
+    def reflectance(self, cosine: Array) -> Array:
         """The reflectance of a facet that is met at an angle, shape (..., 3)."""
         return schlick(self.color("f0"), cosine)
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from shrm_cli.brdf.base import Array, grey, scaled
+from shrm_cli.brdf.base import Array, Brdf, grey, scaled
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector
 
 
-def reflectance(cosine: Array, ior: float) -> Array:
+def fresnel(cosine: Array, ior: float) -> Array:
     """Fresnel's reflectance of unpolarized light that comes through air, exact.
 
     Parameters
@@ -25,11 +25,11 @@ def reflectance(cosine: Array, ior: float) -> Array:
 
 def inner_reflectance(cosine: Array, ior: float) -> Array:
     """Fresnel's reflectance of light that comes through the medium; it is 1 beyond the critical
-    angle. Parameters are those of `reflectance`, with the cosine in the medium.
+    angle. Parameters are those of `fresnel`, with the cosine in the medium.
     """
     square = 1 - ior**2 * (1 - cosine**2)
     leaving = np.sqrt(np.maximum(square, 0.0))
-    return np.where(square > 0, reflectance(leaving, ior), np.ones((), cosine.dtype))
+    return np.where(square > 0, fresnel(leaving, ior), np.ones((), cosine.dtype))
 
 
 def refracted_cosine(cosine: Array, ior: float) -> Array:
@@ -69,11 +69,11 @@ class CoatLobe(Ggx):
         super().__init__(roughness=roughness)
         self.values = {"roughness": roughness, "ior": ior}
 
-    def _fresnel(self, cosine: Array) -> Array:
-        return grey(reflectance(cosine, self.number("ior")))
+    def reflectance(self, cosine: Array) -> Array:
+        return grey(fresnel(cosine, self.number("ior")))
 
 
-class ThroughCoat(Ggx):
+class ThroughCoat(Brdf):
     """GGX as it is seen through a rough border: light is turned on its way in and on its way out.
 
     The variances of the slopes add. Where light goes to and fro, the lobe is twice as wide, and the
@@ -81,11 +81,10 @@ class ThroughCoat(Ggx):
     """
 
     name = "ggx-through-coat"
+    summary = "GGX seen through a coat"
 
     def __init__(self, whole: Ggx, coat: CoatLobe, is_later: bool) -> None:
-        ax, ay = whole.alphas
-        super().__init__(ax=ax, ay=ay, f0=whole.values["f0"])
-        self.alphas, self.isotropic, self.is_later = whole.alphas, whole.isotropic, is_later
+        self.whole, self.isotropic, self.is_later = whole, whole.isotropic, is_later
         self.coat, self.ior = coat.number("roughness") ** 4, coat.number("ior")
         self.values = {**whole.values, "coat": repr(coat)}
 
@@ -93,14 +92,17 @@ class ThroughCoat(Ggx):
         half, factor = half_vector(light, view), 4 if self.is_later else 1
         turned = sum(swerve(np.clip(each[..., 2], 0, 1), self.ior) ** 2 for each in (light, view))
         added = self.coat * (turned + factor - 1)
-        squares = [np.minimum(factor * alpha**2 + added, 1) for alpha in self.alphas]
+        squares = [np.minimum(factor * alpha**2 + added, 1) for alpha in self.whole.alphas]
         stretched = half.x**2 / squares[0] + half.y**2 / squares[1] + half.z**2
-        cosines_ = cosines(light, view)
-        masked = [
-            cosine
-            * np.sqrt(squares[0] * other[..., 0] ** 2 + squares[1] * other[..., 1] ** 2 + z**2)
-            for cosine, other, z in zip(cosines_, (view, light), cosines_[::-1], strict=True)
-        ]
+        lit, seen = cosines(light, view)
+        shadowed = seen * _projected(light, lit, squares)
+        masked = lit * _projected(view, seen, squares)
         area = np.pi * np.sqrt(squares[0] * squares[1])
-        value = above_horizon(1 / (2 * area * stretched**2 * sum(masked)), light, view)
-        return scaled(self._fresnel(half.cosine), value)
+        value = above_horizon(1 / (2 * area * stretched**2 * (shadowed + masked)), light, view)
+        return scaled(self.whole.reflectance(half.cosine), value)
+
+
+def _projected(direction: Array, cosine: Array, squares: list[Array]) -> Array:
+    """As of `Ggx`, with squares of alphas that depend on light and view."""
+    x, y = direction[..., 0], direction[..., 1]
+    return np.asarray(np.sqrt(squares[0] * x**2 + squares[1] * y**2 + cosine**2))

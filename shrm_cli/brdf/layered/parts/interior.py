@@ -81,7 +81,7 @@ class Interior:
         part = self._glossy[number]
         once = np.einsum("pijc,jc->pic", self._matrices, self._leaving)
         whole = np.maximum(once.sum(axis=0), 1e-300)
-        later = np.clip(self._visits(whole), whole, self._way) - whole
+        later = np.maximum(np.minimum(self._visits(whole), self._way) - whole, 0)
         seen = self._cosines[self._beyond :]
         matrix = part.weight * transport(part.wider, seen, self._cosines)
         wanted = (later * once[number] / whole)[self._beyond :]
@@ -92,15 +92,17 @@ class Interior:
         ]
 
     def diffuse_lobes(self, number: int) -> Lobes:
-        """As `glossy_lobes`, of a diffuse part."""
+        """As `glossy_lobes`, of a diffuse part.
+
+        Diffuse light that comes back is reflected as ``E(l) E(v) / mean(E)``, with the albedo E.
+        """
         visits = self._visits(np.ones_like(self._leaving))
-        weights = 2 * self._cosines[:, None]
-        back = np.trapezoid(weights * self._returned * visits, self._cosines, axis=0)
-        albedo = np.zeros(3)
-        for weight, part in self._diffuse:
-            found = albedos(part, self._cosines)
-            albedo += weight * np.trapezoid(weights * found, self._cosines, axis=0)
-        series = 1 - np.minimum(albedo * back, _LOSSLESS)
+        found = sum(weight * albedos(part, self._cosines) for weight, part in self._diffuse)
+        mean, again = (
+            np.trapezoid(2 * self._cosines[:, None] * each, self._cosines, axis=0)
+            for each in (found, found**2 * self._returned * visits)
+        )
+        series = 1 - np.minimum(again / np.maximum(mean, 1e-300), _LOSSLESS)
         gain = self._passing * visits[self._beyond :] / np.sqrt(series) / self.ior
         return [(self._diffuse[number][1], Table(gain))]
 
@@ -170,6 +172,10 @@ class UnderCoat(Brdf):
         self.values = {**whole.values, "part": repr(part)}
         self.center, self.isotropic = part.center, part.isotropic
         self.base, self.part, self.ior, self._make = whole.base, part, ior, lobes
+
+    @property
+    def is_measured(self) -> bool:
+        return self.part.is_measured
 
     @cached_property
     def _lobes(self) -> Lobes:

@@ -11,6 +11,8 @@ from shrm_cli.sphere.directions import from_angles
 
 COSINES = np.linspace(0, 1, 40) ** 2
 """Where functions are tabulated: densely where directions graze, where they are steep."""
+_ACCURACY = 1e-4
+"""Of albedos, relative."""
 _LEAST = 1e-3
 """Directions closer to the horizon, .06 degrees, are taken as this cosine."""
 
@@ -67,7 +69,7 @@ def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
     below = np.minimum(place.astype(int), len(lights) - 2)
     row = np.zeros((len(lights), 3))
     for channel in range(1 if grey else 3):
-        each = (values[..., channel] * weights[:, None]).ravel()
+        each = (values[..., channel] * weights[:, None] * (light[..., 2] > 0)).ravel()
         row[:, channel] = np.bincount(below, each * (1 - place + below), len(lights))
         row[:, channel] += np.bincount(below + 1, each * (place - below), len(lights))
     return row[:, [0, 0, 0]] if grey else row
@@ -76,4 +78,4 @@ def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
 def albedos(brdf: Brdf, cosines: Array) -> Array:
     """The part of light from angles that a BRDF reflects, shape (n, 3)."""
     thetas = np.arccos(np.maximum(cosines, _LEAST))
-    return np.stack([directional_albedo(brdf, float(theta)) for theta in thetas])
+    return np.stack([directional_albedo(brdf, float(theta), _ACCURACY) for theta in thetas])
