@@ -1,11 +1,11 @@
 """Fuzz, such as dust or the fibres of cloth, over any base."""
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 
 from shrm_cli.brdf.base import Array, Brdf, Parameter, scaled
+from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.layered.parts.layered import BASE, Layered
 from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos
 from shrm_cli.brdf.models.charlie import Charlie
@@ -50,11 +50,12 @@ class UnderFuzz(Brdf):
     def is_measured(self) -> bool:
         return self.term.is_measured
 
-    @cached_property
-    def _passing(self) -> Table:
-        reflected = albedos(self.sheen, COSINES).max(axis=1, keepdims=True)
-        return Table(np.maximum(1 - np.tile(reflected, 3), 0))
-
     def evaluate(self, light: Array, view: Array) -> Array:
-        passing = (self._passing(each[..., 2])[..., 0] for each in (light, view))
-        return scaled(self.term.evaluate(light, view), np.minimum(*passing))
+        passing = remembered(self.sheen, ("passing",), lambda: _passing(self.sheen))
+        least = np.minimum(*(passing(each[..., 2])[..., 0] for each in (light, view)))
+        return scaled(self.term.evaluate(light, view), least)
+
+
+def _passing(sheen: Charlie) -> Table:
+    reflected = albedos(sheen, COSINES).max(axis=1, keepdims=True)
+    return Table(np.maximum(1 - np.tile(reflected, 3), 0))

@@ -9,7 +9,7 @@ from shrm_cli.brdf.examine import directional_albedo, mirror_rule, settled
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles
 
-COSINES = np.linspace(0, 1, 40) ** 2
+COSINES = np.linspace(0, 1, 64) ** 2
 """Where functions are tabulated: densely where directions graze, where they are steep."""
 _ACCURACY = 1e-4
 """Of albedos, relative."""
@@ -23,7 +23,7 @@ class Table:
 
     Attributes
     ----------
-    values : ndarray, shape (40, 3)
+    values : ndarray, shape (64, 3)
         Linear RGB.
     """
 
