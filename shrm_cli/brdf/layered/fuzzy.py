@@ -43,8 +43,12 @@ class UnderFuzz(Brdf):
     def __init__(self, whole: Fuzzy, term: Brdf, sheen: Charlie) -> None:
         self.term, self.sheen, self.source = term, sheen, whole.source
         self.values = {**whole.values, "part": repr(term)}
+        self._text = f"{term!r} in {whole!r}"
         self.center, self.isotropic = term.center, term.isotropic
         self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
+
+    def __repr__(self) -> str:
+        return self._text
 
     @property
     def is_measured(self) -> bool:

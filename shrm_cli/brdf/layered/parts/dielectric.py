@@ -88,6 +88,9 @@ class ThroughCoat(Brdf):
         self.coat, self.ior = coat.number("roughness") ** 4, coat.number("ior")
         self.values = {**whole.values, "coat": repr(coat)}
 
+    def __repr__(self) -> str:
+        return repr(self.whole)
+
     def evaluate(self, light: Array, view: Array) -> Array:
         half, factor = half_vector(light, view), 4 if self.is_later else 1
         turned = sum(swerve(np.clip(each[..., 2], 0, 1), self.ior) ** 2 for each in (light, view))

@@ -170,8 +170,12 @@ class UnderCoat(Brdf):
     def __init__(self, whole: Layered, part: Brdf, ior: float, lobes: Callable[[], Lobes]) -> None:
         self.name, self.source = f"{whole.name}-part", whole.source
         self.values = {**whole.values, "part": repr(part)}
+        self._text = f"{part!r} in {whole!r}"
         self.center, self.isotropic = part.center, part.isotropic
         self.base, self.part, self.ior, self._make = whole.base, part, ior, lobes
+
+    def __repr__(self) -> str:
+        return self._text
 
     @property
     def is_measured(self) -> bool:
