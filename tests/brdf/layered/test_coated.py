@@ -143,6 +143,14 @@ def test_light_and_view_may_be_exchanged(rng, spec):
     np.testing.assert_allclose(there, back, rtol=1e-9)
 
 
+@pytest.mark.parametrize("base", ["40*ggx", "40*lambertian", "9*lambertian+9*phong"])
+def test_a_base_that_glows_stays_finite(rng, base):
+    """The light between the coat and such a base would grow without an end."""
+    found = parse_spec(f"coated:base=({base})").evaluate(upper(rng, 200), upper(rng, 200))
+    assert np.isfinite(found).all()
+    assert (found >= 0).all()
+
+
 def test_roughplastic_of_mitsuba(mitsuba, rng):  # noqa: F811
     """A rough border over a diffuse base, away from the border's own narrow lobe."""
     plugin = {

@@ -149,6 +149,8 @@ class Interior:
             What it is at a visit, for light that is followed back from a view at the cosines.
         """
         moved = (self._matrices.sum(axis=0) * self._returned).transpose(2, 0, 1)
+        share = moved.sum(axis=2, keepdims=True)  # above 1 where the base itself gains light
+        moved = moved * np.minimum(_LOSSLESS / np.maximum(share, 1e-300), 1)
         found = np.linalg.solve(np.eye(len(each)) - moved, each.T[..., None])
         return np.asarray(found[..., 0].T)
 
