@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import k1
 
 import shrm_cli
+from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, ThroughCoat
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.probe.source import source_pixels
 from tests.brdf.layered.walk import coated
@@ -141,6 +143,24 @@ def test_light_and_view_may_be_exchanged(rng, spec):
     brdf, light, view = parse_spec(spec), upper(rng, 100), upper(rng, 100)
     there, back = brdf.evaluate(light, view), brdf.evaluate(view, light)
     np.testing.assert_allclose(there, back, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("base", "coat"), [(0.2, 0.3), (0.3, 0.4), (0.4, 0.2), (0.5, 0.2)])
+def test_slopes_of_facets_are_added_under_a_rough_coat(base, coat):
+    """Those of the base and of the border on both ways, each half of what turns the light there.
+
+    The sum has the product of the Fourier transforms of GGX's slopes, ``alpha k K_1(alpha k)``.
+    """
+    widths = np.array([base**2, *[(1 - 1 / 1.5) / 2 * coat**2] * 2])
+
+    def transform(k):
+        return k / (2 * np.pi) * np.prod(widths * k * k1(widths * k))
+
+    peak = quad(transform, 1e-9, 60 / widths.max(), limit=500)[0]
+    ggx, border = parse_spec(f"ggx:roughness={base}"), CoatLobe(coat, 1.5)
+    up = np.array([0.0, 0.0, 1.0])
+    found = 4 * ThroughCoat(ggx, border, False).evaluate(up, up)[0]
+    assert 1 / np.sqrt(found) == pytest.approx(1 / np.sqrt(peak), rel=0.035)
 
 
 @pytest.mark.parametrize("base", ["40*ggx", "40*lambertian", "9*lambertian+9*phong"])

@@ -76,10 +76,11 @@ class CoatLobe(Ggx):
 class ThroughCoat(Brdf):
     """GGX as it is seen through a rough border: light is turned on its way in and on its way out.
 
-    The square of its alpha grows by those of the border's alpha times `swerve`, of light and view. By
-    variances alone it would be a quarter, since a turn of the light tilts the half vector by half of
-    it; but the tails of GGX are long, and add up to this, as random walks show. Where light goes to
-    and fro, the lobe is twice as wide, and the facets of the border that reflect it add theirs.
+    The square of its alpha grows by those of the border's alpha times `swerve`, of light and view.
+    By variances alone it would be a quarter, since a turn of the light tilts the half vector by
+    half of it; but the tails of GGX are long, and add up to about this. Where light
+    goes to and fro, the lobe is twice as wide, and the facets of the border that reflect it add
+    theirs.
     """
 
     name = "ggx-through-coat"
