@@ -37,19 +37,16 @@ class Coated(Layered):
         diffuse = [(share, part) for share, part in parts if part.center == "normal"]
         glossy = [_glossy(share, part, coat) for share, part in parts if part.center != "normal"]
         inside = Interior(coat, self.color("color"), glossy, diffuse)
-        lobes = [
-            *((part.weight, part.lobe, inside.glossy_lobes) for part in glossy),
-            *((share, part, inside.diffuse_lobes) for share, part in diffuse),
+        glossy_terms = [
+            (weight * part.weight, UnderCoat(self, part.lobe, ior, partial(inside.glossy_lobes, k)))
+            for k, part in enumerate(glossy)
         ]
-        numbers = [*range(len(glossy)), *range(len(diffuse))]
-        return [
-            (weight if ior > 1 else 0.0, coat),
-            *(
-                (weight * share, UnderCoat(self, part, ior, partial(make, number)))
-                for number, (share, part, make) in zip(numbers, lobes, strict=True)
-            ),
-            (1 - weight, self.base),
+        diffuse_terms = [
+            (weight * share, UnderCoat(self, part, ior, partial(inside.diffuse_lobes, k)))
+            for k, (share, part) in enumerate(diffuse)
         ]
+        border = [(weight, coat)] if ior > 1 else []
+        return [*border, *glossy_terms, *diffuse_terms, (1 - weight, self.base)]
 
 
 def _glossy(share: float, part: Brdf, coat: CoatLobe) -> GlossyPart:
