@@ -9,12 +9,15 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import field
+from functools import reduce
+from operator import mul
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.nested import inside
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
@@ -27,13 +30,14 @@ Value = float | Sequence[float] | str
 
 @record
 class Parameter:
-    """A parameter of a model. It is a number, a color or a choice of names, as its default is.
+    """A parameter of a model: a number, a color, a choice of names or a BRDF, as its default is.
 
     Attributes
     ----------
     name : str
     default : float, tuple of 3 floats (linear RGB) or str
-        The value of the parameter where a specification leaves it out.
+        The value of the parameter where a specification leaves it out. A text without choices is
+        the specification of a BRDF, in parentheses.
     minimum, maximum : float
         The closed range of a number, and of each channel of a colour.
     meaning : str
@@ -60,10 +64,17 @@ class Parameter:
     is_optional: bool = False
 
     @property
+    def is_brdf(self) -> bool:
+        """Whether the values are BRDFs, of which `Brdf.values` holds the specifications."""
+        return isinstance(self.default, str) and not self.choices
+
+    @property
     def domain(self) -> str:
         """The values that are allowed, in words: ``0 .. 1`` or ``skin, clay or felt``."""
         if self.choices:
             return _either(self.choices)
+        if self.is_brdf:
+            return "a BRDF in parentheses"
         span = f"{self.minimum:g} .. {self.maximum:g}"
         if not isinstance(self.default, tuple):
             return span
@@ -89,6 +100,8 @@ class Parameter:
                 hint = suggestion(str(value), self.choices)
                 raise BrdfError(f"{self.name}={value_text(value)} is unknown; {hint}")
             return str(value)
+        if self.is_brdf:
+            return f"({inside(self.name, value)})"
         if isinstance(self.default, tuple):
             return self._checked_color(value)
         return self._checked_number(value, value)
@@ -237,6 +250,10 @@ class Brdf(ABC):
         other.center, other.zonal = center, False
         return other
 
+    def with_value(self, key: str, value: Value) -> Self:
+        """The same model with one of its parameters changed."""
+        return type(self)(**{**self.values, key: value})
+
     @property
     def is_measured(self) -> bool:
         """Whether the BRDF interpolates samples of a file, so that it has kinks and noise."""
@@ -287,11 +304,25 @@ def grey(value: Array) -> Array:
     return np.broadcast_to(value[..., None], (*value.shape, 3))
 
 
-def scaled(values: Array, factor: Array | NDArray[np.bool_]) -> Array:
+def scaled(values: Array, factor: Array | NDArray[np.bool_] | np.floating) -> Array:
     """Multiply RGB values (..., 3) by a factor (...); grey values stay a broadcast view."""
     if values.strides[-1] == 0:
-        return grey(values[..., 0] * factor)
-    return values * factor[..., None]
+        return grey(np.asarray(values[..., 0] * factor))
+    return np.asarray(values * np.asarray(factor)[..., None])
+
+
+def multiplied(*factors: Array) -> Array:
+    """Multiply RGB values (..., 3); if all are grey, the product stays a broadcast view."""
+    if all(each.strides[-1] == 0 for each in factors):
+        return grey(np.asarray(reduce(mul, (each[..., 0] for each in factors))))
+    return np.asarray(reduce(mul, factors))
+
+
+def added(values: Sequence[Array]) -> Array:
+    """Add RGB values (..., 3); if all are grey, the sum stays a broadcast view."""
+    if all(each.strides[-1] == 0 for each in values):
+        return grey(np.asarray(sum(each[..., 0] for each in values)))
+    return np.asarray(sum(values))
 
 
 def _either(names: Sequence[str]) -> str:

@@ -1,5 +1,7 @@
 """Properties of a BRDF: its values, its albedo, and whether a real surface could have it."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from shrm_cli.arrays import Array
@@ -94,52 +96,87 @@ def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
     return float(np.sqrt(np.mean((first - second) ** 2) / size)) if size > 0 else 0.0
 
 
-def directional_albedo(brdf: Brdf, theta: float) -> Array:
+def directional_albedo(brdf: Brdf, theta: float, accuracy: float = _ACCURACY) -> Array:
     """Integrate rho_hat over all directions of the light, for a view at an angle.
 
     The samples lie on polar coordinates about the mirror direction, and are dense near it. Their
-    number is doubled in both coordinates until the result changes by a thousandth at most, or
-    there are 384 x 384.
+    number is doubled in both coordinates until the result changes by the accuracy at most, or there
+    are 384 x 384.
 
     Parameters
     ----------
     brdf : Brdf
     theta : float
         The angle of the view from the z axis, radians.
+    accuracy : float
+        Relative.
 
     Returns
     -------
     ndarray, shape (3,)
         Linear RGB.
     """
+    return settled(lambda count: _albedo(brdf, theta, count), accuracy)
+
+
+def settled(sample: Callable[[int], Array], accuracy: float = _ACCURACY) -> Array:
+    """Sample something with more and more nodes, until its sum changes by an accuracy at most.
+
+    Parameters
+    ----------
+    sample : callable
+        Takes a number of nodes of each angle, and returns what is found, shape (..., 3).
+    accuracy : float
+        Relative.
+    """
     previous = np.full(3, np.inf)
     for count in _COUNTS:
-        current = _albedo(brdf, theta, count)
-        if np.abs(current - previous).max() <= _ACCURACY * current.max():
+        found = sample(count)
+        current = found.reshape(-1, 3).sum(axis=0)
+        if np.abs(current - previous).max() <= accuracy * current.max():
             break
         previous = current
-    return current
+    return found
 
 
 def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
     """`directional_albedo` with `count` nodes of each angle."""
-    nodes, weights = gauss_legendre(count)
-    # The angles from the mirror direction are squares of equal steps, so dense near it that a lobe
-    # a third of a degree wide has nodes enough.
-    u = (nodes + 1) / 2
-    from_mirror = np.pi * u**2
-    weights = weights / 2 * 2 * np.pi * u * np.sin(from_mirror) * (2 * np.pi / count)
-    phi = (np.arange(count) + 0.5) * (2 * np.pi / count)
     view = from_angles(theta, 0.0)
-    cosine, sine = np.cos(theta), np.sin(-theta)
     total = np.zeros(3)
     rows = max(1, _SAMPLES_AT_ONCE // count)
     for start in range(0, count, rows):
-        block = slice(start, start + rows)
-        x, y, z = np.moveaxis(from_angles(from_mirror[block, None], phi), -1, 0)
-        light = np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=-1)
-        total += np.einsum("t,tpc->c", weights[block], brdf.transfer(light, view))
+        light, weights = mirror_rule(theta, count, slice(start, start + rows))
+        total += np.einsum("t,tpc->c", weights, brdf.transfer(light, view))
     return total
+
+
+def mirror_rule(theta: float, count: int, block: slice = slice(None)) -> tuple[Array, Array]:
+    """Directions and weights that integrate over the sphere, dense near the mirror direction.
+
+    Parameters
+    ----------
+    theta : float
+        The angle of the view from the z axis, radians; its azimuth is 0.
+    count : int
+        Of the angles from the mirror direction, and of the azimuths about it.
+    block : slice
+        The angles from the mirror direction to take.
+
+    Returns
+    -------
+    light : ndarray, shape (n, count, 3)
+    weights : ndarray, shape (n,)
+    """
+    nodes, weights = gauss_legendre(count)
+    # The angles from the mirror direction are squares of equal steps, so dense near it that a lobe
+    # a third of a degree wide has nodes enough.
+    u = (nodes[block] + 1) / 2
+    from_mirror = np.pi * u**2
+    weights = weights[block] / 2 * 2 * np.pi * u * np.sin(from_mirror) * (2 * np.pi / count)
+    phi = (np.arange(count) + 0.5) * (2 * np.pi / count)
+    cosine, sine = np.cos(theta), np.sin(-theta)
+    x, y, z = np.moveaxis(from_angles(from_mirror[:, None], phi), -1, 0)
+    return np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=-1), weights
 
 
 def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 PACKAGE = "shrm_cli.brdf."
 """What the names of the modules of all BRDFs of `shrm` itself begin with."""
 MODELS = "shrm_cli.brdf.models"
+LAYERED = "shrm_cli.brdf.layered"
 GROUP = "shrm.brdf"
 
 
@@ -80,7 +81,7 @@ def is_built_in(model: type[Brdf]) -> bool:
 
 def built_in_names() -> list[str]:
     """Names of the models of `shrm`, in the order of the alphabet; none is loaded."""
-    return module_names(MODELS)
+    return sorted(module_names(MODELS) + module_names(LAYERED))
 
 
 def model_names() -> list[str]:
@@ -97,8 +98,9 @@ def find_model(name: str) -> type[Brdf]:
         If there is none, and then names that look like it are suggested; or if an installed
         package has one that cannot be used.
     """
-    if name in built_in_names():
-        return load_class(MODELS, name)
+    for package in (MODELS, LAYERED):
+        if name in module_names(package):
+            return load_class(package, name)
     installed = _installed()
     if name in installed:
         return _load(installed[name])

@@ -7,20 +7,21 @@ A specification is one of
 - the path of a measured file,
 - a sum of these, such as ``0.5*lambertian+0.5*ggx``.
 
-A value is a number, a color (one number, ``1/0.78/0.34`` or a name such as ``gold``), or the name
-of a choice.
+A value is a number, a color (one number, ``1/0.78/0.34`` or a name such as ``gold``), the name of a
+choice, or a specification in parentheses.
 """
 
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shrm_cli.addresses import shown
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.library import built_in_names, find_model, is_built_in, model_names
+from shrm_cli.brdf.nested import COMMA, check_number, cut, inside, nested_texts
 from shrm_cli.brdf.sums import is_sum, parse_sum, term_texts
 from shrm_cli.color import Primaries, from_rec709
 from shrm_cli.errors import BrdfError
@@ -48,17 +49,19 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         If the model or a parameter is unknown, malformed, repeated or out of its range, or a
         file cannot be used.
     """
+
+    def parse(term: str) -> Brdf:
+        return parse_spec(term, run_code=run_code, primaries=primaries)
+
     if not _is_one_file(spec) and is_sum(spec):
-        return parse_sum(
-            spec, lambda term: parse_spec(term, run_code=run_code, primaries=primaries)
-        )
+        return parse_sum(spec, parse)
     if names_file(spec):
         from shrm_cli.brdf.measured import open_measured  # it is slow to load
 
         return open_measured(Path(spec))
     term = _python_term(spec)
     if term is None:
-        return _of_model(spec, primaries)
+        return _of_model(spec, primaries, parse)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
     from shrm_cli.brdf.python_file import load_model, make_checked
@@ -94,18 +97,26 @@ def parse_recorded(
     BrdfError
         As of `parse_spec`.
     """
+
+    def parse(term: str) -> Brdf:
+        return parse_recorded(term, open_file, primaries)
+
     if is_sum(spec):
-        return parse_sum(spec, lambda term: parse_recorded(term, open_file, primaries))
+        return parse_sum(spec, parse)
     found = open_file(spec.strip())
-    return _of_model(spec, primaries) if found is None else found
+    return _of_model(spec, primaries, parse) if found is None else found
 
 
-def _of_model(spec: str, primaries: Primaries | None) -> Brdf:
+def _of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf]) -> Brdf:
     """The BRDF of a model that has a name, and of the values after it."""
     name, colon, rest = spec.strip().partition(":")
     model = find_model(name)
-    values = _values(spec, rest) if colon else {}
+    check_number(spec)
+    values: dict[str, Any] = _values(spec, rest) if colon else {}
     values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
+    for each in model.parameters:
+        if each.is_brdf and each.name in values:
+            values[each.name] = parse(inside(each.name, values[each.name]))
     if is_built_in(model):
         return model(**values)
     from shrm_cli.brdf.python_file import make_checked
@@ -138,6 +149,8 @@ def named_files(spec: str) -> list[Path]:
         path = Path(part) if term is None else term.path
         if os.path.isfile(path):
             found.append(path)
+        else:
+            found += [file for text in nested_texts(part) for file in named_files(text)]
     return found
 
 
@@ -189,7 +202,7 @@ def _is_measured_suffix(suffix: str) -> bool:
 def _values(spec: str, text: str) -> dict[str, Value]:
     """The values of ``key=value,key=value``."""
     values: dict[str, Value] = {}
-    for part in text.split(","):
+    for part in cut(COMMA, text):
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not key:
             raise BrdfError(f"{spec!r}: expected key=value, got {part!r}")

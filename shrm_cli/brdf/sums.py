@@ -2,12 +2,13 @@
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value, value_text
+from shrm_cli.brdf.nested import cut, masked
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
 from shrm_cli.vocabulary import MAX_TERMS
@@ -18,6 +19,8 @@ _ANGLES = 24
 _AZIMUTHS = 13
 _GRAZING = 0.95
 _LARGEST_WEIGHT = 1e30
+FILES = "terms"
+"""What records have the values of terms under, where these are measured."""
 _LEAST_ALBEDO = 0.005  # a smaller Lambertian part is not worth a map of its own
 
 
@@ -46,10 +49,18 @@ class Sum(Brdf):
             raise BrdfError("a sum has two terms at least")
         for weight, term in terms:
             _check_weight(weight, term)
+        self._hold(terms)
+        self.values = _record(
+            "+".join(f"{value_text(weight)}*{term!r}" for weight, term in terms),
+            [term for _, term in terms],
+        )
+
+    def _hold(self, terms: Sequence[tuple[float, Brdf]]) -> None:
+        """Take the terms, and in the place of sums among them the terms of these."""
+        self.terms = tuple(flat_terms(terms))
+        for _, term in terms:
             if term.center == "tangent":
                 raise BrdfError(f"{term!r}: hair has no normal in common with the other terms")
-        self.terms = tuple(terms)
-        self.values = _record(repr(self), [term for _, term in terms])
         self.includes_cosine = any(term.includes_cosine for _, term in terms)
         self.has_horizon = False
         self.isotropic = all(term.isotropic for _, term in terms)
@@ -68,7 +79,18 @@ class Sum(Brdf):
         return np.asarray(sum(others, start=first))
 
     def __repr__(self) -> str:
-        return "+".join(f"{value_text(weight)}*{term!r}" for weight, term in self.terms)
+        return str(self.values["spec"])
+
+
+def flat_terms(terms: Iterable[tuple[float, Brdf]]) -> Iterator[tuple[float, Brdf]]:
+    """The terms of a sum, with those of sums and of weighted terms among them in their place."""
+    for weight, term in terms:
+        if isinstance(term, Sum):
+            yield from ((weight * own, part) for own, part in term.terms)
+        elif isinstance(term, _Weighted):
+            yield from flat_terms([(weight * term.weight, term.term)])
+        else:
+            yield weight, term
 
 
 def _check_weight(weight: float, term: Brdf) -> None:
@@ -83,7 +105,7 @@ def _record(spec: str, terms: Sequence[Brdf]) -> dict[str, Value]:
     """What identifies a sum: its specification, and the digests of the files that it names."""
     record: dict[str, Value] = {"spec": spec}
     if any(term.is_measured for term in terms):
-        record["terms"] = json.dumps([term.values for term in terms], sort_keys=True)
+        record[FILES] = json.dumps([term.values for term in terms], sort_keys=True)
     return record
 
 
@@ -205,12 +227,12 @@ _TOO_MANY_WEIGHTS = re.compile(rf"(?:\s*[0-9.]+(?:[eE][-+]?[0-9]+)?\s*\*){{{MAX_
 
 def is_sum(spec: str) -> bool:
     """Whether a specification has several terms, or a weight."""
-    return len(_PLUS.split(spec)) > 1 or _WEIGHT.match(spec) is not None
+    return _PLUS.search(masked(spec)) is not None or _WEIGHT.match(spec) is not None
 
 
 def term_texts(spec: str) -> list[str]:
     """The specifications of the terms of a sum, without their weights."""
-    return [_WEIGHT.sub("", part, count=1).strip() for part in _PLUS.split(spec)]
+    return [_WEIGHT.sub("", part, count=1).strip() for part in cut(_PLUS, spec)]
 
 
 def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
@@ -229,7 +251,7 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
         added.
     """
     terms = []
-    parts = _PLUS.split(spec)
+    parts = list(cut(_PLUS, spec))
     if len(parts) > MAX_TERMS:
         raise BrdfError(f"{spec!r:.60}: a sum of {len(parts):,} terms; give {MAX_TERMS} at most")
     for part in parts:

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from shrm_cli.brdf.base import Brdf
 
-_WEIGHT = re.compile(r"[0-9.eE+-]*\*")
+_START = re.compile(r"(?:^|\+|=\()(?:[0-9.eE+-]*\*)?")
+"""Where terms begin: with a weight, after a plus or in the parentheses of a value."""
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
@@ -331,15 +332,16 @@ class Spec(click.ParamType):  # type: ignore[type-arg]  # click's type is generi
 
 def _last_term(text: str) -> tuple[str, str]:
     """Split a specification into what comes before the name of its last term, and that term."""
-    start, plus, last = text.rpartition("+")
-    weight = _WEIGHT.match(last)
-    cut = len(start) + len(plus) + (weight.end() if weight else 0)
-    return text[:cut], text[cut:]
+    from shrm_cli.brdf.nested import masked
+
+    start = max(match.end() for match in _START.finditer(masked(text)))
+    return text[:start], text[start:]
 
 
 def _endings(term: str) -> list[str]:
     """Return what a term may become: with a name, with a parameter's name, or with its value."""
     from shrm_cli.brdf.library import find_model, model_names
+    from shrm_cli.brdf.nested import COMMA, cut
     from shrm_cli.errors import BrdfError
 
     name, colon, values = term.partition(":")
@@ -349,7 +351,7 @@ def _endings(term: str) -> list[str]:
         model = find_model(name)
     except BrdfError:
         return []
-    *given, current = values.split(",")
+    *given, current = cut(COMMA, values)
     before = f"{name}:{','.join([*given, ''])}"
     return [before + each for each in _settings(model, given, current)]
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from shrm_cli.brdf.nested import COMMA, cut
 from shrm_cli.brdf.spec import file_label, names_file
 from shrm_cli.brdf.sums import is_sum, term_texts
 from shrm_cli.files.html_page import asset, html_page
@@ -131,8 +132,9 @@ def _short(spec: str) -> str:
     if names_file(spec):
         return _cut(file_label(spec))
     name, _, parameters = spec.partition(":")
-    values = [pair.partition("=")[2] or pair for pair in parameters.split(",") if pair]
-    return _cut(" ".join([name.strip(), *(value.strip() for value in values)]))
+    values = [pair.partition("=")[2] or pair for pair in cut(COMMA, parameters) if pair]
+    words = (_short(value[1:-1]) if value[0] == "(" else value for value in map(str.strip, values))
+    return _cut(" ".join([name.strip(), *words]))
 
 
 def _cut(text: str) -> str:

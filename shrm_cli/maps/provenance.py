@@ -6,6 +6,7 @@ from typing import Any
 
 from shrm_cli.brdf.base import Brdf, value_text
 from shrm_cli.brdf.spec import parse_recorded
+from shrm_cli.brdf.sums import FILES
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.maps.info import MapInfo
@@ -50,7 +51,9 @@ def spec_of(record: Mapping[str, Any]) -> str:
         return "unknown"
     if name == "sum":
         return str(parameters.get("spec", "unknown"))
-    inside = ",".join(f"{key}={value_text(value)}" for key, value in parameters.items())
+    inside = ",".join(
+        f"{key}={value_text(value)}" for key, value in parameters.items() if key != FILES
+    )
     return f"{name}:{inside}" if inside else name
 
 
@@ -111,11 +114,14 @@ class _Missing(BrdfError):
 
 
 def _files_of_terms(record: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return the names and the digests of the measured files of a recorded sum, by their names."""
+    """Return the names and the digests of the measured files of a recorded sum, by their names.
+
+    The base of a layer is recorded as a term.
+    """
     found: dict[str, dict[str, str]] = {}
-    waiting: list[Any] = [record.get("parameters")] if record.get("name") == "sum" else []
+    waiting: list[Any] = [record.get("parameters")]
     for values in waiting:  # which grows: a term with a factor before it has a record of its own
-        text = values.get("terms") if isinstance(values, dict) else None
+        text = values.get(FILES) if isinstance(values, dict) else None
         terms = _parsed(text) if isinstance(text, str) else None
         if isinstance(terms, list) and len(waiting) + len(terms) <= MAX_TERMS**2:
             waiting += terms

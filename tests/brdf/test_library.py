@@ -40,7 +40,8 @@ class RedVelvetLiner(Velvet):
 @pytest.mark.parametrize("name", built_in_names())
 def test_each_module_has_exactly_one_model_of_its_name(name):
     module = sys.modules[find_model(name).__module__]
-    assert module.__name__ == f"shrm_cli.brdf.models.{name.replace('-', '_')}"
+    places = [f"shrm_cli.brdf.{each}.{name.replace('-', '_')}" for each in ("models", "layered")]
+    assert module.__name__ in places
     model = find_model(name)
     assert model.name == name
     assert [v for v in vars(module).values() if getattr(v, "name", "") == name] == [model]
@@ -49,8 +50,8 @@ def test_each_module_has_exactly_one_model_of_its_name(name):
     assert model.__doc__
 
 
-def test_there_are_fourteen():
-    assert len(built_in_names()) == 14
+def test_there_are_sixteen():
+    assert len(built_in_names()) == 16
     assert built_in_names() == sorted(built_in_names())
     assert {"ggx", "kajiya-kay", "lambertian"} <= set(built_in_names())
 

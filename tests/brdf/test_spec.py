@@ -49,7 +49,7 @@ def test_texts_of_values_lose_nothing():
     [
         ("microfacett", "did you mean microfacet"),
         ("Phong", "did you mean phong"),
-        ("zzz", "known: ashikhmin-shirley, blinn-phong, charlie"),
+        ("qqq", "known: ashikhmin-shirley, blinn-phong, charlie"),
         ("gxx:f0=1/0.78/0.34", "no BRDF is called 'gxx'; did you mean ggx"),
         ("ggx:f0=gould", "neither a colour nor the name of one; did you mean gold"),
         ("ggx:f0=1/2", "f0=1/2 has 2 channels; give R/G/B"),

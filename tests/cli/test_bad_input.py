@@ -207,9 +207,9 @@ def test_negative_radiance_is_clamped_with_a_warning(folder):
 
 
 ARGUMENTS = [
-    (["--brdf", "microfact"], 1, ["'microfact'", "did you mean microfacet?"]),
+    (["--brdf", "microfact"], 1, ["'microfact'", "did you mean microfacet"]),
     (["--brdf", "LAMBERT"], 1, ["'LAMBERT'", "did you mean lambertian or"]),
-    (["--brdf", "zzz"], 1, ["'zzz'", "known: ashikhmin-shirley, blinn-phong, charlie"]),
+    (["--brdf", "qqq"], 1, ["'qqq'", "known: ashikhmin-shirley, blinn-phong, charlie"]),
     (["--brdf", ""], 1, ["no BRDF is called ''", "known: "]),
     (["--brdf", "phong:shine=3"], 1, ["phong: unknown parameter 'shine'", "it has exponent"]),
     (["--brdf", "microfacet:sigma=2"], 1, ["sigma=2 is outside 0.005 .. 1"]),

@@ -113,6 +113,7 @@ _ARGUMENTS = (
     "prefilter FILE --brdf WORD --size 4 --order-f 2 --order-p 0 -o OUT.exr",
     "prefilter FILE --brdf ggx:roughness=WORD -o OUT.exr",
     "prefilter FILE --brdf WORD*lambertian -o OUT.exr",
+    "prefilter FILE --brdf coated:base=(WORD) --size 4 --order-f 2 --order-p 0 -o OUT.exr",
     "prefilter FILE --to WORD -o OUT.exr",
     "prefilter WORD --to irradiance -o OUT.exr",
     "prefilter FILE --to irradiance --yaw WORD --size 4 -o OUT.exr",

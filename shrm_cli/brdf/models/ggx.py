@@ -82,7 +82,11 @@ class Ggx(Brdf):
         masking = light_cosine * self._projected(view, view_cosine)
         shadowing = view_cosine * self._projected(light, light_cosine)
         value = above_horizon(distribution / (2 * (masking + shadowing)), light, view)
-        return scaled(schlick(self.color("f0"), half.cosine), value)
+        return scaled(self.reflectance(half.cosine), value)
+
+    def reflectance(self, cosine: Array) -> Array:
+        """The reflectance of a facet that is met at an angle, shape (..., 3)."""
+        return schlick(self.color("f0"), cosine)
 
     def _distribution(self, half: Half) -> Array:
         """The distribution D of normals of facets, Heitz 2014, eq. 85."""

@@ -166,11 +166,11 @@ def varying_texture(
 def _with_value(brdf: Brdf, parameter: str, value: float) -> Brdf:
     """Return a model with one of its parameters changed."""
     known = {each.name: each for each in brdf.parameters}
-    if parameter not in known or known[parameter].choices:
-        numbers = [name for name, each in known.items() if not each.choices]
+    if parameter not in known or isinstance(known[parameter].default, str):
+        numbers = [name for name, each in known.items() if not isinstance(each.default, str)]
         having = ", ".join(numbers) or "none"
         raise BrdfError(f"{brdf!r}: it has no parameter {parameter!r} to vary; it has {having}")
-    return type(brdf)(**{**brdf.values, parameter: value})
+    return brdf.with_value(parameter, value)
 
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:

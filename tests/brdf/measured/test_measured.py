@@ -143,7 +143,6 @@ def test_names_tell_what_is_damaged(tmp_path, name, words):
 
 FLAT = '''
 """A format of one number."""
-from shrm_cli.brdf.base import Array
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import file_values
 import numpy as np

@@ -68,7 +68,7 @@ def random_model(name, rng):
     values = {}
     for parameter in MODELS[name].parameters:
         low, high = parameter.minimum, parameter.maximum
-        if parameter.choices or parameter.is_optional:
+        if isinstance(parameter.default, str) or parameter.is_optional:
             continue
         if isinstance(parameter.default, tuple):
             values[parameter.name] = list(rng.uniform(low, high, 3))

@@ -83,7 +83,7 @@ def extremes(model):
     yield model()
     ordinary = [p for p in model.parameters if not p.is_optional]
     for end in ("minimum", "maximum"):
-        values = {p.name: getattr(p, end) for p in ordinary if not p.choices}
+        values = {p.name: getattr(p, end) for p in ordinary if not isinstance(p.default, str)}
         yield model(**values)
         for more in OPTIONAL.get(model.name, ()):
             kept = {} if "ax" in more else values

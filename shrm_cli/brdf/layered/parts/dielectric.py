@@ -1,0 +1,115 @@
+"""Borders between air and a clear medium, smooth or rough: Fresnel, Snell, and lobes of GGX."""
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, grey, scaled
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector
+
+
+def fresnel(cosine: Array, ior: float) -> Array:
+    """Fresnel's reflectance of unpolarized light that comes through air, exact.
+
+    Parameters
+    ----------
+    cosine : ndarray
+        Of the angle in air, 0 .. 1.
+    ior : float
+        The medium's index of refraction.
+    """
+    below = refracted_cosine(cosine, ior)
+    across = (cosine - ior * below) / (cosine + ior * below)
+    along = (ior * cosine - below) / (ior * cosine + below)
+    return np.asarray((across**2 + along**2) / 2)
+
+
+def inner_reflectance(cosine: Array, ior: float) -> Array:
+    """Fresnel's reflectance of light that comes through the medium; it is 1 beyond the critical
+    angle. Parameters are those of `fresnel`, with the cosine in the medium.
+    """
+    square = 1 - ior**2 * (1 - cosine**2)
+    leaving = np.sqrt(np.maximum(square, 0.0))
+    return np.where(square > 0, fresnel(leaving, ior), np.ones((), cosine.dtype))
+
+
+def refracted_cosine(cosine: Array, ior: float) -> Array:
+    """The cosine in the medium of light that has a cosine in air, by Snell's law."""
+    return np.sqrt(1 - (1 - cosine**2) / ior**2)
+
+
+def refracted(directions: Array, ior: float) -> Array:
+    """Directions (..., 3) in air as they go on in the medium, away from its border, as they do.
+
+    Directions below the horizon become those that graze in air.
+    """
+    z = refracted_cosine(np.clip(directions[..., 2], 0.0, 1.0), ior)
+    return np.stack([directions[..., 0] / ior, directions[..., 1] / ior, z], axis=-1)
+
+
+def swerve(inner: Array, ior: float) -> Array:
+    """How far a tilted facet of the border turns light in the medium, in parts of its tilt.
+
+    Parameters
+    ----------
+    inner : ndarray
+        The cosine of the light in the medium.
+    ior : float
+    """
+    outer = np.sqrt(np.maximum(1 - ior**2 * (1 - inner**2), 0.0))
+    return np.asarray(inner - outer / ior)
+
+
+class CoatLobe(Ggx):
+    """What the rough border of a clear medium reflects: `Ggx` with Fresnel's equations."""
+
+    name = "coat-lobe"
+    summary = "reflection at the border of a clear medium"
+
+    def __init__(self, roughness: float, ior: float) -> None:
+        super().__init__(roughness=roughness)
+        self.values = {"roughness": roughness, "ior": ior}
+
+    def reflectance(self, cosine: Array) -> Array:
+        return grey(fresnel(cosine, self.number("ior")))
+
+
+class ThroughCoat(Brdf):
+    """GGX as it is seen through a rough border: light is turned on its way in and on its way out.
+
+    The square of its alpha grows by those of the border's alpha times `swerve`, of light and view.
+    By variances alone it would be a quarter, since a turn of the light tilts the half vector by
+    half of it; but the tails of GGX are long, and add up to about this. Where light
+    goes to and fro, the lobe is twice as wide, and the facets of the border that reflect it add
+    theirs.
+    """
+
+    name = "ggx-through-coat"
+    summary = "GGX seen through a coat"
+
+    def __init__(self, whole: Ggx, coat: CoatLobe, is_later: bool) -> None:
+        self.whole, self.isotropic, self.is_later = whole, whole.isotropic, is_later
+        self.coat, self.ior = coat.number("roughness") ** 4, coat.number("ior")
+        self.values = {**whole.values, "coat": repr(coat)}
+
+    def __repr__(self) -> str:
+        return repr(self.whole)
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        half, factor = half_vector(light, view), 4 if self.is_later else 1
+        turned = sum(swerve(np.clip(each[..., 2], 0, 1), self.ior) ** 2 for each in (light, view))
+        added = self.coat * (turned + factor - 1)
+        squares = [np.minimum(factor * alpha**2 + added, 1) for alpha in self.whole.alphas]
+        stretched = half.x**2 / squares[0] + half.y**2 / squares[1] + half.z**2
+        lit, seen = cosines(light, view)
+        shadowed = seen * _projected(light, lit, squares)
+        masked = lit * _projected(view, seen, squares)
+        area = np.pi * np.sqrt(squares[0] * squares[1])
+        value = above_horizon(1 / (2 * area * stretched**2 * (shadowed + masked)), light, view)
+        return scaled(self.whole.reflectance(half.cosine), value)
+
+
+def _projected(direction: Array, cosine: Array, squares: list[Array]) -> Array:
+    """As of `Ggx`, with squares of alphas that depend on light and view."""
+    x, y = direction[..., 0], direction[..., 1]
+    return np.asarray(np.sqrt(squares[0] * x**2 + squares[1] * y**2 + cosine**2))

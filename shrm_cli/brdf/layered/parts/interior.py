@@ -1,0 +1,198 @@
+"""The light between a coat and its base, which goes to and fro and leaves a part each time.
+
+Light L reaches the base as L', refracted by Snell's law, and after the base's reflection leaves
+along V, refracted again. If the coat is smooth, what leaves at once is exactly
+
+    T(L) T(V) f(L', V') / ior^2
+
+with the transmittance T and the base's BRDF f. A part is reflected at the border, and comes back to
+the base. How much leaves after all such rounds is known from energies alone, which depend on angles
+to the normal and not on azimuths: they are the solution of a linear system, `_visits`. Glossy parts
+of the base get it as a lobe that is wider than their own, and as strong as these energies say.
+Light at the diffuse part has no direction any more, and its rounds are a geometric series. It meets
+the glossy parts on its way there and from there.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
+from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted, refracted_cosine
+from shrm_cli.brdf.layered.parts.layered import Layered
+from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos, transport
+from shrm_cli.records import record
+
+Terms = Sequence[tuple[float, Brdf]]
+Lobes = Sequence[tuple[Brdf, Table]]
+
+_BEYOND = np.linspace(0, 1, 9)[:-1]
+"""Cosines beyond the critical angle that are tabulated, in parts of its cosine."""
+_LOSSLESS = 0.9999
+"""The most that comes back: without a loss, light beyond the critical angle would stay for ever."""
+_STEPS = 20
+
+
+@record(eq=False)
+class GlossyPart:
+    """A glossy part of a base.
+
+    Attributes
+    ----------
+    weight : float
+    lobe : Brdf
+        As it is seen through the coat after one reflection.
+    wider : Brdf
+        And after several.
+    """
+
+    weight: float
+    lobe: Brdf
+    wider: Brdf
+
+
+class Interior:
+    """How much brighter or darker the parts of a base are under a coat.
+
+    Parameters
+    ----------
+    coat : CoatLobe
+        What the coat's border reflects outside.
+    color : tuple of 3 floats
+        What passes through the coat along its normal, there and back.
+    glossy : sequence of GlossyPart
+    diffuse : sequence of (float, Brdf)
+    """
+
+    def __init__(
+        self, coat: CoatLobe, color: Color, glossy: Sequence[GlossyPart], diffuse: Terms
+    ) -> None:
+        self.coat, self.ior = coat, coat.number("ior")
+        self._color, self._glossy, self._diffuse = np.array(color), glossy, diffuse
+        seen = refracted_cosine(COSINES, self.ior)
+        self._beyond = len(_BEYOND) if self.ior > 1 else 0
+        self._cosines = np.append(_BEYOND[: self._beyond] * seen[0], seen)
+
+    def glossy_lobes(self, number: int) -> Lobes:
+        """The lobes that a glossy part has under the coat, with what they are multiplied by for the
+        light and for the view.
+        """
+        part = self._glossy[number]
+        once = np.einsum("pijc,jc->pic", self._matrices, self._leaving)
+        whole = np.maximum(once.sum(axis=0), 1e-300)
+        later = np.maximum(np.minimum(self._visits(whole), self._way) - whole, 0)
+        seen = self._cosines[self._beyond :]
+        matrix = part.weight * transport(part.wider, seen, self._cosines)
+        wanted = (later * once[number] / whole)[self._beyond :]
+        strength = _strength(matrix[:, self._beyond :], self._passing, wanted)
+        return [
+            (part.lobe, Table(self._passing / self.ior)),
+            (part.wider, Table(self._passing * strength / self.ior)),
+        ]
+
+    def diffuse_lobes(self, number: int) -> Lobes:
+        """As `glossy_lobes`, of a diffuse part.
+
+        Diffuse light that comes back is reflected as ``E(l) E(v) / mean(E)``, with the albedo E.
+        """
+        visits = self._visits(np.ones_like(self._leaving))
+        found = sum(weight * albedos(part, self._cosines) for weight, part in self._diffuse)
+        mean, again = (
+            np.trapezoid(2 * self._cosines[:, None] * each, self._cosines, axis=0)
+            for each in (found, found**2 * self._returned * visits)
+        )
+        series = 1 - np.minimum(again / np.maximum(mean, 1e-300), _LOSSLESS)
+        gain = self._passing * visits[self._beyond :] / np.sqrt(series) / self.ior
+        return [(self._diffuse[number][1], Table(gain))]
+
+    @cached_property
+    def _border(self) -> Array:
+        """What the border reflects of light from inside, at the cosines, (n, 1)."""
+        outside = albedos(self.coat, COSINES)[:, :1]
+        outside[0] = 1  # light that grazes is reflected
+        return np.append(np.ones((self._beyond, 1)), outside, axis=0)
+
+    @cached_property
+    def _way(self) -> Array:
+        """What the medium lets pass on one way at the cosines, (n, 3)."""
+        return np.asarray(self._color ** (0.5 / np.maximum(self._cosines, 1e-3)[:, None]))
+
+    @cached_property
+    def _leaving(self) -> Array:
+        """What leaves of light that the base reflects at the cosines, (n, 3)."""
+        return (1 - self._border) * self._way
+
+    @property
+    def _passing(self) -> Array:
+        """What passes the coat, at `COSINES` in air."""
+        return self._leaving[self._beyond :]
+
+    @property
+    def _returned(self) -> Array:
+        """What comes back to the base of light that it reflects at the cosines, (n, 3)."""
+        return np.minimum(self._border * self._way**2, _LOSSLESS)
+
+    @cached_property
+    def _matrices(self) -> Array:
+        """How each glossy part moves light between the cosines, (parts, n, n, 3)."""
+        cosines = self._cosines
+        found = [part.weight * transport(part.lobe, cosines, cosines) for part in self._glossy]
+        return np.reshape(found, (len(found), len(cosines), len(cosines), 3))
+
+    def _visits(self, each: Array) -> Array:
+        """The sum of something over all visits of light to the glossy parts.
+
+        Parameters
+        ----------
+        each : ndarray, shape (n, 3)
+            What it is at a visit, for light that is followed back from a view at the cosines.
+        """
+        moved = (self._matrices.sum(axis=0) * self._returned).transpose(2, 0, 1)
+        share = moved.sum(axis=2, keepdims=True)  # above 1 where the base itself gains light
+        moved = moved * np.minimum(_LOSSLESS / np.maximum(share, 1e-300), 1)
+        found = np.linalg.solve(np.eye(len(each)) - moved, each.T[..., None])
+        return np.asarray(found[..., 0].T)
+
+
+def _strength(matrix: Array, passing: Array, wanted: Array) -> Array:
+    """Factors h of light and view, the same for both, with ``h (M (passing h)) = wanted``."""
+    strength = np.ones_like(wanted)
+    for _ in range(_STEPS):
+        found = strength * np.einsum("ijc,jc->ic", matrix, passing * strength)
+        strength = strength * np.sqrt(wanted / np.maximum(found, 1e-300))
+    return strength
+
+
+class UnderCoat(Brdf):
+    """A part of a base as it is seen through a coat."""
+
+    summary = "a part of a base under a coat"
+
+    def __init__(self, whole: Layered, part: Brdf, ior: float, lobes: Callable[[], Lobes]) -> None:
+        self.name, self.source = f"{whole.name}-part", whole.source
+        self.values = {**whole.values, "part": repr(part)}
+        self._text = f"{part!r} in {whole!r}"
+        self.center, self.isotropic = part.center, part.isotropic
+        self.base, self.part, self.ior, self._make = whole.base, part, ior, lobes
+
+    def __repr__(self) -> str:
+        return self._text
+
+    @property
+    def is_measured(self) -> bool:
+        return self.part.is_measured
+
+    @cached_property
+    def _lobes(self) -> Lobes:
+        return self._make()
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        inner_light, inner_view = refracted(light, self.ior), refracted(view, self.ior)
+        values = []
+        for lobe, gain in self._lobes:
+            value = lobe.evaluate(inner_light, inner_view)
+            values.append(multiplied(value, gain(light[..., 2]), gain(view[..., 2])))
+        found = scaled(added(values), (light[..., 2] > 0) & (view[..., 2] > 0))
+        return scaled(found, 1 / inner_light[..., 2]) if self.part.includes_cosine else found

@@ -1,0 +1,56 @@
+"""A base under a layer: a sum of what the layer reflects, and of the terms of the base below it."""
+
+import json
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Self
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Parameter, Value, added, scaled, value_text
+from shrm_cli.brdf.nested import inside
+from shrm_cli.brdf.sums import FILES, Sum
+
+BASE = Parameter("base", "(lambertian:albedo=0.5)", meaning="what lies under it, such as a sum")
+
+
+class Layered(Sum):
+    """A base under a layer, of which each lobe is a term, to be prefiltered as it wants it.
+
+    Parameters
+    ----------
+    base : Brdf or str
+        What lies under the layer; as text it stands in parentheses, and names models alone: no
+        file is opened for it.
+    **values
+        The other parameters.
+    """
+
+    def __init__(self, base: Brdf | str = str(BASE.default), **values: Value) -> None:
+        if not isinstance(base, Brdf):
+            from shrm_cli.brdf.spec import parse_recorded  # which needs this module
+
+            base = parse_recorded(inside("base", base), lambda _: None)
+        Brdf.__init__(self, base=f"({base!r})", **values)
+        self.base = base
+        if base.is_measured:
+            self.values[FILES] = json.dumps([base.values], sort_keys=True)
+        self._hold([(weight, term) for weight, term in self._layers() if weight > 0])
+
+    @abstractmethod
+    def _layers(self) -> Sequence[tuple[float, Brdf]]:
+        """The lobes with their weights, from the outermost one to the base."""
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        values = []
+        for weight, term in self.terms:
+            value = (term.transfer if self.includes_cosine else term.evaluate)(light, view)
+            values.append(scaled(value, value.dtype.type(weight)))
+        return added(values)
+
+    def with_value(self, key: str, value: Value) -> Self:
+        numbers = {name: self.values[name] for name in self.values if name not in ("base", FILES)}
+        return type(self)(self.base, **{**numbers, key: value})
+
+    def __repr__(self) -> str:
+        inside = (f"{key}={value_text(x)}" for key, x in self.values.items() if key != FILES)
+        return f"{self.name}:{','.join(inside)}"

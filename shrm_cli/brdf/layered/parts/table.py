@@ -1,0 +1,82 @@
+"""Functions of the angle from the normal that take long to integrate, and are tabulated."""
+
+from functools import partial
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, grey
+from shrm_cli.brdf.examine import directional_albedo, mirror_rule, settled
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import from_angles
+
+COSINES = np.linspace(0, 1, 64) ** 2
+"""Where functions are tabulated: densely where directions graze, where they are steep."""
+_ACCURACY = 1e-4
+"""Of albedos, relative."""
+_LEAST = 1e-3
+"""Directions closer to the horizon, .06 degrees, are taken as this cosine."""
+
+
+@record(eq=False)
+class Table:
+    """A function of the cosine to the normal at `COSINES`, linear between them.
+
+    Attributes
+    ----------
+    values : ndarray, shape (64, 3)
+        Linear RGB.
+    """
+
+    values: Array
+
+    def __call__(self, cosine: Array) -> Array:
+        """The values at cosines (...), shape (..., 3); directions below the horizon graze."""
+        red, green, blue = self.values.T
+        one = np.interp(cosine, COSINES, red).astype(cosine.dtype)
+        if np.array_equal(red, green) and np.array_equal(red, blue):
+            return grey(one)
+        others = [np.interp(cosine, COSINES, each).astype(cosine.dtype) for each in (green, blue)]
+        return np.stack([one, *others], axis=-1)
+
+
+def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
+    """Where light comes from that a BRDF reflects to views, as a matrix.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    views : ndarray, shape (n,)
+        Cosines of the views to the normal.
+    lights : ndarray, shape (m,)
+        Cosines of the light, rising from 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (n, m, 3)
+        Multiplied by the values of a function of the light's cosine at `lights`, it is the integral
+        of that function, linear between them, times the BRDF and the cosine.
+    """
+    thetas = np.arccos(np.maximum(views, _LEAST))
+    return np.stack([settled(partial(_row, brdf, float(theta), lights)) for theta in thetas])
+
+
+def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
+    """A row of `transport`, shape (m, 3), with a number of nodes of each angle."""
+    light, weights = mirror_rule(theta, count)
+    values = brdf.transfer(light, from_angles(theta, 0.0))
+    grey = values.strides[-1] == 0
+    place = np.interp(light[..., 2].ravel(), lights, np.arange(len(lights)))
+    below = np.minimum(place.astype(int), len(lights) - 2)
+    row = np.zeros((len(lights), 3))
+    for channel in range(1 if grey else 3):
+        each = (values[..., channel] * weights[:, None] * (light[..., 2] > 0)).ravel()
+        row[:, channel] = np.bincount(below, each * (1 - place + below), len(lights))
+        row[:, channel] += np.bincount(below + 1, each * (place - below), len(lights))
+    return row[:, [0, 0, 0]] if grey else row
+
+
+def albedos(brdf: Brdf, cosines: Array) -> Array:
+    """The part of light from angles that a BRDF reflects, shape (n, 3)."""
+    thetas = np.arccos(np.maximum(cosines, _LEAST))
+    return np.stack([directional_albedo(brdf, float(theta), _ACCURACY) for theta in thetas])
