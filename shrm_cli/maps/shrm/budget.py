@@ -255,7 +255,7 @@ def within_error(
         If the BRDF or the probe cannot be used.
     """
     eps = _sufficient_tolerance(error)
-    coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
+    coefficients = sufficient_coefficients(brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
     from shrm_cli.plan.search import fewest_bytes  # plain runs search nothing
@@ -268,13 +268,13 @@ def within_error(
 
 
 def sufficient_coefficients(
-    light: Projection, brdf: Brdf, error: float, max_size: int, size: int | None = None
+    brdf: Brdf, error: float, max_size: int, size: int | None = None
 ) -> BrdfCoefficients:
     """Compute the coefficients that tell the errors of SHRMs which keep an error or nearly do.
 
     Parameters
     ----------
-    light, brdf, error, max_size, size
+    brdf, error, max_size, size
         The same as for `within_error`.
     """
     eps, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)

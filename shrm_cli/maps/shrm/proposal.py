@@ -68,7 +68,7 @@ class ShrmProposals:
         sampling: Sampling = "center",
     ) -> "ShrmProposals":
         """Compute the coefficients that maps of about an error need, within a number of bytes."""
-        coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
+        coefficients = sufficient_coefficients(brdf, error, max_size, size)
         return cls(light, brdf, coefficients, size, sampling)
 
     def rows(self, max_size: int, most_p: int = MAX_ORDER_P) -> Iterator[Row[Tried]]:
