@@ -24,7 +24,6 @@ from shrm_cli.cli.shading import (
     lit_maps,
     roughness_option,
     shaded_maps,
-    surface_values,
     to_unlit,
     window_option,
 )
@@ -175,7 +174,7 @@ def render(
         behind = None if sky is None else coarse_probe(sky, background_rows(width))
         scene = Scene(SphereSubject(width), loaded, labels, exposure, behind, columns)
         seen = [each.info for each in loaded]
-        said = {"size": width, **surface_values(surface)}
+        said = {"size": width, **surface}
     else:
         stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance, vary)
         subject = mesh_subject(stage, viewers, size, fov, distance, target)

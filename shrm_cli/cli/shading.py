@@ -14,7 +14,6 @@ from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MIN_ROUGHNESS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.brdf.models.ggx import Ggx
     from shrm_cli.maps.base import Map
     from shrm_cli.probe.probe import Probe
     from shrm_cli.render.shading import KnownMap
@@ -55,8 +54,8 @@ def shaded_maps(
     names: Sequence[str],
     roughness: float | None,
     f0: str | None,
-) -> tuple[list[KnownMap], Ggx | None, list[str]]:
-    """Give a GGX surface to the maps of light alone, such as split sums and SH exponentials.
+) -> tuple[list[KnownMap], dict[str, Any], list[str]]:
+    """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
     Parameters
     ----------
@@ -73,8 +72,9 @@ def shaded_maps(
     -------
     maps : list of KnownMap
         All maps, those of light alone with the surface.
-    surface : Ggx or None
-        That of the first map; None if no map needs a surface.
+    surface : dict
+        Roughness and reflectance of the first map's surface, for a result; without a reflectance
+        where that is a BRDF with colors of its own, and empty if no map needs a surface.
     warnings : list of str
         One for each map that was not made for this roughness.
 
@@ -83,20 +83,23 @@ def shaded_maps(
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import ggx_surface, outside_range, reflectance
+    from shrm_cli.render.shading import ggx_surface, outside_range, reflectance, takes_f0
 
     needs_surface = any(each.needs_surface for each in maps)
     applies = Applies(needs_surface, "to split sums and SH exponentials, and no MAP is one")
-    refuse_inapplicable({"roughness": applies, "f0": applies})
+    is_ggx = Applies(any(map(takes_f0, maps)), "to maps of GGX, and no MAP is one")
+    refuse_inapplicable({"roughness": applies, "f0": is_ggx if needs_surface else applies})
     if not needs_surface:
-        return list(maps), None, []
+        return list(maps), {}, []
     rough = DEFAULT_ROUGHNESS if roughness is None else roughness
     surfaces = [
         ggx_surface(rough, None if f0 is None else reflectance(f0, each.info.chromaticities))
         for each in maps
     ]
-    surface = surfaces[0]
-    warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
+    warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
+    surface = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
+    if not takes_f0(next(each for each in maps if each.needs_surface)):
+        del surface["f0"]
     pairs = zip(maps, surfaces, strict=True)
     shown = [each.shaded(own.number("roughness"), own.color("f0")) for each, own in pairs]
     return shown, surface, warnings
@@ -172,10 +175,3 @@ def lit_maps(
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings
-
-
-def surface_values(surface: Ggx | None) -> dict[str, Any]:
-    """Return a surface's roughness and reflectance for a result; empty without a surface."""
-    if surface is None:
-        return {}
-    return {"roughness": surface.number("roughness"), "f0": list(surface.color("f0"))}

@@ -83,6 +83,10 @@ class Source:
                     f"{path}: {each.representation} is not what engines read; export its probe, a "
                     "split sum or an irradiance map"
                 )
+        for path, each in split:
+            if not each.is_ggx:
+                name = each.level_info[-1].brdf["name"]
+                raise MapError(f"{path}: a split sum of {name}; these engines read that of GGX")
         if len(split) > 1 or len(irradiance) > 1:
             raise MapError(
                 f"{maps[-1][0]}: a second map of a kind; give one split sum and one irradiance map"

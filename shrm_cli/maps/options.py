@@ -178,7 +178,7 @@ class Representation:
     options : tuple of Option
         The representation's own arguments.
     why_no_brdf : str
-        Why the representation takes no BRDF; empty where it needs one.
+        Why the representation needs no BRDF; empty where it needs one.
     """
 
     name: str

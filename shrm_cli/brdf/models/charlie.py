@@ -26,6 +26,7 @@ class Charlie(Brdf):
         Parameter("roughness", 0.5, 0.05, 1.0, "r: smaller gathers the sheen at the rim"),
         Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "colour of the fibres"),
     )
+    roughness_power = 2
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)

@@ -7,7 +7,7 @@ DESCRIPTIONS = {
     "splitsum": Representation(
         "splitsum",
         "split sum",
-        CUBE_ARGUMENTS,
+        CUBE_ARGUMENTS | {"brdf"},
         (
             Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
             Option(
@@ -25,6 +25,6 @@ DESCRIPTIONS = {
                 "switch",
             ),
         ),
-        why_no_brdf="a split sum is of GGX",
+        why_no_brdf="a split sum is of GGX, unless a BRDF is given",
     )
 }

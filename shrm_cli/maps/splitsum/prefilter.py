@@ -1,4 +1,4 @@
-"""Prefiltering for the split sum: light averaged by lobes of GGX for N = V = R."""
+"""Prefiltering for the split sum: light averaged by lobes of GGX, or others, for N = V = R."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.errors import ArgumentError, OrderError
+from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.errors import ArgumentError, BrdfError, OrderError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
 from shrm_cli.maps.splitsum.core_sum import sum_core
@@ -32,7 +35,7 @@ from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
-from shrm_cli.vocabulary import MAX_ORDER_F, LevelMapping, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, LevelMapping, Sampling
 
 Array = NDArray[np.floating]
 
@@ -59,9 +62,12 @@ coefficients fall slowly beyond that order, and direct integration costs most fo
 _CORE_ANGLE = np.radians(5)
 """The angle at which the core of a lobe ends that either way would do for. Sharper ones end at 3.5
 degrees and more. From it the time is estimated."""
+_MIRROR = 0.01
+"""The level of roughness 0 is the light itself where the sharpest lobe of the material is as sharp
+as GGX of this ggx_alpha. Cloth has no such lobe, so that its first level is its least roughness."""
 _ROWS_A_LOBE = 1.5
 """The least number of rows of pixels, from pole to pole, that a lobe is summed over, times its
-ggx_alpha. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
+width. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
 probe ripple by up to 3 %, with twice as many by 0.01 %."""
 _MOST_ROWS = 1024
 """A probe that has more rows than this, and than twice the least number of a lobe, is averaged down
@@ -76,6 +82,7 @@ def prefilter(
     sampling: Sampling = "center",
     error: float = 0.0005,
     mips: bool = False,
+    brdf: Brdf | None = None,
     progress: Progress | None = None,
 ) -> Prefiltered:
     """Prefilter a probe for the split sum.
@@ -104,6 +111,8 @@ def prefilter(
     mips : bool
         Whether each level is half as large as the one before, as in a mip chain. The first has a
         power of two of texels then, and by default there are all levels down to one texel.
+    brdf : Brdf, optional
+        The material whose lobes the levels are of; see `split_material`.
     progress : callable, optional
         Called with the number of rows read, or of texels integrated, and of all of them.
 
@@ -119,9 +128,12 @@ def prefilter(
         If levels of these roughnesses, or this number of levels, cannot be made.
     ArgumentError
         If a mip chain is asked for whose edge texels lie on the edges.
+    BrdfError
+        If there is no split sum of the BRDF.
     ProbeError
         If the probe cannot be read.
     """
+    brdf = split_material(brdf)
     if not 0 < error < 1:
         raise OrderError(f"the error must lie between 0 and 1, not {error:g}")
     if mips and sampling != "center":
@@ -136,8 +148,9 @@ def prefilter(
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
     sizes = mip_sizes(largest, len(roughness)) if mips else None
-    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress, sizes)
-    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
+    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress, sizes, brdf)
+    center = "reflection" if brdf is None else brdf.center
+    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos, center)
     return Prefiltered(made, _facts(made))
 
 
@@ -149,6 +162,7 @@ def make_levels(
     error: float = 0.0005,
     progress: Progress | None = None,
     sizes: Sequence[int] | None = None,
+    brdf: Brdf | None = None,
 ) -> tuple[list[Array], list[MapInfo]]:
     """Make the cubes of the levels of a split sum.
 
@@ -168,6 +182,8 @@ def make_levels(
     sizes : sequence of int, optional
         Texels along an edge of each level, for readers that want them so, in place of what
         `largest` and the orders of the levels ask for.
+    brdf : Brdf, optional
+        The material whose lobes the levels are of, as `split_material` returns it.
 
     Returns
     -------
@@ -177,7 +193,7 @@ def make_levels(
     rows = _rows(probe)
     fixed = [None] * len(roughness) if sizes is None else list(sizes)
     lobes = [
-        level_lobe(value, error, rows, size or largest) if value > 0 else None
+        level_lobe(value, error, rows, size or largest, brdf)
         for value, size in zip(roughness, fixed, strict=True)
     ]
     wanted = (
@@ -185,10 +201,11 @@ def make_levels(
     )
     lighting = project(probe, max(wanted, default=0), progress)
     light = CubeSeries(lighting.coefficients)
-    known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
+    whole = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
     cubes: list[Array] = []
     infos: list[MapInfo] = []
-    for lobe, size in zip(lobes, fixed, strict=True):
+    for value, lobe, size in zip(roughness, lobes, fixed, strict=True):
+        known = replace(whole, brdf=_recorded(value, brdf))
         if lobe is None:
             cube, info = mirror(probe, known, size or largest, sampling, progress)
         elif lobe.in_frequency:
@@ -226,7 +243,7 @@ class LevelLobe:
 
     Attributes
     ----------
-    brdf : GgxLobe
+    lobe : NormalLobe
     coefficients : BrdfCoefficients
         The lobe's zonal coefficients, to order 512.
     order : int
@@ -236,7 +253,7 @@ class LevelLobe:
         Whether the level is expanded to that order, and not integrated directly.
     """
 
-    brdf: GgxLobe
+    lobe: NormalLobe
     coefficients: BrdfCoefficients
     order: int
     in_frequency: bool
@@ -268,17 +285,66 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     return bool(expansion <= max(integration, _SOON))
 
 
-def level_lobe(roughness: float, error: float, rows: int, largest: int) -> LevelLobe:
-    """Choose the order of a level's lobe in white light, and the domain where the level is made."""
-    brdf = GgxLobe(roughness=roughness)
-    coefficients = cached_coefficients(brdf, MAX_ORDER_F, 0, _ACCURACY, compute_coefficients)
+def split_material(brdf: Brdf | None) -> Brdf | None:
+    """Return the material whose lobes a split sum is of; None for GGX, which has its own.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is anisotropic or has no roughness, or if a value is given that belongs to no
+        split sum: a roughness, because there is a level for each, or the reflectance of GGX, with
+        which a map of GGX is shown.
+    """
+    if brdf is None:
+        return None
+    if brdf.has_roughness:
+        whole = {name: type(brdf)().values[name] for name in brdf.roughness_names}
+        given = next((name for name, value in whole.items() if brdf.values[name] != value), None)
+        if given is not None and brdf.isotropic:
+            level = brdf.number(given) ** (1 / brdf.roughness_power)
+            raise BrdfError(
+                f"{brdf!r}: a split sum has a level for each roughness; leave {given} out, or give "
+                f"`levels` {level:.4g}"
+            )
+    MaterialLobe(brdf.at_roughness(1.0) if brdf.isotropic else brdf)  # it tells what it refuses
+    if isinstance(brdf, Ggx):
+        if brdf.values != Ggx().values:
+            raise BrdfError(f"{brdf!r}: a split sum of GGX is shown with any f0; leave it out")
+        return None
+    return brdf
+
+
+def level_lobe(
+    roughness: float, error: float, rows: int, largest: int, material: Brdf | None = None
+) -> LevelLobe | None:
+    """Choose the order of a level's lobe in white light, and the domain where the level is made.
+
+    Returns
+    -------
+    LevelLobe or None
+        None where the level is the light itself: at roughness 0, where the lobe is a mirror's.
+    """
+    lobe = _lobe(roughness, material)
+    if roughness == 0 and lobe.width <= _MIRROR:
+        return None
+    coefficients = cached_coefficients(lobe, MAX_ORDER_F, 0, _ACCURACY, compute_coefficients)
     missed = 1 - coefficients.captured()[:, 0]
     enough = missed <= error**2
     order = int(np.argmax(enough)) if enough.any() else MAX_ORDER_F + 1
     if missed[LEAST_ORDER] <= _KINK**2:
         order = min(order, LEAST_ORDER)
-    pays = order <= MAX_ORDER_F and frequency_pays(order, brdf.ggx_alpha, rows, largest)
-    return LevelLobe(brdf, coefficients, order, pays)
+    if not lobe.is_peaked:
+        return LevelLobe(lobe, coefficients, min(order, MAX_ORDER_F), True)
+    pays = order <= MAX_ORDER_F and frequency_pays(order, lobe.width, rows, largest)
+    return LevelLobe(lobe, coefficients, order, pays)
+
+
+def _lobe(roughness: float, material: Brdf | None) -> NormalLobe:
+    """Return the lobe of a level; that of roughness 0 is the sharpest that can be integrated."""
+    roughness = max(roughness, MIN_ROUGHNESS)
+    if material is None:
+        return GgxLobe(roughness=roughness)
+    return MaterialLobe(material.at_roughness(roughness))
 
 
 def mirror(
@@ -289,7 +355,7 @@ def mirror(
     The order that it is given is the one that its texels can hold. `known` is what all levels
     share.
     """
-    info = replace(known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
+    info = replace(known, order_f=4 * size // 10, domain="angular")
     return to_grid(probe, Cube(size, sampling), progress), info
 
 
@@ -314,13 +380,15 @@ def expanded(
         order_f=expansion.order,
         captured=float(lobe.coefficients.captured()[expansion.order, 0]),
         predicted_error=expansion.error,
-        brdf=_named(lobe.brdf.number("roughness")),
     )
     return cube, info
 
 
-def _named(roughness: float) -> dict[str, Any]:
-    return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
+def _recorded(roughness: float, material: Brdf | None) -> dict[str, Any]:
+    """Return the lobe of a level as maps record it."""
+    if material is None:
+        return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
+    return record_of(material.at_roughness(roughness))
 
 
 def integrated(
@@ -342,14 +410,13 @@ def integrated(
     # Between the pixels of a coarse probe there is light of finer degrees than it resolves.
     resolved = min(lighting.order, probe.grid.resolved_order)
     lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
-    core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.tolerance)
+    core, tail, predicted = split_lobe(lobe.lobe, lobe.coefficients, lighting, known.tolerance)
     order = min(lobe.order, MAX_ORDER_F)
     size = size or min(choose_size(order), largest)
-    pixels = latlong_light(probe, _source_rows(rows, lobe.brdf.ggx_alpha))
+    pixels = latlong_light(probe, _source_rows(rows, lobe.lobe.width))
     cube = sum_core(core, pixels, cube_directions(size, sampling), progress)
     cube += synthesized(light, tail[: resolved + 1], size, sampling)
-    brdf = _named(lobe.brdf.number("roughness"))
-    info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
+    info = replace(known, order_f=order, predicted_error=predicted, domain="angular")
     return cube, info
 
 

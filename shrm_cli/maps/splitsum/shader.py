@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import (
     TABLE_SIZE,
@@ -35,7 +36,14 @@ def source(made: SplitSum, textures: str) -> Source:
     made : SplitSum
     textures : {"cube-array", "layers"}
         Cubes are the same in both.
+
+    Raises
+    ------
+    MapError
+        If the map is not of GGX.
     """
+    if not made.is_ggx:
+        raise MapError(f"a split sum of {made.info.brdf['name']} has no shader; that of GGX has")
     table = Table(
         (1, TABLE_SIZE, TABLE_SIZE),
         _environment_brdf,
