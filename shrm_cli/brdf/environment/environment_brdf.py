@@ -5,6 +5,8 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.lobe_moments import LobeMoments, lobe_moments
+from shrm_cli.brdf.environment.material_albedo import albedo_table
+from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.errors import MapError
 from shrm_cli.progress import Progress
 
@@ -75,6 +77,38 @@ def environment_table(
     total, bias = moments[..., 0], moments[..., 3]
     table[..., 0], table[..., 1] = (bias, total) if multiscatter else (total - bias, bias)
     return table
+
+
+def columns_table(kind: str, size: int, progress: Progress | None = None) -> Array:
+    """Compute a table of three columns, two of which are those of `environment_table`.
+
+    Parameters
+    ----------
+    kind : {"fdez-aguera", "turquin", "gltf", "filament"}
+        The third column is the light that single scattering loses where f0 is 1, ``1 - E`` with
+        ``E = scale + bias``; it as a part of E; or the albedo of cloth, after scale and bias, or
+        after the columns for multiple scattering.
+    size, progress
+        As of `environment_table`.
+
+    Returns
+    -------
+    ndarray, shape (size, size, 3)
+
+    References
+    ----------
+    Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based Lighting";
+    Turquin 2019, "Practical multiple scattering compensation for microfacet models".
+    """
+    two = environment_table(size, kind == "filament", progress)
+    albedo = two.sum(axis=-1)
+    if kind == "fdez-aguera":
+        third = 1 - albedo
+    elif kind == "turquin":
+        third = (1 - albedo) / albedo
+    else:
+        third = albedo_table(Charlie(visibility="neubelt"), size, progress)[..., 0]
+    return np.concatenate([two, third[..., None]], axis=-1)
 
 
 def moments_table(size: int, progress: Progress | None = None) -> Array:

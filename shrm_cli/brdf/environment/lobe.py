@@ -60,6 +60,26 @@ class NormalLobe(Brdf):
         """Evaluate the lobe, from the square of the sine of half the angle to its axis."""
 
 
+def check_varies(brdf: Brdf) -> None:
+    """Check that a BRDF has a lobe for every roughness, and that none is asked for.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF has no roughness, is one that `MaterialLobe` refuses, or is given a roughness.
+    """
+    if not brdf.isotropic:
+        MaterialLobe(brdf)
+    MaterialLobe(brdf.at_roughness(1.0))
+    usual = type(brdf)().values
+    for name in brdf.roughness_names:
+        if brdf.values[name] != usual[name]:
+            level = brdf.number(name) ** (1 / brdf.roughness_power)
+            raise BrdfError(
+                f"{brdf!r}: all roughnesses are made; leave {name} out (of engines {level:.4g})"
+            )
+
+
 class MaterialLobe(NormalLobe):
     """The lobe ``f_r N.L`` of any isotropic BRDF for ``N = V``, normalized to be a mean of light.
 

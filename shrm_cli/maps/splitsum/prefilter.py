@@ -11,7 +11,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe
+from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import ArgumentError, BrdfError, OrderError
 from shrm_cli.maps.info import MapInfo
@@ -297,16 +297,7 @@ def split_material(brdf: Brdf | None) -> Brdf | None:
     """
     if brdf is None:
         return None
-    if brdf.has_roughness:
-        whole = {name: type(brdf)().values[name] for name in brdf.roughness_names}
-        given = next((name for name, value in whole.items() if brdf.values[name] != value), None)
-        if given is not None and brdf.isotropic:
-            level = brdf.number(given) ** (1 / brdf.roughness_power)
-            raise BrdfError(
-                f"{brdf!r}: a split sum has a level for each roughness; leave {given} out, or give "
-                f"`levels` {level:.4g}"
-            )
-    MaterialLobe(brdf.at_roughness(1.0) if brdf.isotropic else brdf)  # it tells what it refuses
+    check_varies(brdf)
     if isinstance(brdf, Ggx):
         if brdf.values != Ggx().values:
             raise BrdfError(f"{brdf!r}: a split sum of GGX is shown with any f0; leave it out")

@@ -314,9 +314,8 @@ def _record_of_all(roughness: Sequence[float], level_info: Sequence[MapInfo]) ->
     name, last = records[-1].get("name"), records[-1].get("parameters")
     if _is_of_ggx(level_info[-1]) or not isinstance(last, dict):
         return {"name": name, "parameters": {"roughness": list(roughness)}}
-    each = [
-        found if isinstance(found := record.get("parameters"), dict) else {} for record in records
-    ]
+    parts = [record.get("parameters") for record in records]
+    each = [part if isinstance(part, dict) else {} for part in parts]
     varied = {key: [values.get(key) for values in each] for key in last}
     same = {key: all(value == values[0] for value in values) for key, values in varied.items()}
     return {

@@ -207,7 +207,7 @@ def test_lobes_about_the_normal_are_looked_up_by_it(tmp_path):
         ("phong", "no roughness"),
         ("lambertian", "no roughness"),
         ("0.5*charlie+0.5*lambertian", "no roughness"),
-        ("charlie:roughness=0.09", "leave roughness out, or give `levels` 0.3$"),
+        ("charlie:roughness=0.09", r"leave roughness out \(of engines 0.3\)"),
         ("ggx:f0=gold", "shown with any f0"),
         ("ggx:ax=0.2,ay=0.1", "the same all around"),
     ],
