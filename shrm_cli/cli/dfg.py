@@ -91,6 +91,7 @@ def dfg(
     """
     from shrm_cli.brdf.environment import environment_brdf as tables
     from shrm_cli.brdf.environment.file import MEANINGS, write_dfg
+    from shrm_cli.brdf.environment.lobe import check_varies
     from shrm_cli.brdf.environment.material_albedo import albedo_table
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.export.table import SUFFIXES, write_texture
@@ -101,6 +102,8 @@ def dfg(
     kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
     kind = "albedo" if brdf is not None else columns or kind
     material = None if brdf is None else parse_spec(brdf)
+    if material is not None:
+        check_varies(material)
     named = "ggx" if material is None else _named(material)
     with progress_bar("integrating", quiet) as progress:
         if material is not None:

@@ -279,7 +279,8 @@ DEFAULTS: dict[str, Any] = {
 
 SHADER = Option(
     "shader",
-    "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0); "
+    "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0), without f0 "
+    "of another BRDF than GGX; "
     "shrm_irradiance(n) of irradiance.",
     "choice",
     choices=("glsl", "hlsl", "c"),

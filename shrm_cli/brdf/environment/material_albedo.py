@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.environment.lobe import MaterialLobe, check_varies
+from shrm_cli.brdf.environment.lobe import MaterialLobe
 from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
 from shrm_cli.brdf.vectors import GRAZING
 from shrm_cli.progress import Progress
@@ -113,9 +113,8 @@ def albedo_table(brdf: Brdf, size: int, progress: Progress | None = None) -> Arr
     Raises
     ------
     BrdfError
-        As of `check_varies`.
+        If the BRDF has no roughness, or is one that `MaterialLobe` refuses.
     """
-    check_varies(brdf)
     centers = (np.arange(size) + 0.5) / size
     table = np.empty((size, size, 3))
     last: Brdf | None = None

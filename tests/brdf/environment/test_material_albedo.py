@@ -47,7 +47,7 @@ def rule(count):
 
 
 def albedo(model, roughness, cosine):
-    """Gauss's rule over the light's height and azimuth, dense at the horizon and opposite the view."""
+    """Gauss's rule over the light's height and azimuth, dense at the horizon and behind."""
     x, wx = rule(1200)
     y, wy = rule(300)
     height, turn = (x**3)[:, None], np.pi * (1 - y**2)
