@@ -83,10 +83,6 @@ class Source:
                     f"{path}: {each.representation} is not what engines read; export its probe, a "
                     "split sum or an irradiance map"
                 )
-        for path, each in split:
-            if not each.is_ggx:
-                name = each.level_info[-1].brdf["name"]
-                raise MapError(f"{path}: a split sum of {name}; these engines read that of GGX")
         if len(split) > 1 or len(irradiance) > 1:
             raise MapError(
                 f"{maps[-1][0]}: a second map of a kind; give one split sum and one irradiance map"
@@ -122,6 +118,8 @@ class Source:
         """Return the light itself: the probe, or a split sum's level of roughness 0."""
         if self.probe is not None or self.split is None or self.split.roughness[0] > 0:
             return self.probe
+        if not self.split.is_ggx:  # such as cloth, which has no mirror
+            return None
         return Probe.from_array(
             np.maximum(self.split.levels[0], 0),
             "openexr",
@@ -246,8 +244,13 @@ def gather(
     itself = source.light()
     light = Light(source.name, source.title, chromaticities=source.primaries[0])
     if engine.wants_levels and source.split is not None:
+        lobe = source.split.lobe
+        if lobe not in engine.lobes:
+            raise MapError(f"{source.path}: is of {lobe}; {engine.title} reads split sums of GGX")
+        if asked.table and lobe != "ggx":
+            raise ArgumentError("dfg", f"is the table of GGX; make yours by shrm dfg --brdf {lobe}")
         levels, roughness, told = levels_of_map(source.split, source.path, engine, asked.size)
-        light = replace(light, levels=levels, roughness=roughness)
+        light = replace(light, levels=levels, roughness=roughness, lobe=lobe)
     elif engine.wants_levels and source.probe is not None:
         size = asked.size or engine.default_size
         levels, roughness = levels_of_probe(source.probe, engine, size, progress)

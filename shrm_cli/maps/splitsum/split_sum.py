@@ -202,6 +202,11 @@ class SplitSum(SurfaceLightMap):
         """Whether the lobes are those of GGX, so that the map is shown with any reflectance f0."""
         return _is_of_ggx(self.level_info[-1])
 
+    @property
+    def lobe(self) -> str:
+        """The name of the BRDF whose lobes the levels are of, such as ``ggx``."""
+        return "ggx" if self.is_ggx else str(self.level_info[-1].brdf["name"])
+
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
         """Return prefiltered light, mixed from two levels and filtered between their texels.
 
