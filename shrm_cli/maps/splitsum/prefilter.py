@@ -151,6 +151,7 @@ def prefilter(
     cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress, sizes, brdf)
     center = "reflection" if brdf is None else brdf.center
     made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos, center)
+    made = replace(made, given=brdf)
     return Prefiltered(made, _facts(made))
 
 

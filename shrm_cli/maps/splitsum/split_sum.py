@@ -54,6 +54,9 @@ class SplitSum(SurfaceLightMap):
         Orders, domain and predicted error of each level; it is `info` for all by default.
     center : {"reflection", "normal"}
         The direction that the cubes are looked up with, which is the normal for BRDFs about it.
+    given : Brdf, optional
+        The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
+        record of it, which tells nothing of a class of the user's.
 
     References
     ----------
@@ -67,6 +70,7 @@ class SplitSum(SurfaceLightMap):
     sampling: Sampling = "center"
     level_info: tuple[MapInfo, ...] = ()
     center: Center = "reflection"
+    given: Brdf | None = None
 
     representation = "splitsum"
 
@@ -164,15 +168,15 @@ class SplitSum(SurfaceLightMap):
 
     @cached_property
     def material(self) -> Brdf | None:
-        """The BRDF whose lobes the levels are of, at the last one's roughness; None for GGX.
+        """The BRDF whose lobes the levels are of, at any roughness; None for GGX.
 
         Raises
         ------
         MapError
             If it is of a model that is not installed, such as one of a file of the user's.
         """
-        if self.is_ggx:
-            return None
+        if self.is_ggx or self.given is not None:
+            return self.given
         info = self.level_info[-1]
         try:
             return parse_recorded(spec_of(info.brdf), lambda term: None, info.chromaticities)
@@ -189,11 +193,12 @@ class SplitSum(SurfaceLightMap):
         MapError
             If it has, because these are in the primaries that they were given in.
         """
-        values = () if self.material is None else self.material.values.values()
-        if any(isinstance(value, list) for value in values):
+        values = self.level_info[-1].brdf.get("parameters")
+        is_colored = isinstance(values, dict) and any(isinstance(v, list) for v in values.values())
+        if is_colored and not self.is_ggx:
             raise MapError(
-                f"{self.what} of {self.material!r}, whose colours stay as they are; make "
-                "it again with `working`"
+                f"{self.what} of {self.lobe}, whose colours stay as they are; make it again with "
+                "`working`"
             )
         return super().mixed(matrix, info)  # type: ignore[return-value]
 

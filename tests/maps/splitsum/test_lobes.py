@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from shrm_cli.brdf.base import Brdf, Parameter, grey
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.file import open_map
@@ -15,6 +16,7 @@ from shrm_cli.maps.splitsum.prefilter import prefilter
 from shrm_cli.prefilter import prefilter as prefilter_any
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.vocabulary import PRIMARIES
 from tests.maps.splitsum.test_split_sum import latlong_pixels
 
 ROUGHNESS = 0.3, 0.55, 0.8, 1.0
@@ -198,6 +200,30 @@ def test_lobes_about_the_normal_are_looked_up_by_it(tmp_path):
     )
     # Rough diffuse surfaces reflect to all sides alike, within the model's brightening of the rim.
     np.testing.assert_allclose(near / near[0], far / far[0], rtol=1e-6)
+
+
+def test_a_class_of_the_users_is_shown_where_it_was_made(tmp_path):
+    class Chalk(Brdf):
+        """White, and the darker the smoother."""
+
+        parameters = (Parameter("roughness", 0.5, 0.0, 1.0),)
+        center = "normal"
+
+        def evaluate(self, light, view):
+            above = (light[..., 2] > 0) & (view[..., 2] > 0)
+            return grey(np.where(above, 0.4 + 0.6 * self.number("roughness"), 0.0) / np.pi)
+
+    white = Probe.from_array(np.full((8, 16, 3), 2.0))
+    made = prefilter(white, [0.5, 1.0], size=8, brdf=Chalk()).map
+    normal = unit([0.3, 0.1, 0.9])
+    found = made.shaded(0.75, (1, 1, 1)).radiance(normal, normal)
+    np.testing.assert_allclose(found, 2 * 0.85, rtol=1e-4)
+    made.save(tmp_path / "a.exr", "float")
+    back = open_map(tmp_path / "a.exr")
+    np.testing.assert_array_equal(back.levels[0], made.levels[0].astype(np.float32))
+    assert in_primaries(back, PRIMARIES["rec2020"]).lobe == "chalk"
+    with pytest.raises(MapError, match="of chalk:roughness=1, which cannot be evaluated"):
+        back.shaded(0.75, (1, 1, 1))
 
 
 @pytest.mark.parametrize(
