@@ -8,7 +8,7 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
-from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot
+from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot, write_exr
 
 
 def albedo(roughness, cosine, f0, count=400):
@@ -231,3 +231,13 @@ def test_tables_that_cannot_be_made_or_held(tmp_path, monkeypatch, options, told
     code = 2 if "exclude" in told else 1
     assert_refused(run("dfg", "--size", "4", *options), code, told)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_table_whose_columns_are_unknown_is_refused(tmp_path):
+    target = tmp_path / "table.exr"
+    done("dfg", "--columns", "turquin", "--size", "4", "-o", target)
+    assert "columns       turquin" in done("info", target)
+    header, planes = read_exr(target)
+    pixels = np.stack([planes[each] for each in "RGB"], axis=-1)
+    write_exr(target, pixels, **{**header, "shrm:columns": "seven"})
+    assert_refused(run("info", target), 1, "shrm:columns is wrong; make it again with shrm dfg")
