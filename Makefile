@@ -145,15 +145,13 @@ probes:
 
 # ---- batch ------------------------------------------------------------------------------------
 
-# probes/batch.py finds what is out of date and has make run it, because make itself cannot handle
-# spaces, quotes, $ and % in names. The variables are handed over as they are, without being expanded.
+# probes/batch.py has `shrm batch` bake what is out of date, because make itself cannot handle spaces,
+# quotes, $ and % in names. The variables are handed over as they are, without being expanded.
 HANDED := PROBES BRDFS FORMS EPS PREFILTER_FLAGS RENDER_FLAGS $(filter FLAGS_%,$(.VARIABLES))
 $(foreach v,$(HANDED),$(eval export BATCH_$(v) := $$(value $(v))))
 export BATCH_SHRM := $(SHRM)
-export BATCH_MAKE := $(MAKE)
 
-# +: the jobs run as many at once as this make may. Such lines are carried out in spite of -n, which
-# probes/batch.py obeys itself.
+# +: such lines are carried out in spite of -n, which probes/batch.py obeys itself.
 batch: $(VENV)/.installed
 	@+$(PYTHON) -B probes/batch.py
 

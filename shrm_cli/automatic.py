@@ -6,16 +6,15 @@ simplest; a map of principal functions otherwise, which keeps it in the fewest b
 """
 
 from dataclasses import replace
-from functools import partial
+from functools import cached_property
 
-from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import split
-from shrm_cli.maps.negative import negative_share
+from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.terms import Wanted
-from shrm_cli.maps.seen import goal_text, kept_or_best
+from shrm_cli.maps.request import Request
+from shrm_cli.maps.seen import goal_text, judged, kept_or_best
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import total_error
@@ -23,36 +22,13 @@ from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
+from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_EPS, DEFAULT_MAX_SIZE, NEGATIVE_SHARE, Sampling
+from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 
-@record(eq=False)
-class _Asked:
-    """What is asked for, and the light."""
-
-    light: Projection
-    brdf: Brdf
-    goal: Goal
-    max_size: int
-    center: str | None
-    size: int | None
-    sampling: Sampling
-
-
-def prefilter(
-    probe: Probe,
-    brdf: Brdf,
-    error: float | None = None,
-    seen: float | None = None,
-    max_size: int = DEFAULT_MAX_SIZE,
-    center: str | None = None,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    progress: Progress | None = None,
-) -> Prefiltered:
-    """Choose a form and make its map; the arguments are those of `shrm_cli.prefilter.prefilter`.
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
+    """Choose a form and make its map.
 
     Returns
     -------
@@ -64,91 +40,99 @@ def prefilter(
     ------
     ArgumentError, ProbeError, BrdfError
     """
-    light = Projection(probe, progress)
-    asked = _Asked(light, brdf, Goal.of(error, seen), max_size, center, size, sampling)
-    made = _of_single_cubes(asked) if all(term.zonal for term in split(brdf)) else None
-    return made or _of_functions(asked)
+    asked = _Asked(Projection(shared(probe)), request)
+    made = asked.of_single_cubes() if all(term.zonal for term in split(request.brdf)) else None
+    return made or asked.of_functions()
 
 
-def _of_single_cubes(asked: _Asked) -> Prefiltered | None:
-    """Make the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
+@record(eq=False)
+class _Asked:
+    """What is asked for, the light, and the maps that could be made."""
 
-    Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
-    """
-    made = shrm_prefilter(
-        asked.light.probe, asked.brdf, eps=DEFAULT_EPS, max_size=asked.max_size,
-        center=asked.center, size=asked.size, sampling=asked.sampling,
-        progress=asked.light.progress,
-    )  # fmt: skip
-    info = made.map.info
-    total = total_error(info.predicted_error, info.filter_error)
-    find = made.further["predicted_wrong_share"]
-    candidate = Candidate("shrm", 0, 0, total, find, lambda: made)
-    if made.warnings or not candidate.keeps(asked.goal) or _is_dark(made):
-        return None
-    return _noted(made, f"SHRM, which keeps {goal_text(asked.goal)}")
+    light: Projection
+    request: Request
+
+    @cached_property
+    def goal(self) -> Goal:
+        """What the picture has to keep."""
+        return Goal.of(self.request.error, self.request.seen)
+
+    def of_single_cubes(self) -> Prefiltered | None:
+        """Make the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
+
+        Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
+        """
+        by_eps = replace(self.request, error=None, seen=None)
+        made = shrm_prefilter(self.light.probe, by_eps)
+        info = made.map.info
+        total = total_error(info.predicted_error, info.filter_error)
+        find = made.further["predicted_wrong_share"]
+        candidate = Candidate("shrm", 0, 0, total, find, lambda: made)
+        if made.warnings or not candidate.keeps(self.goal):
+            return None
+        why = f"SHRM, which keeps {goal_text(self.goal)}"
+        return _noted_if_bright(judged(made, candidate), why)
+
+    def of_functions(self) -> Prefiltered:
+        """Make a map of principal functions, or an SHRM where it does as well."""
+        most = self.request.allowed
+        made = kept_or_best(self.proposals.candidate, self.goal, most, self._simple_shrm)
+        if made.map.representation == "shrm":
+            return made
+        return _noted(made, f"principal: {self._why_no_shrm(made)}")
+
+    @cached_property
+    def proposals(self) -> Proposals:
+        """The maps of principal functions."""
+        return Proposals(self.light, replace(self.request, error=self.goal.error))
+
+    @cached_property
+    def shrms(self) -> ShrmProposals:
+        """The SHRMs of a BRDF of a single term, about its own center.
+
+        Principal maps may be about another one, where their transfer functions do not tell.
+        """
+        request, part = self.request, self.proposals.parts[0]
+        form = request.size, request.sampling
+        if request.center is not None or part.center == request.brdf.center:
+            transfer = self.proposals.planners[0].spectrum.transfer
+            return ShrmProposals.of(self.light, part, transfer, *form)
+        error = self.goal.error
+        return ShrmProposals.known(self.light, request.brdf, error, request.allowed, *form)
+
+    def _simple_shrm(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
+        """Make the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
+        if len(self.proposals.parts) > 1:
+            return None  # each term would want an SHRM of its own, with a shader of many look-ups
+        # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
+        times = 1 if self.goal.wrong_share is None else policy.SIMPLE_TIMES
+        most = min(times * kept.bytes, self.request.allowed)
+        if not self.shrms.fits(most):
+            return None
+        tried, is_kept = first_kept(self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal)
+        if not is_kept:
+            return None
+        bytes_ = bytes_text(tried[-1].bytes)
+        why = f"SHRM, which keeps {goal_text(self.goal)} in {bytes_}"
+        return _noted_if_bright(judged(tried[-1].make(), tried[-1]), why)
+
+    def _why_no_shrm(self, made: Prefiltered) -> str:
+        """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
+        if len(self.proposals.parts) > 1:
+            return "an SHRM would hold every term with harmonics of its own"
+        error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
+        best = self.shrms.least(error, self.request.allowed)
+        if best is None:
+            return "no SHRM fits"
+        if best.total_error <= error:
+            return f"an SHRM of its error takes {bytes_text(best.bytes)}"
+        return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
 
 
-def _of_functions(asked: _Asked) -> Prefiltered:
-    """Make a map of principal functions, or an SHRM where it does as well."""
-    wanted = Wanted(DEFAULT_EPS, asked.goal.error, None, asked.max_size, asked.size)
-    proposals = Proposals(asked.light, asked.brdf, wanted, asked.center, asked.sampling)
-    instead = partial(_simple_shrm, asked, proposals)
-    made = kept_or_best(proposals.candidate, asked.goal, asked.max_size, instead)
-    if made.map.representation == "shrm":
-        return made
-    return _noted(made, f"principal: {_why_no_shrm(asked, proposals, made)}")
-
-
-def _simple_shrm(
-    asked: _Asked, proposals: Proposals, kept: Candidate[Prefiltered]
-) -> Prefiltered | None:
-    """Make the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
-    if len(proposals.parts) > 1:
-        return None  # each term would want an SHRM of its own, with a shader of many look-ups
-    # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
-    times = 1 if asked.goal.wrong_share is None else policy.SIMPLE_TIMES
-    most, shrms = min(times * kept.bytes, asked.max_size), _shrms(asked, proposals)
-    if not shrms.fits(most):
-        return None
-    tried, is_kept = first_kept(shrms.proposing(most, policy.SIMPLE_ORDER_P), asked.goal)
-    if not is_kept:
-        return None
-    made = tried[-1].make()
-    if _is_dark(made):
-        return None
-    bytes_ = bytes_text(tried[-1].bytes)
-    return _noted(made, f"SHRM, which keeps {goal_text(asked.goal)} in {bytes_}")
-
-
-def _shrms(asked: _Asked, proposals: Proposals) -> ShrmProposals:
-    """Return the SHRMs of a BRDF of a single term, about its own center.
-
-    Principal maps may be about another one, where their transfer functions do not tell.
-    """
-    form = asked.size, asked.sampling
-    part, brdf = proposals.parts[0], asked.brdf
-    if asked.center is not None or part.center == brdf.center:
-        return ShrmProposals.of(asked.light, part, proposals.planners[0].spectrum.transfer, *form)
-    return ShrmProposals.known(asked.light, brdf, asked.goal.error, asked.max_size, *form)
-
-
-def _why_no_shrm(asked: _Asked, proposals: Proposals, made: Prefiltered) -> str:
-    """Say what an SHRM of the same error takes, or what one of all the bytes would be like."""
-    if len(proposals.parts) > 1:
-        return "an SHRM would hold every term with harmonics of its own"
-    error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
-    best = _shrms(asked, proposals).least(error, asked.max_size)
-    if best is None:
-        return "no SHRM fits"
-    if best.total_error <= error:
-        return f"an SHRM of its error takes {bytes_text(best.bytes)}"
-    return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
-
-
-def _is_dark(made: Prefiltered) -> bool:
-    """Tell whether anything visible is negative."""
-    return negative_share(made.map) > NEGATIVE_SHARE
+def _noted_if_bright(made: Prefiltered, why: str) -> Prefiltered | None:
+    """Add the note about the form, unless anything visible is negative."""
+    made = examined(made)
+    return _noted(made, why) if made.further["negative_share"]() <= NEGATIVE_SHARE else None
 
 
 def _noted(made: Prefiltered, why: str) -> Prefiltered:

@@ -24,7 +24,6 @@ from shrm_cli.brdf.coefficients import (
     power_of_two_times,
 )
 from shrm_cli.errors import BrdfError, OrderError
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_F, MAX_ORDER_P, Center
 
@@ -51,7 +50,7 @@ class Orders:
     ----------
     order_f, order_p : int
         The largest l and the largest p, inclusive.
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that the orders were allowed to miss.
     captured : float
         The fraction of the BRDF's energy that the orders capture.
@@ -59,19 +58,18 @@ class Orders:
 
     order_f: int
     order_p: int
-    tolerance: float
+    eps: float
     captured: float
 
 
 def choose_orders(
     brdf: Brdf,
-    tolerance: float,
+    eps: float,
     order_f: int | None = None,
     order_p: int | None = None,
     most_p: Callable[[int], int] | None = None,
-    progress: Progress | None = None,
 ) -> tuple[Orders, BrdfCoefficients]:
-    """Find the least orders that capture all but `tolerance` of a BRDF's energy (eq. 5.17, 5.18).
+    """Find the least orders that capture all but `eps` of a BRDF's energy (eq. 5.17, 5.18).
 
     The coefficients are computed to growing orders until at most a fifth of the tolerance is
     missing beyond their F, and the tolerance is met by their P, or the limits are reached. What
@@ -82,15 +80,13 @@ def choose_orders(
     Parameters
     ----------
     brdf : Brdf
-    tolerance : float
+    eps : float
         The fraction of the energy of all colour channels together that may be missed, in (0, 1).
     order_f, order_p : int, optional
-        Orders to use instead of the chosen ones; `tolerance` may then not be met.
+        Orders to use instead of the chosen ones; `eps` may then not be met.
     most_p : callable, optional
         Returns the largest P that may be chosen with an order F. With it, a tolerance that cannot
         be met is no error: the coefficients then reach that P, and the orders are their largest.
-    progress : callable, optional
-        Called while coefficients are computed, from none to all of it for each attempt.
 
     Returns
     -------
@@ -106,26 +102,24 @@ def choose_orders(
     BrdfError
         If the coefficients of the BRDF cannot be computed.
     """
-    if not 0 < tolerance < 1:
-        raise OrderError(f"the tolerance must lie between 0 and 1, not {tolerance:g}")
+    if not 0 < eps < 1:
+        raise OrderError(f"the tolerance must lie between 0 and 1, not {eps:g}")
     for name, order, most in (("F", order_f, MAX_ORDER_F), ("P", order_p, MAX_ORDER_P)):
         if order is not None and not 0 <= order <= most:
             raise OrderError(f"order {name} = {order} is outside 0 .. {most}")
     least = order_f or 0, order_p or 0
-    coefficients = _sufficient_coefficients(brdf, tolerance, *least, most_p, progress)
+    coefficients = _sufficient_coefficients(brdf, eps, *least, most_p)
     if most_p is None and order_f is None and order_p is None:
-        return sufficient_orders(brdf, coefficients, tolerance), coefficients
-    return least_orders(coefficients, tolerance, order_f, order_p), coefficients
+        return sufficient_orders(brdf, coefficients, eps), coefficients
+    return least_orders(coefficients, eps, order_f, order_p), coefficients
 
 
-def known_coefficients(
-    brdf: Brdf, tolerance: float, progress: Progress | None = None
-) -> BrdfCoefficients:
+def known_coefficients(brdf: Brdf, eps: float) -> BrdfCoefficients:
     """Compute coefficients that meet a tolerance, and so every larger one, or those to the limits.
 
     Parameters
     ----------
-    brdf, tolerance, progress
+    brdf, eps
         As `choose_orders` takes them.
 
     Raises
@@ -133,10 +127,10 @@ def known_coefficients(
     BrdfError
         If the coefficients of the BRDF cannot be computed.
     """
-    return _sufficient_coefficients(brdf, tolerance, 0, 0, None, progress)
+    return _sufficient_coefficients(brdf, eps, 0, 0, None)
 
 
-def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float) -> Orders:
+def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, eps: float) -> Orders:
     """Find the least orders that meet a tolerance among those of known coefficients.
 
     Parameters
@@ -145,7 +139,7 @@ def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, tolerance: flo
         The BRDF of the coefficients.
     coefficients : BrdfCoefficients
         What `known_coefficients` returns for this tolerance or a smaller one.
-    tolerance : float
+    eps : float
         The fraction of the energy that may be missed.
 
     Raises
@@ -154,46 +148,44 @@ def sufficient_orders(brdf: Brdf, coefficients: BrdfCoefficients, tolerance: flo
         If the tolerance cannot be met.
     """
     missed = 1 - coefficients.captured()[-1, -1]
-    if missed > tolerance:
+    if missed > eps:
         raise OrderError(
-            f"{brdf!r}: tolerance {tolerance:g} cannot be met within F = {MAX_ORDER_F} and "
+            f"{brdf!r}: tolerance {eps:g} cannot be met within F = {MAX_ORDER_F} and "
             f"P = {MAX_ORDER_P}; they reach {missed:.3g}; ask for more than that, or "
             "name the orders and see what they miss"
         )
-    return least_orders(coefficients, tolerance)
+    return least_orders(coefficients, eps)
 
 
 def least_orders(
     coefficients: BrdfCoefficients,
-    tolerance: float,
+    eps: float,
     order_f: int | None = None,
     order_p: int | None = None,
 ) -> Orders:
-    """Find the least P, and then the least F, that capture all but `tolerance` of the energy.
+    """Find the least P, and then the least F, that capture all but `eps` of the energy.
 
     Where the coefficients reach no orders that meet the tolerance, their largest ones are taken.
 
     Parameters
     ----------
     coefficients : BrdfCoefficients
-    tolerance : float
+    eps : float
         The fraction of the energy that may be missed.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones; a P above that of the coefficients is lowered.
     """
     captured = coefficients.captured()
-    enough = captured >= 1 - tolerance
-    p = _least(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
+    enough = captured >= 1 - eps
+    p = first_enough(enough[-1]) if order_p is None else min(order_p, coefficients.order_p)
     # A forced P may be too small for the tolerance. Then F must keep all but that fraction of
     # the energy that this P can capture.
-    goal = (1 - tolerance) * (1 if enough[-1, p] else captured[-1, p])
-    f = _least(captured[:, p] >= goal) if order_f is None else order_f
-    return Orders(f, p, tolerance, float(captured[f, p]))
+    goal = (1 - eps) * (1 if enough[-1, p] else captured[-1, p])
+    f = first_enough(captured[:, p] >= goal) if order_f is None else order_f
+    return Orders(f, p, eps, float(captured[f, p]))
 
 
-def choose_center(
-    brdf: Brdf, tolerance: float, progress: Progress | None = None
-) -> tuple[Brdf, dict[Center, int]]:
+def choose_center(brdf: Brdf, eps: float) -> tuple[Brdf, dict[Center, int]]:
     """Recenter a BRDF about the direction that needs the fewest coefficients (section 5.3.1).
 
     A BRDF that is central about the tangent keeps that centre.
@@ -201,10 +193,8 @@ def choose_center(
     Parameters
     ----------
     brdf : Brdf
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that may be missed, in (0, 1).
-    progress : callable, optional
-        As `choose_orders` takes it.
 
     Returns
     -------
@@ -220,7 +210,7 @@ def choose_center(
     counts: dict[Center, int] = {}
     for center in candidates:
         with suppress(OrderError, BrdfError):  # the BRDF may be too sharp about this centre
-            found = choose_orders(brdf.recentered(center), tolerance, progress=progress)
+            found = choose_orders(brdf.recentered(center), eps)
             counts[center] = coefficient_count(*found)
     needs = {brdf.center: math.inf} | counts
     best = min(needs, key=lambda center: (needs[center], center != brdf.center))
@@ -237,7 +227,7 @@ def coefficient_count(orders: Orders, coefficients: BrdfCoefficients) -> int:
     return (orders.order_f + 1) ** 2 * (maps if coefficients.azimuth_free else maps**2)
 
 
-def _least(enough: NDArray[np.bool_]) -> int:
+def first_enough(enough: NDArray[np.bool_]) -> int:
     """Return the first index that is enough, or the last index where none is."""
     return int(np.argmax(enough)) if enough.any() else len(enough) - 1
 
@@ -245,9 +235,8 @@ def _least(enough: NDArray[np.bool_]) -> int:
 def extended(
     brdf: Brdf,
     coefficients: BrdfCoefficients,
-    tolerance: float,
+    eps: float,
     order_f: int,
-    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Compute the coefficients of a BRDF to a higher order F, and the same order P.
 
@@ -256,12 +245,10 @@ def extended(
     brdf : Brdf
     coefficients : BrdfCoefficients
         Its coefficients to the orders that they have.
-    tolerance : float
+    eps : float
         The fraction of the energy that may be missed, which sets the accuracy of sampling.
     order_f : int
         The order F of the result, where it is higher than that of the coefficients.
-    progress : callable, optional
-        As `choose_orders` takes it.
 
     Raises
     ------
@@ -270,24 +257,21 @@ def extended(
     """
     if order_f <= coefficients.order_f:
         return coefficients
-    return _coefficients(brdf, tolerance, order_f, coefficients.order_p, progress)
+    return _coefficients(brdf, eps, order_f, coefficients.order_p)
 
 
-def _coefficients(
-    brdf: Brdf, tolerance: float, order_f: int, order_p: int, progress: Progress | None
-) -> BrdfCoefficients:
+def _coefficients(brdf: Brdf, eps: float, order_f: int, order_p: int) -> BrdfCoefficients:
     """Compute coefficients, or take them from the cache, as exactly as a tolerance needs them."""
-    accuracy = max(tolerance / (30 if brdf.is_measured else 300), 1e-5)
-    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients, progress)
+    accuracy = max(eps / (30 if brdf.is_measured else 300), 1e-5)
+    return cached_coefficients(brdf, order_f, order_p, accuracy, compute_coefficients)
 
 
 def _sufficient_coefficients(
     brdf: Brdf,
-    tolerance: float,
+    eps: float,
     order_f: int,
     order_p: int,
     most_p: Callable[[int], int] | None,
-    progress: Progress | None,
 ) -> BrdfCoefficients:
     """Compute coefficients to orders at which a tolerance is met, and at least to those given.
 
@@ -297,20 +281,20 @@ def _sufficient_coefficients(
     p = 0 if brdf.zonal else max(_FIRST_ORDER_P, order_p)
     largest = MAX_ORDER_P
     while True:
-        coefficients = _coefficients(brdf, tolerance, f, p, progress)
+        coefficients = _coefficients(brdf, eps, f, p)
         total = coefficients.total_energy.sum()
         if total == 0:
             return coefficients
         missing = 1 - coefficients.captured()[-1, -1]
         # Every try takes the time to sample the BRDF, and sharp lobes need many orders.
-        octaves = octaves_to_come(coefficients, tolerance / 5)
+        octaves = octaves_to_come(coefficients, eps / 5)
         if octaves > 0 and f < MAX_ORDER_F and not _is_lost_to_p(coefficients, most_p):
             f = min(2**octaves * f, MAX_ORDER_F)
             continue
         if most_p is not None:
             known = np.cumsum(coefficients.degree_energy.sum(axis=-1))
-            largest = most_p(_least(known >= (1 - tolerance) * known[-1]))
-        if missing > tolerance and p < largest and not brdf.zonal:
+            largest = most_p(first_enough(known >= (1 - eps) * known[-1]))
+        if missing > eps and p < largest and not brdf.zonal:
             p = min(2 * p, largest)
         else:
             return coefficients
@@ -345,7 +329,7 @@ def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] |
     return bool(lost > _LOST * energy_above(by_degree))
 
 
-def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, tolerance: float) -> int:
+def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, eps: float) -> int:
     """Estimate how often the order F must be doubled until little energy lies beyond it.
 
     `energy_above` estimates it. What no F finds, because it has q > P, does not count.
@@ -354,7 +338,7 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, toleranc
     ----------
     coefficients : BrdfCoefficients or TransferFunctions
         What is known to the order F.
-    tolerance : float
+    eps : float
         The fraction of the energy that may lie beyond.
 
     Returns
@@ -363,7 +347,7 @@ def octaves_to_come(coefficients: BrdfCoefficients | TransferFunctions, toleranc
         0 .. `_MOST_OCTAVES`; 2 where energies have not begun to fall.
     """
     by_degree = coefficients.degree_energy.sum(axis=-1)
-    allowed = tolerance * coefficients.total_energy.sum()
+    allowed = eps * coefficients.total_energy.sum()
     missing = coefficients.total_energy.sum() - by_degree.sum()
     above = float(energy_above(by_degree))
     if min(missing, above) <= allowed:

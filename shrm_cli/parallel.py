@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from shrm_cli import settings
+from shrm_cli import progress, settings
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -53,7 +53,7 @@ def in_order(
     from concurrent.futures import ThreadPoolExecutor
 
     def alone(job: Job) -> Result:
-        with settings.using(threads=1):
+        with settings.using(threads=1), progress.using(None):
             return work(job)
 
     pool = ThreadPoolExecutor(threads)

@@ -1,26 +1,26 @@
 """Prefiltering: from a probe, a BRDF and options to a map. The command and the library call this.
 
-The meaning and the default of every option, and the representations that it applies to, are
-decided here and in the folders of the representations, and nowhere else.
+`shrm_cli.maps.request` says what the arguments mean, and which representation they apply to.
 """
 
-import inspect
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.errors import ArgumentError, ShrmWarning
+from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.negative import examined
-from shrm_cli.maps.options import DEFAULTS, SHARED, Representation, listing, owners
-from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
+from shrm_cli.maps.request import Request
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
-from shrm_cli.progress import Progress, Rising
-from shrm_cli.vocabulary import AUTO, REPRESENTATIONS, Domain, Frame, Sampling
+from shrm_cli.progress import Progress, Rising, using
+from shrm_cli.vocabulary import AUTO, Domain, Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.lights.beside import Beside
 
 
 def prefilter(
@@ -40,6 +40,7 @@ def prefilter(
     size: int | None = None,
     sampling: Sampling | None = None,
     max_size: int | str | None = None,
+    sun: str | None = None,
     progress: Progress | None = None,
     **own: Any,
 ) -> Map:
@@ -66,10 +67,11 @@ def prefilter(
     error : float, optional
         The relative RMS error of the reflected light of this probe that the map may have, with
         bilinear look-ups and half precision, in (0, 1). The map of the fewest bytes is made that
-        keeps it. For ``auto``, ``shrm`` and ``principal``, instead of `eps`.
+        keeps it, instead of `eps`; of forms other than ``auto``, ``shrm`` and ``principal`` the
+        first of a few settings. Of ``splitsum`` it is the error of each level.
     seen : float, optional
         The share of what is visible that may be wrong by more than 5 %, as it is predicted, in
-        (0, 1). For ``auto``, ``shrm`` and ``principal``, with `error` or without.
+        (0, 1), with `error` or without. For forms that are made for a BRDF.
     order_f, order_p : int, optional
         Orders to use instead of the chosen ones. With `order_f` nothing is carried beyond it.
     center : {"auto", "reflection", "normal", "tangent"}, optional
@@ -92,6 +94,11 @@ def prefilter(
         The most bytes that the cubes of a map for a BRDF take in half precision, as a number or
         as text such as ``"32MB"``; `vocabulary.DEFAULT_MAX_SIZE` by default. Where they are too
         few for the orders that `eps` asks for, the best map within them is made.
+    sun : {"split"}, optional
+        Take the lamps out of the light as `shrm_cli.lights.split.split_lamps` does, and make the
+        map of what is left. They are kept beside it as discs, whose reflection `radiance` adds.
+        What is asked of the map is asked of what is left; the errors that it states are relative
+        to all of the reflected light.
     progress : callable, optional
         Called with the amount of work done and the amount in all. What is done never falls.
     **own
@@ -122,13 +129,13 @@ def prefilter(
     given = {
         "brdf": brdf, "eps": eps, "error": error, "seen": seen, "order_f": order_f,
         "order_p": order_p, "center": center, "domain": domain, "source_height": source_height,
-        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, **own,
+        "frame": frame, "size": size, "sampling": sampling, "max_size": max_size, "sun": sun, **own,
     }  # fmt: skip
     light = as_probe(probe)
-    made = prefilter_with_facts(light, to, given, progress)
-    for line in (*light.report.warnings(), *made.warnings):
+    found = prefilter_with_facts(light, to, given, progress)
+    for line in (*light.report.warnings(), *found.warnings):
         warnings.warn(line, ShrmWarning, stacklevel=2)
-    return made.map
+    return found.map
 
 
 def prefilter_with_facts(
@@ -151,167 +158,71 @@ def prefilter_with_facts(
     ArgumentError, BrdfError, ProbeError, OrderError, MapError
         For the same reasons as `prefilter`.
     """
-    to = resolved_form(to, given)
-    given = checked_arguments(to, given, probe)
-    make = _maker(to)
+    return make(probe, Request.of(to, given, probe), progress)
+
+
+def make(probe: Probe, request: Request, progress: Progress | None = None) -> Prefiltered:
+    """Make the map that a request asks for; see `prefilter_with_facts`."""
+    needs_brdf = registry.description(request.to).needs_brdf
+    if request.to == AUTO:  # several forms may be tried, and lamps be looked for
+        from shrm_cli.probe.shared import shared
+
+        probe = shared(probe)
     # Maps for a BRDF take one attempt after another at its coefficients.
-    is_rising = registry.description(to).needs_brdf and given.get("domain") != "angular"
-    work = Rising(progress) if progress is not None and is_rising else progress
-    several = to != AUTO and len(registry.module(to, "options").DESCRIPTIONS) > 1
-    made: Prefiltered = make(probe, **({"to": to} if several else {}), **given, progress=work)
+    is_rising = needs_brdf and request.domain != "angular"
+    work = Rising(progress) if is_rising else progress
+    light, lamps = _split(probe, request)
+    with using(work):
+        found = _made(light, request)
     if isinstance(work, Rising):
         work.end()
-    # Maps of light alone have words of their own for what is negative, or cannot be.
-    made = examined(made) if registry.description(to).needs_brdf else made
-    info = replace(made.map.info, options=options_of(probe, to, given))
-    return replace(made, map=replace(made.map, info=info))  # type: ignore[type-var]
+    info = replace(found.map.info, options=request.record(probe))
+    found = replace(found, map=replace(found.map, info=info))  # type: ignore[type-var]
+    if not needs_brdf:  # maps of light alone have words of their own for what is negative
+        return found
+    return examined(_finished(found, probe, lamps, request.brdf))
 
 
-def resolved_form(to: str, given: Mapping[str, Any]) -> str:
-    """Return the representation that is asked for: with arguments of SHRMs, ``auto`` is one.
+def _split(probe: Probe, request: Request) -> tuple[Probe, "Beside | None"]:
+    """Return the light that the map is made of, and the lamps if they are to be beside it."""
+    if request.sun is None:
+        return probe, None
+    from shrm_cli.lights.beside import split_for
 
-    Parameters
-    ----------
-    to : str
-        The representation, or ``auto``.
-    given : mapping of str to value
-        The arguments of `prefilter` by name. One that is None counts as not given.
-    """
-    named = {name for name, value in given.items() if value is not None}
-    return "shrm" if to == AUTO and named - registry.description(AUTO).arguments else to
+    found = split_for(probe, request.brdf)
+    return (found.split.residual_probe if found.split.discs else probe), found
 
 
-def _maker(to: str) -> Callable[..., Prefiltered]:
+def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brdf) -> Prefiltered:
+    """Put the lamps beside the map, or say where that would help."""
+    if lamps is None and not any(REMEDY in line for line in made.warnings):
+        return made
+    from shrm_cli.lights.beside import MUCH, small_lamps_share, with_lamps
+
+    if lamps is not None:
+        return with_lamps(made, lamps, brdf)
+    if small_lamps_share(probe) <= MUCH:
+        return made
+    better = "take them out with `sun` split, dim them by `clamp`"
+    return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))
+
+
+def _made(probe: Probe, request: Request) -> Prefiltered:
+    """Make a map, or the first of several that keeps the error that is asked for."""
+    asks = request.error is not None or request.seen is not None
+    if not (asks and registry.description(request.to).steps):
+        return _maker(request.to)(probe, request)
+    # Runs that ask for no error are spared the search.
+    from shrm_cli.maps.attempts import first_that_keeps
+
+    return first_that_keeps(_maker(request.to), probe, request)
+
+
+def _maker(to: str) -> Callable[[Probe, Request], Prefiltered]:
     """Return the function that makes the maps of a representation, or of the best one."""
     if to == AUTO:
         from shrm_cli.automatic import prefilter as choose
 
         return choose
-    make: Callable[..., Prefiltered] = registry.module(to, "prefilter").prefilter
+    make: Callable[[Probe, Request], Prefiltered] = registry.module(to, "prefilter").prefilter
     return make
-
-
-def checked_arguments(to: str, given: Mapping[str, Any], probe: Probe) -> dict[str, Any]:
-    """Return the arguments that are given as the makers of maps take them, with a BRDF for its
-    specification.
-
-    Raises
-    ------
-    ArgumentError, BrdfError
-        If an argument does not apply, or has a value that it cannot have.
-    """
-    given = {name: value for name, value in given.items() if value is not None}
-    check_arguments(to, given)
-    brdf = {name: _material(given.pop(name), probe) for name in ("brdf",) if name in given}
-    return brdf | checked_options(to, given)
-
-
-def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments but for the BRDF as the makers of maps take them.
-
-    Raises
-    ------
-    ArgumentError
-        If one has a value that it cannot have.
-    """
-    options = {**SHARED, **{each.name: each for each in registry.description(to).options}}
-    return {name: options[name].checked(value) for name, value in given.items()}
-
-
-def options_of(probe: Probe, to: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a map records of the options that it is made with.
-
-    Parameters
-    ----------
-    probe : Probe
-    to : str
-        The representation.
-    given : mapping of str to value
-        The arguments of `prefilter` by name. One that is None counts as not given, and has its
-        default; the BRDF has a record of its own.
-
-    Returns
-    -------
-    dict
-        Values as JSON has them, and under ``reading`` how the probe was read.
-    """
-    named = {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in given.items()
-        if value is not None and name != "brdf"
-    }
-    automatic: dict[str, Any] = {}
-    if to == AUTO:
-        from shrm_cli.plan.search import Goal
-
-        goal = Goal.of(given.get("error"), given.get("seen"))
-        automatic = {"to": AUTO, "error": goal.error, "seen": goal.wrong_share}
-    return {**automatic, **default_options(to, named), **named, "reading": probe.reading()}
-
-
-def default_options(to: str, named: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the defaults of the arguments that a representation obeys, as a map records them.
-
-    Those that follow from the light and the BRDF are no values yet, and are left out.
-
-    Parameters
-    ----------
-    to : str
-        The representation.
-    named : mapping of str to value
-        The arguments that are given. An error is asked for instead of a tolerance.
-    """
-    unasked = {"eps"} if {"error", "seen"} & named.keys() else set()
-    obeyed = registry.description(to).arguments - unasked
-    own = inspect.signature(_maker(to)).parameters
-    found = {name: each.default for name, each in own.items()} | DEFAULTS
-    return {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in found.items()
-        if name in obeyed and value is not None and value is not inspect.Parameter.empty
-    }
-
-
-def check_arguments(to: str, given: Iterable[str]) -> None:
-    """Check that a representation is known, obeys all given arguments, and has all that it needs.
-
-    Parameters
-    ----------
-    to : str
-        The representation.
-    given : iterable of str
-        Names of the arguments of `prefilter` that are given.
-
-    Raises
-    ------
-    ArgumentError
-        If the representation is unknown, does not obey an argument, or lacks a BRDF.
-    """
-    if to not in (AUTO, *REPRESENTATIONS):
-        raise ArgumentError("to", f"{to!r} is none of {', '.join(REPRESENTATIONS)}")
-    known = registry.descriptions()
-    chosen, given = registry.description(to), set(given)
-    for name in sorted(given - chosen.arguments):
-        raise _not_for(name, chosen, known)
-    if chosen.needs_brdf and "brdf" not in given:
-        raise ArgumentError("brdf", f"is missing; `to` {to} needs one")
-
-
-def _material(brdf: object, probe: Probe) -> Brdf:
-    """Return a BRDF from itself or from its specification, with the probe's primaries."""
-    if isinstance(brdf, str):
-        return parse_spec(brdf, primaries=probe.chromaticities)
-    if not isinstance(brdf, Brdf):
-        raise ArgumentError("brdf", f"{brdf!r} is neither a BRDF nor the specification of one")
-    return brdf
-
-
-def _not_for(
-    name: str, chosen: Representation, known: Mapping[str, Representation]
-) -> ArgumentError:
-    """Return the error that refuses an argument which a representation does not obey."""
-    of = owners(known, name)
-    if not of:
-        return ArgumentError(name, "is no argument of prefilter")
-    why = f"; {chosen.why_no_brdf}" if name == "brdf" else ""
-    return ArgumentError(name, f"applies with `to` {listing(of, 'or')}{why}")

@@ -1,6 +1,11 @@
-"""Progress reports: how a long computation tells how far it has come."""
+"""Progress reports: how a long computation tells how far it has come.
+
+Who wants to know is a setting of the context, as threads are: what computes calls `report`, and
+whoever starts it says by `using` who is told. Jobs in threads of `shrm_cli.parallel` tell nobody.
+"""
 
 from collections.abc import Callable
+from contextvars import ContextVar, Token
 from typing import Protocol, runtime_checkable
 
 Progress = Callable[[int, int], object]
@@ -17,8 +22,41 @@ class Foretold(Protocol):
         """Tell about how many seconds the rest of the work will take."""
 
 
-def foretell(progress: Progress | None, seconds: float) -> None:
+_current: ContextVar[Progress | None] = ContextVar("shrm_cli.progress", default=None)
+
+
+class using:
+    """Context manager within which a progress callable is told, or nobody where it is None."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress = progress
+        self._tokens: list[Token[Progress | None]] = []
+
+    def __enter__(self) -> None:
+        self._tokens.append(_current.set(self._progress))
+
+    def __exit__(self, *_: object) -> None:
+        _current.reset(self._tokens.pop())
+
+
+def current() -> Progress | None:
+    """Return who is told here and now."""
+    return _current.get()
+
+
+def report(done: int, total: int) -> None:
+    """Tell how far the work has come."""
+    progress = current()
+    if progress is not None:
+        progress(done, total)
+
+
+def foretell(seconds: float) -> None:
     """Tell about how long the work will take from now on, if the progress is `Foretold`."""
+    _foretell(current(), seconds)
+
+
+def _foretell(progress: Progress | None, seconds: float) -> None:
     if isinstance(progress, Foretold):
         progress.foretell(seconds)
 
@@ -59,7 +97,7 @@ class Stages:
 
     def foretell(self, seconds: float) -> None:
         """Hand on about how long the rest of the work will take."""
-        foretell(self._progress, seconds)
+        _foretell(self._progress, seconds)
 
     def _show(self, steps: int) -> None:
         if self._progress is not None:
@@ -76,11 +114,11 @@ class Rising:
 
     Parameters
     ----------
-    progress : callable
+    progress : callable, optional
         Called with how far all work has come.
     """
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress | None) -> None:
         self._progress = progress
         self._before = self._within = self._told = 0.0
 
@@ -97,7 +135,7 @@ class Rising:
 
     def foretell(self, seconds: float) -> None:
         """Hand on about how long the rest of the work will take."""
-        foretell(self._progress, seconds)
+        _foretell(self._progress, seconds)
 
     def end(self) -> None:
         """Report that all work is done."""
@@ -105,4 +143,5 @@ class Rising:
 
     def _tell(self, part: float) -> None:
         self._told = part
-        self._progress(int(_STEPS * part), _STEPS)
+        if self._progress is not None:
+            self._progress(int(_STEPS * part), _STEPS)

@@ -25,7 +25,12 @@ from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.pyramid import Pyramid
 from shrm_cli.probe.source import Source
 from shrm_cli.progress import Progress
-from shrm_cli.sphere.directions import bisector, central_directions, horizontal_tangents
+from shrm_cli.sphere.directions import (
+    bisector,
+    central_directions,
+    horizontal_tangents,
+    surface_frames,
+)
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
 Indices = NDArray[np.integer]
@@ -130,17 +135,7 @@ class Reference:
         return f"summed adaptively, 95 % within {max(self.error, 1e-4):.2%}"
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance.
-
-        Parameters
-        ----------
-        normals, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 3)
-        """
+        """Reflected radiance, shape (..., 3), of normals and views, (..., 3), unit, world axes."""
         normals, views = np.broadcast_arrays(normals, views)
         normals, views = normals.astype(float), views.astype(float)
         centers = central_directions(self.brdf.center, normals, views)
@@ -154,10 +149,6 @@ class Reference:
         normals, tangents, views : array_like, shape (..., 3), broadcastable
             Unit, world axes. The tangents are perpendicular to the normals and run along the x
             axis of the BRDF's own frame; the y axis is N x T.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 3)
         """
         normals, tangents, views = (
             each.astype(float) for each in np.broadcast_arrays(normals, tangents, views)
@@ -168,17 +159,7 @@ class Reference:
         return self._radiance(normals, centers, views, tangents)
 
     def central_radiance(self, centers: ArrayLike, views: ArrayLike) -> Array:
-        """Reflected radiance, from central directions instead of normals.
-
-        Parameters
-        ----------
-        centers, views : array_like, shape (..., 3), broadcastable
-            Unit, world axes.
-
-        Returns
-        -------
-        ndarray of float64, shape (..., 3)
-        """
+        """Reflected radiance of central directions instead of normals; else as `radiance`."""
         centers, views = np.broadcast_arrays(centers, views)
         centers, views = centers.astype(float), views.astype(float)
         is_mirror = self.brdf.center == "reflection"
@@ -201,7 +182,7 @@ class Reference:
         if tangents is None or brdf.zonal:
             tangents = horizontal_tangents(normals)
         tangents = tangents.reshape(-1, 3)
-        rows = np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)
+        rows = surface_frames(normals, tangents)
         local_views = np.einsum("nij,nj->ni", rows, views).astype(self.dtype)
         if truncated and not brdf.zonal:  # the last row is C
             rows = np.concatenate([rows, centers[:, None]], axis=1)

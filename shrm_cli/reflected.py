@@ -75,7 +75,7 @@ def kept_energy(factors: Array) -> Array:
     return np.asarray(1 - (1 - factors) ** 2)
 
 
-def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
+def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients | TransferFunctions) -> float:
     """Return the root of the integral of the squared reflected light, by Parseval.
 
     The integral is over all orientations, views and channels, and counts the energy beyond the
@@ -85,7 +85,7 @@ def reflected_rms(lighting: Lighting, coefficients: BrdfCoefficients) -> float:
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    coefficients : BrdfCoefficients
+    coefficients : BrdfCoefficients or TransferFunctions
     """
     light = weighted_power(lighting, coefficients.order_f)
     known = np.sum(light * coefficients.degree_energy)

@@ -12,7 +12,7 @@ import shrm_cli
 
 _ROOT = os.path.dirname(os.path.abspath(__file__))
 
-MAPS = ("", "brdf", "files", "maps", "plan", "probe", "sphere")
+MAPS = ("", "brdf", "files", "lights", "maps", "plan", "probe", "sphere")
 """The folders of the package whose code decides what maps hold. The empty name stands for the
 modules that lie in no folder; with the others go all folders below them."""
 COEFFICIENTS = ("brdf", "sphere")

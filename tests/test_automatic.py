@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps import seen as making
+from shrm_cli.maps import negative
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.principal import wrong_share
+from shrm_cli.maps.shrm import proposal
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.shared import shared
 from tests import brute_force, oracles
 from tests.cli.helpers import done, polynomial_light, run, write_exr
 
@@ -148,12 +151,47 @@ def test_dark_places_are_given_more(probe, monkeypatch):
         asked.append(texels(map_))
         return shares[len(asked) - 1]
 
-    monkeypatch.setattr(making, "negative_share", share)
+    monkeypatch.setattr(negative, "negative_share", share)
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=MICROFACET).map
     assert len(asked) == policy.TRIED_DARK
     assert asked == sorted(asked)
     assert texels(found) == asked[1]
+
+
+def counting(monkeypatch, owner, name):
+    """Count the calls of a function."""
+    calls, plain = [], getattr(owner, name)
+
+    def counted(*args, **given):
+        calls.append(args)
+        return plain(*args, **given)
+
+    monkeypatch.setattr(owner, name, counted)
+    return calls
+
+
+def test_nothing_is_found_out_twice(probe, monkeypatch):
+    monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
+    dark = counting(monkeypatch, negative, "negative_share")
+    wrong = counting(monkeypatch, wrong_share, "predicted_wrong_share")
+    expanded = counting(monkeypatch, proposal, "sufficient_coefficients")
+    found = made(probe, brdf=SKIN)
+    judged = len(wrong)
+    assert found.map.representation == "principal"
+    assert found.summary()["predicted_wrong_share"] <= policy.WRONG_SHARE
+    assert (len(dark), len(wrong), len(expanded)) == (1, judged, 1)
+
+
+def test_pixels_are_read_once(probe, monkeypatch):
+    """The SHRM of single cubes misses what is asked here, and principal functions are made."""
+    rows = counting(monkeypatch, type(probe.images[0]), "read")
+    sharp = "phong:exponent=2000"
+    found = made(probe, brdf=sharp, error=0.002)
+    assert found.map.representation == "principal"
+    assert sum(stop - start for _, start, stop in rows) == probe.height
+    known = shared(probe)
+    assert shared(known) is known
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ from shrm_cli.maps.options import Option, Representation
 DESCRIPTIONS = {
     "ambient": Representation(
         "ambient", "ambient color", frozenset(),
-        (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9)),),
+        (Option("gain", "ambient: brighter by so much.", "integer", limits=(1, 9), default=1),),
         why_no_brdf="an ambient color is of a white Lambertian surface",
     )
 }
@@ -122,8 +122,8 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
-def prefilter(probe, gain=1, progress=None):
-    mean = gain * project(probe, 0, progress).coefficients / np.sqrt(4 * np.pi)
+def prefilter(probe, request):
+    mean = request.own["gain"] * project(probe, 0).coefficients / np.sqrt(4 * np.pi)
     made = Ambient(mean, provenance(probe, Lambertian(), Orders(0, 0, 0.0, 1.0)))
     return Prefiltered(made, {"mean": mean[0].tolist()})
 ''',
@@ -269,7 +269,7 @@ def test_a_default_is_one_line(copy):
     path.write_text(path.read_text().replace("DEFAULT_EPS = 0.03", "DEFAULT_EPS = 0.2"))
     out = run(copy, "prefilter", "probe.exr", "--brdf", "phong", "--json")
     assert json.loads(out)["epsilon"] == 0.2
-    code = "import shrm_cli; print(shrm_cli.prefilter('probe.exr', 'phong').info.tolerance)"
+    code = "import shrm_cli; print(shrm_cli.prefilter('probe.exr', 'phong').info.eps)"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(copy)},

@@ -2,7 +2,9 @@
 
 import pytest
 
-from shrm_cli.progress import Rising, Stages, foretell
+from shrm_cli import settings
+from shrm_cli.parallel import in_order
+from shrm_cli.progress import Rising, Stages, foretell, report, using
 
 
 def test_stages_are_of_equal_length():
@@ -70,8 +72,33 @@ class Listener:
 
 def test_what_is_left_is_foretold_to_those_who_show_it():
     listener = Listener()
-    foretell(Rising(listener), 12.5)
+    with using(Rising(listener)):
+        foretell(12.5)
     assert (listener.foretold, listener.told) == ([12.5], [])
-    foretell(lambda done, total: None, 12.5)
-    foretell(Rising(lambda done, total: None), 12.5)
-    foretell(None, 12.5)
+    for deaf in (lambda done, total: None, Rising(lambda done, total: None), None):
+        with using(deaf):
+            foretell(12.5)
+    foretell(12.5)
+    assert listener.foretold == [12.5]
+
+
+def test_who_is_told_is_a_matter_of_the_context():
+    outer, inner = Listener(), Listener()
+    with using(outer):
+        report(1, 4)
+        with using(inner):
+            report(2, 4)
+        with using(None):
+            report(3, 4)
+        report(4, 4)
+    report(5, 4)
+    assert (outer.told, inner.told) == ([(1, 4), (4, 4)], [(2, 4)])
+
+
+def test_jobs_in_threads_tell_nobody():
+    """Their reports would come from several threads at once, and from none in order."""
+    listener = Listener()
+    with using(listener), settings.using(threads=2):
+        assert list(in_order(lambda job: report(job, 3) or job, range(3))) == [0, 1, 2]
+        report(3, 3)
+    assert listener.told == [(3, 3)]

@@ -1,15 +1,15 @@
 """What orders capture: energy of the BRDF, accuracy of the reflected light, and pictures of it.
 
-These are the studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figure 5.6). Sections, figures and
-equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
+These are the studies of sections 5.5.1 (figure 5.5) and 5.7.1 (figures 5.6 and 5.7). Sections,
+figures and equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.files.picture import Picture
@@ -18,7 +18,7 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.probe.lighting import Lighting
-from shrm_cli.progress import Progress, Rising
+from shrm_cli.progress import Progress, Rising, using
 from shrm_cli.records import record
 from shrm_cli.reflected import error_bound, predicted_error
 from shrm_cli.render.camera import Viewer
@@ -28,8 +28,6 @@ from shrm_cli.render.sheet import PAPER, SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
 from shrm_cli.vocabulary import MAX_ORDER_F, Center
 
-Array = NDArray[np.floating]
-
 DEFAULT_ORDER_F = 32
 """The largest F of a grid, unless a tolerance needs a larger one."""
 
@@ -38,6 +36,12 @@ DEFAULT_ORDER_P = 8
 
 PICTURE_ORDER_P = 5
 """The largest P of the pictures, as in figure 5.6."""
+
+MATERIAL_F, MATERIAL_P = 30, 5
+"""The order F and the largest order P of figure 5.7, which compares materials."""
+
+_ACCURACY = 1e-3
+"""The fraction of a material's energy that the sampling of its coefficients may miss."""
 
 _HIGHER = 2
 """The reflected light counts as known at an F that is this many times the F of the grid."""
@@ -88,7 +92,7 @@ def energy_grid(
         The largest orders of the grid; by default 32 and 8, or more if a tolerance needs them. A
         zonal BRDF has P = 0 only.
     progress : callable, optional
-        As `choose_orders` takes it.
+        Called with the work done, and in all.
 
     Raises
     ------
@@ -98,8 +102,9 @@ def energy_grid(
         If the BRDF is anisotropic, or its coefficients do not converge.
     """
     # Attempts at the orders of each tolerance follow one another, and nobody knows how many.
-    rising = None if progress is None else Rising(progress)
-    met = [choose_orders(brdf, tolerance, progress=rising) for tolerance in tolerances]
+    rising = Rising(progress)
+    with using(rising):
+        met = [choose_orders(brdf, eps) for eps in tolerances]
     orders = tuple(each for each, _ in met)
     if order_f is None:
         order_f = max(DEFAULT_ORDER_F, *(each.order_f for each in orders))
@@ -110,8 +115,45 @@ def energy_grid(
     sufficient = max(coefficients.order_f for _, coefficients in met)
     high = min(max(_HIGHER * order_f, sufficient), MAX_ORDER_F)
     accuracy = max(min(tolerances) / 300, 1e-5)
-    coefficients = compute_coefficients(brdf, high, order_p, accuracy, rising)
+    with using(rising):
+        coefficients = compute_coefficients(brdf, high, order_p, accuracy)
     return EnergyGrid(coefficients.captured()[: order_f + 1], orders, coefficients)
+
+
+def material_energies(
+    brdfs: Sequence[Brdf],
+    order_f: int = MATERIAL_F,
+    order_p: int = MATERIAL_P,
+    progress: Progress | None = None,
+) -> Array:
+    """Compute the energy that F = `order_f` and P = 0 .. `order_p` capture of several BRDFs.
+
+    Parameters
+    ----------
+    brdfs : sequence of Brdf
+    order_f, order_p : int
+    progress : callable, optional
+        Called with the number of BRDFs done and the number of all BRDFs.
+
+    Returns
+    -------
+    ndarray, shape (BRDFs, P+1)
+        Fractions of the energy (eq. 5.18) for P = 0, 1, and so on. A BRDF that does not depend on
+        the view has the same fraction for all P.
+
+    Raises
+    ------
+    BrdfError
+        If a BRDF is anisotropic, or its coefficients do not converge.
+    """
+    rows = []
+    for index, brdf in enumerate(brdfs):
+        found = compute_coefficients(brdf, order_f, 0 if brdf.zonal else order_p, _ACCURACY)
+        captured = found.captured()[order_f]
+        rows.append(np.pad(captured, (0, order_p + 1 - len(captured)), mode="edge"))
+        if progress is not None:
+            progress(index + 1, len(brdfs))
+    return np.array(rows)
 
 
 @record(eq=False)

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
+from shrm_cli.choose.offer import Choice
 from shrm_cli.files.whole import replacing
-from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 _WIDTH, _HEIGHT = 7.0, 4.8  # inches
 _DOTS_PER_INCH = 150
@@ -35,56 +33,10 @@ _FORMS = {
 }  # fmt: skip
 """Color and marker of each form of maps."""
 _OTHER = "0.5", "x"
+_COSTS = {"bytes": "bytes", "look_ups": "look-ups", "multiply_adds": "multiply-adds"}
+"""What maps cost, by the names of `Offer`: a chart for each, and the name of its axis."""
 _ROW = 3.1
 """Height of a row of charts, inches."""
-
-
-@record
-class Costs:
-    """Errors of maps over one thing that they cost.
-
-    Attributes
-    ----------
-    label : str
-    values : sequence of float
-        The cost of each map, at least 0.
-    on_front : sequence of bool
-        Whether a map has the least error for its cost.
-    limit : float, optional
-        The most that it may cost.
-    """
-
-    label: str
-    values: Sequence[float]
-    on_front: Sequence[bool]
-    limit: float | None = None
-
-
-@record
-class Offers:
-    """The maps that one row of charts shows.
-
-    Attributes
-    ----------
-    title : str
-    forms : sequence of str
-        Their representations.
-    errors : sequence of float
-        Relative RMS errors.
-    costs : sequence of Costs
-        A chart for each.
-    best : int, optional
-        The index of the map that is recommended.
-    goal : float
-        The error that is good enough.
-    """
-
-    title: str
-    forms: Sequence[str]
-    errors: Sequence[float]
-    costs: Sequence[Costs]
-    best: int | None
-    goal: float
 
 
 def can_plot() -> bool:
@@ -237,39 +189,38 @@ def plot_materials(
         _save(figure, path)
 
 
-def plot_offers(path: str | os.PathLike[str], rows: Sequence[Offers]) -> None:
-    """Draw the errors of maps over their costs, with the front and what is recommended.
+def plot_offers(path: str | os.PathLike[str], choices: Sequence[tuple[str, Choice]]) -> None:
+    """Draw the errors of maps over what they cost, with the front and what is recommended.
 
     Parameters
     ----------
     path : path-like
         PNG to write, whole or not at all.
-    rows : sequence of Offers
-        At least one, each with as many costs as the others.
+    choices : sequence of (str, Choice)
+        At least one, with the path of its probe: a row of charts for each.
 
     Raises
     ------
     OutputError
         If the file cannot be written.
     """
-    columns = len(rows[0].costs)
     with _default_style():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from matplotlib.lines import Line2D
 
-        size = (4.3 * columns, _ROW * len(rows) + 0.5)
+        size = (4.3 * len(_COSTS), _ROW * len(choices) + 0.5)
         figure = Figure(size, _DOTS_PER_INCH, layout="constrained")
         FigureCanvasAgg(figure)
-        parts = figure.subfigures(len(rows), 1, squeeze=False)[:, 0]
-        for part, row in zip(parts, rows, strict=True):
-            title = row.title.encode("utf-8", "replace").decode()
+        parts = figure.subfigures(len(choices), 1, squeeze=False)[:, 0]
+        for part, (probe, choice) in zip(parts, choices, strict=True):
+            title = f"{probe}, {choice.brdf}".encode("utf-8", "replace").decode()
             part.suptitle(title, fontsize="medium", parse_math=False)
-            axes = part.subplots(1, columns, sharey=True, squeeze=False)[0]
-            for each, costs in zip(axes, row.costs, strict=True):
-                _draw_offers(each, row, costs)
+            axes = part.subplots(1, len(_COSTS), sharey=True, squeeze=False)[0]
+            for each, cost in zip(axes, _COSTS, strict=True):
+                _draw_offers(each, choice, cost)
             axes[0].set(ylabel="RMS error (%)")
-        names = sorted({form for row in rows for form in row.forms})
+        names = sorted({each.form for _, choice in choices for each in choice.offers})
         marks = [
             Line2D([], [], color=color, marker=marker, ls="none")
             for color, marker in (_FORMS.get(name, _OTHER) for name in names)
@@ -278,26 +229,28 @@ def plot_offers(path: str | os.PathLike[str], rows: Sequence[Offers]) -> None:
         _save(figure, path)
 
 
-def _draw_offers(axes: Any, row: Offers, costs: Costs) -> None:
-    """Draw the errors over one cost; marks of the front are full."""
+def _draw_offers(axes: Any, choice: Choice, cost: str) -> None:
+    """Draw the errors over one of the `_COSTS`; marks of the front are full."""
     from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
-    percent = 100 * np.asarray(row.errors)
-    values = np.asarray(costs.values, dtype=float)
-    for x, y, form, is_front in zip(values, percent, row.forms, costs.on_front, strict=True):
-        color, marker = _FORMS.get(form, _OTHER)
+    offers = choice.offers
+    percent = 100 * np.array([each.error for each in offers])
+    values = np.array([getattr(each, cost) for each in offers], dtype=float)
+    on_front = [each.on_front if cost == "bytes" else each.on_cost_front for each in offers]
+    for x, y, offer, is_front in zip(values, percent, offers, on_front, strict=True):
+        color, marker = _FORMS.get(offer.form, _OTHER)
         style = {"mfc": color if is_front else "none", "mec": color, "mew": 1.2}
         axes.plot([x], [y], marker, ms=6, ls="none", zorder=3, **style)
-    front = np.flatnonzero(costs.on_front)
+    front = np.flatnonzero(on_front)
     front = front[np.argsort(values[front], kind="stable")]
     least = np.minimum.accumulate(percent[front])
     axes.step(values[front], least, where="post", color="0.6", lw=1, zorder=2)
-    axes.axhline(100 * row.goal, **_LEVEL)
-    if costs.limit is not None:
-        axes.axvline(costs.limit, **_LEVEL)
-    if row.best is not None:
-        circle = {**_CIRCLE, "ms": 13}
-        axes.plot([values[row.best]], [percent[row.best]], ls="none", **circle)
+    axes.axhline(100 * choice.goal.error, **_LEVEL)
+    if cost == "bytes" and choice.budget is not None:
+        axes.axvline(choice.budget, **_LEVEL)
+    if choice.recommended is not None:
+        best = offers.index(choice.recommended)
+        axes.plot([values[best]], [percent[best]], ls="none", **{**_CIRCLE, "ms": 13})
     if (values < 1).any():  # a logarithmic axis has no zero
         axes.set_xscale("symlog", linthresh=1)
         axes.set_xlim(-0.2, 2 * max(values.max(), 1))
@@ -313,7 +266,7 @@ def _draw_offers(axes: Any, row: Offers, costs: Costs) -> None:
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set(xlabel=costs.label)
+    axes.set(xlabel=_COSTS[cost])
 
 
 def _default_style() -> Any:

@@ -1,17 +1,19 @@
 """What is in a probe, in numbers: `probe_statistics`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
+from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
+from shrm_cli.lights.beside import MUCH, SMALL
 from shrm_cli.lights.lamp import HALF_LIMITS, JUST_BELOW, Lamp
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
-from shrm_cli.probe.lamps import PolarRows
+from shrm_cli.probe.lighting import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -19,8 +21,6 @@ from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.rotation import transform_coefficients
-
-Array = NDArray[np.floating]
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 _ORDER = 32
@@ -31,13 +31,11 @@ _LEAST_STOP, _BINS_A_STOP, _STOPS = -60, 64, 160
 _PLATEAU, _PLATEAU_OVER_MEAN = 4.0, 4.0
 """As many pixels of exactly the same largest value, which is the mean times this, are suspected to
 be clipped; pixels count by their areas, because the whole row at a pole is one of them."""
-_SMALL, _MUCH = np.radians(1.0), 0.02
-"""Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
-real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
-plastic of roughness 0.3 have errors of 7 % to 16 %. The others have 1 % to 4 %: a courtyard without
-lamps, a forest whose sun of a degree holds 7 %, a studio with 75 % in lamps of 3 to 6 degrees."""
 _LEAST_GREEN = 1e-6
 """Light with less green, over its largest channel, has none: it is what rounding left."""
+_COLDEST, _HOTTEST, _FARTHEST = 1000.0, 25000.0, 0.05
+"""Temperatures in kelvin, and the distance from the black body in CIE 1960 u and v, within which a
+correlated colour temperature means something."""
 _MOST_PLATEAU = 0.2
 """A larger share of the sphere at the maximum is no clipped light, but a constant probe."""
 
@@ -102,9 +100,9 @@ class ProbeStatistics:
     def advice(self) -> str:
         """What to do about small lamps that hold much of the light; empty without any."""
         pairs = zip(self.lamps, self.lamp_shares, strict=True)
-        small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < _SMALL]
+        small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < SMALL]
         sizes, share = [np.degrees(radius) for radius, _ in small], sum(each for _, each in small)
-        if share <= _MUCH:
+        if share <= MUCH:
             return ""
         low, high = (f"{each:.2g}" for each in (min(sizes), max(sizes)))
         if len(sizes) == 1:
@@ -298,3 +296,47 @@ class _Gathered:
             if is_bright and count >= _PLATEAU and area < _MOST_PLATEAU * 4 * np.pi:
                 return f"{count:.0f} pixels share the maximum {high:.6g} of {name}"
         return ""
+
+
+def chromaticity(rgb: ArrayLike, primaries: Sequence[float] | None) -> tuple[float, float] | None:
+    """CIE 1931 x and y of linear RGB; None of black."""
+    xyz = xyz_matrix(primaries) @ np.asarray(rgb, dtype=float)
+    total = float(xyz.sum())
+    return None if total <= 0 else (float(xyz[0] / total), float(xyz[1] / total))
+
+
+def color_temperature(x: float, y: float) -> float | None:
+    """Correlated colour temperature in kelvin; None where light has none.
+
+    Parameters
+    ----------
+    x, y : float
+        CIE 1931 chromaticity.
+
+    References
+    ----------
+    McCamy 1992: within 2 K of the black body from 2856 K to 6504 K, and within 3 % from 2000 K to
+    12500 K.
+    """
+    if y == 0.1858 or abs(blackbody_distance(x, y)) > _FARTHEST:
+        return None
+    n = (x - 0.3320) / (0.1858 - y)
+    found = 449 * n**3 + 3525 * n**2 + 6823.3 * n + 5520.33
+    return float(found) if _COLDEST <= found <= _HOTTEST else None
+
+
+def blackbody_distance(x: float, y: float) -> float:
+    """Distance from the black body's curve in CIE 1960 u and v, above 0 for greenish light.
+
+    References
+    ----------
+    Ohno 2014, "Practical use and calculation of CCT and Duv", eq. 6 to 8.
+    """
+    denominator = -2 * x + 12 * y + 3
+    u, v = 4 * x / denominator, 6 * y / denominator
+    radius = float(np.hypot(u - 0.292, v - 0.24))
+    angle = np.arccos(np.clip((u - 0.292) / max(radius, 1e-12), -1, 1))
+    curve = np.polyval(
+        [-0.00616793, 0.0893944, -0.5179722, 1.5317403, -2.4243787, 1.925865, -0.471106], angle
+    )
+    return float(radius - curve)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.analysis.memory import Memory, within_limit
 from shrm_cli.brdf.models.ggx import Ggx
@@ -14,7 +13,6 @@ from shrm_cli.errors import ShrmError
 from shrm_cli.files.picture import Picture
 from shrm_cli.files.scratch import scratch_folder
 from shrm_cli.maps import registry
-from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.options import Representation
 from shrm_cli.prefilter import prefilter_with_facts
@@ -26,10 +24,8 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Difference, measure
 from shrm_cli.render.image import expose
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
-from shrm_cli.render.sphere import ReflectionMap, render_sphere
+from shrm_cli.render.sphere import render_sphere
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
-
-Array = NDArray[np.floating]
 
 COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """Names of the representations that are compared."""
@@ -44,7 +40,7 @@ class Plan:
     probe : Probe
     surfaces : tuple of Ggx
         Surfaces of one f0, in order of their roughness.
-    tolerance : float
+    eps : float
         The fraction of a BRDF's energy that orders may miss, for representations made for a BRDF.
     viewers : tuple of V Viewer
     size : int
@@ -59,7 +55,7 @@ class Plan:
 
     probe: Probe
     surfaces: tuple[Ggx, ...]
-    tolerance: float
+    eps: float
     viewers: tuple[Viewer, ...]
     size: int
     source_height: int | None
@@ -182,7 +178,7 @@ def groups(name: str, surfaces: Sequence[Ggx]) -> list[Sequence[Ggx]]:
 def plan_comparison(
     probe: Probe,
     surfaces: Sequence[Ggx],
-    tolerance: float,
+    eps: float,
     viewers: Sequence[Viewer],
     size: int,
     height: int | None = None,
@@ -209,7 +205,7 @@ def plan_comparison(
     heights = [height] * len(surfaces)
     memory = within_limit(probe, heights, len(viewers), size, len(COMPARED), max_memory)
     return Plan(
-        probe, tuple(surfaces), tolerance, tuple(viewers), size, height, memory, exact
+        probe, tuple(surfaces), eps, tuple(viewers), size, height, memory, exact
     )  # fmt: skip
 
 
@@ -274,11 +270,8 @@ def _judge(
                 pictures += _drawn(path, plan, group)
                 files, stored = files + 1, stored + path.stat().st_size
             except ShrmError as reason:
-                where = (
-                    f"roughness {group[0].number('roughness'):.3g}: "
-                    if representation.needs_brdf
-                    else ""
-                )
+                roughness = f"roughness {group[0].number('roughness'):.3g}: "
+                where = roughness if representation.needs_brdf else ""
                 failures.append(where + str(reason).removeprefix(f"{path}: "))
                 pictures += [None] * len(group)
             stages.done(done + count, 0)
@@ -310,7 +303,7 @@ def _make(
     """
     given: dict[str, Any] = {}
     if representation.needs_brdf:
-        given = {"brdf": surfaces[0], "eps": plan.tolerance}
+        given = {"brdf": surfaces[0], "eps": plan.eps}
         if plan.memory.max_size < DEFAULT_MAX_SIZE:
             given["max_size"] = plan.memory.max_size
     elif "roughness" in representation.arguments:
@@ -325,13 +318,5 @@ def _make(
 def _drawn(path: Path, plan: Plan, surfaces: Sequence[Ggx]) -> list[Picture]:
     """Read a map, and draw it as each surface; a list of arrays of shape (V, S, S, 3)."""
     found = open_map(path)
-    return [_draw(_shaded(found, each), plan.viewers, plan.size) for each in surfaces]
-
-
-def _draw(reflection_map: ReflectionMap, viewers: Sequence[Viewer], size: int) -> Picture:
-    return np.stack([render_sphere(reflection_map, each, size) for each in viewers])
-
-
-def _shaded(found: Map, surface: Ggx) -> ReflectionMap:
-    shown: ReflectionMap = found.shaded(surface.number("roughness"), surface.color("f0"))
-    return shown
+    shown = [found.shaded(each.number("roughness"), each.color("f0")) for each in surfaces]
+    return [np.stack([render_sphere(one, v, plan.size) for v in plan.viewers]) for one in shown]

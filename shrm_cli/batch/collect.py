@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli import __release__, addresses
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, OrderError, OutputError
 from shrm_cli.extras import install
 from shrm_cli.files import npz, remote
@@ -29,7 +29,6 @@ from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import MAX_ORDER_F
 
-Array = NDArray[np.floating]
 What = Literal["radiance", "irradiance"]
 
 SUFFIXES = (".npz", ".parquet")

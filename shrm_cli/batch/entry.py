@@ -4,13 +4,13 @@ import glob
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from pathlib import PurePath
 from typing import Any
 
 from shrm_cli.addresses import is_remote, shown
 from shrm_cli.batch.job import Chunk, Job, Recipe
-from shrm_cli.batch.outputs import without_outputs
 from shrm_cli.brdf.spec import named_files
 from shrm_cli.errors import ArgumentError, OutputError, ProbeError
 from shrm_cli.files.exr_header import holds_nothing, is_output
@@ -18,17 +18,27 @@ from shrm_cli.files.remote import matching
 from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import listing, owners
+from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
 from shrm_cli.naming import brdf_label, probe_stem, unsound
-from shrm_cli.prefilter import check_arguments, checked_options, resolved_form
 from shrm_cli.probe.probe import face_paths
 from shrm_cli.records import record
-from shrm_cli.vocabulary import AUTO, CONTAINERS, Precision
+from shrm_cli.vocabulary import AUTO, CONTAINERS, REPRESENTATIONS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
 FIELDS = ("probe", "folder", "brdf", "to")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
+_NO_PROBES = (
+    ".json", ".jsonl", ".npz", ".parquet", ".html", ".htm", ".ktx", ".ktx2", ".env", ".usda", ".md",
+    ".bsdf", ".binary",
+)  # fmt: skip
+"""Suffixes of other files that commands write or read, and that no probe has."""
+_MAPS = tuple(f".{to}.exr" for to in REPRESENTATIONS)
+"""What the default names of maps end in."""
+_README = "_README.md"
+_MOST_README = 2**16
+_NAMED = re.compile(r"`([^`\n]+)`")
 
 
 @record
@@ -249,6 +259,57 @@ def found_probes(
     if left_out is not None:
         left_out += [name for name in outputs if name not in found]
     return list(found.items())
+
+
+def without_outputs(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Divide files into those that may be probes, and those that `shrm` wrote.
+
+    Outputs often lie beside their probes, so that a pattern such as ``*.exr`` matches both from the
+    second run on. On disk a map, a table or a picture says what it is at its beginning, and of what
+    an engine's export wrote, the README beside it names the files. Of a listing from elsewhere
+    nothing is known but names.
+
+    Pixels are not read; it takes some 40 microseconds a file.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Paths or URLs.
+
+    Returns
+    -------
+    probes, outputs : list of str
+        In the order of the names.
+    """
+    exported: dict[str, frozenset[str]] = {}
+    probes: list[str] = []
+    outputs: list[str] = []
+    for name in names:
+        lower = name.lower()
+        if is_remote(name):
+            is_made = lower.endswith((*_NO_PROBES, *_MAPS))
+        else:
+            folder, last = os.path.split(name)
+            if folder not in exported:
+                exported[folder] = _exported(folder)
+            is_made = lower.endswith(_NO_PROBES) or last in exported[folder] or is_output(name)
+        (outputs if is_made else probes).append(name)
+    return probes, outputs
+
+
+def _exported(folder: str) -> frozenset[str]:
+    """Return the names of the files that exports have written into a folder."""
+    found: set[str] = set()
+    with suppress(OSError, ValueError):
+        for name in os.listdir(folder or "."):
+            if not name.endswith(_README):
+                continue
+            with open(os.path.join(folder, name), encoding="utf-8", errors="replace") as stream:
+                text = stream.read(_MOST_README)
+            title, _, files = text.partition("\nFiles: ")
+            if ", by shrm " in title:
+                found |= {name, *_NAMED.findall(files.partition("\n")[0])}
+    return frozenset(found)
 
 
 def _check_listed(name: str, folder: str, pattern: str) -> None:

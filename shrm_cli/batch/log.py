@@ -3,11 +3,11 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import IO, Any
+from typing import Any
 
 from shrm_cli import __version__
 from shrm_cli.addresses import shown_values
@@ -84,22 +84,8 @@ class Totals:
         return {**numbers, "not_done": self.jobs - self.done, "anew": dict(self.anew)}
 
 
-class Log:
-    """A file that grows by a line of JSON for each job.
-
-    Parameters
-    ----------
-    stream : text file
-    """
-
-    def __init__(self, stream: IO[str]) -> None:
-        self._stream = stream
-
-    def write(self, record: Record) -> None:
-        """Append a record with the time; whoever reads the file finds whole lines."""
-        now = datetime.now(UTC).isoformat(timespec="milliseconds")
-        self._stream.write(json.dumps(shown_values({"time": now, **record})) + "\n")
-        self._stream.flush()
+Log = Callable[[Record], None]
+"""Appends a line of JSON for a record, with the time, to a file; readers find whole lines."""
 
 
 @contextmanager
@@ -119,9 +105,14 @@ def opened_log(path: str | os.PathLike[str], jobs: int) -> Iterator[Log]:
         with open(path, "a", encoding="utf-8", errors="backslashreplace") as stream:
             if _lacks_line_end(path):
                 stream.write("\n")
-            log = Log(stream)
-            log.write({"status": "begun", "jobs": jobs, "shrm": __version__})
-            yield log
+
+            def write(record: Record) -> None:
+                now = datetime.now(UTC).isoformat(timespec="milliseconds")
+                stream.write(json.dumps(shown_values({"time": now, **record})) + "\n")
+                stream.flush()
+
+            write({"status": "begun", "jobs": jobs, "shrm": __version__})
+            yield write
     except OSError as error:
         raise OutputError(
             f"{path}: cannot be written ({error.strerror}); make room or name another `log`"

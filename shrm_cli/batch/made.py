@@ -12,12 +12,11 @@ from contextlib import suppress
 from typing import Any
 
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import holds_nothing, says_map
+from shrm_cli.files.exr_header import condition, holds_nothing, says_map
 from shrm_cli.files.parts import peek
-from shrm_cli.files.seal import condition
 from shrm_cli.maps.file import Recorded, check_amount, recorded
 from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
-from shrm_cli.prefilter import checked_arguments, default_options, options_of
+from shrm_cli.maps.request import Request, recorded_defaults
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.vocabulary import AUTO, AUTO_FORMS, Precision
@@ -48,9 +47,8 @@ class Difference:
 
 def difference(
     path: str | os.PathLike[str],
-    to: str,
     probe: Probe,
-    given: Mapping[str, Any],
+    request: Request,
     precision: Precision,
     sources: str = "",
 ) -> Difference | None:
@@ -60,11 +58,8 @@ def difference(
     ----------
     path : path-like
         A file that exists.
-    to : str
-        The representation.
     probe : Probe
-    given : mapping of str to value
-        The arguments of `shrm_cli.prefilter.prefilter` by name.
+    request : Request
     precision : {"auto", "half", "float"}
     sources : str
         The fingerprint of the program that must have written the file; any, where it is empty.
@@ -73,13 +68,8 @@ def difference(
     -------
     Difference or None
         None where nothing differs.
-
-    Raises
-    ------
-    ArgumentError, BrdfError
-        If an argument or the BRDF cannot be used.
     """
-    given = checked_arguments(to, given, probe)
+    to, brdf = request.to, request.brdf
     found = recorded(path)
     if found is None:
         return _unreadable(path)
@@ -93,11 +83,9 @@ def difference(
             "another probe made it, or another version of this one",
             is_ours=found.info.probe == probe_name(probe),
         )
-    if "brdf" in given and not same_brdf(found.info.brdf, record_of(given["brdf"])):
+    if brdf is not None and not same_brdf(found.info.brdf, record_of(brdf)):
         return Difference("it is for another BRDF")
-    wanted = options_of(probe, to, given) | (
-        {} if precision == "auto" else {"precision": precision}
-    )
+    wanted = request.record(probe) | ({} if precision == "auto" else {"precision": precision})
     differing = _differing(_options(found), wanted)
     if differing:
         return Difference(f"it was made with other options ({differing})")
@@ -145,7 +133,7 @@ def _options(found: Recorded) -> Mapping[str, Any]:
     options = found.info.options
     if found.sources:
         return options
-    return {**default_options(found.representation, options), **options}
+    return {**recorded_defaults(found.representation, options), **options}
 
 
 def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from shrm_cli.batch.job import Chunk, Job
-from shrm_cli.batch.work import arguments_of, local_file
+from shrm_cli.batch.work import local_file, request_of
 from shrm_cli.errors import ShrmError
-from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.prefilter import make
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress
@@ -65,7 +65,7 @@ def _predicted(job: Job) -> dict[str, Any]:
     """Make the map of a job in memory, and tell its orders and its size."""
     with local_file(job.probe) as path:
         probe = shared(open_probe(path, **job.reading))
-        made = prefilter_with_facts(probe, job.recipe.to, arguments_of(job.recipe, probe))
+        made = make(probe, request_of(job.recipe, probe))
     values = sum(plane.size for part in made.map.encode() for plane in part.channels.values())
     summary = made.quick_summary()
     return {name: summary[name] for name in _SAID if name in summary} | {"bytes": _HALF * values}

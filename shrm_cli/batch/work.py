@@ -6,16 +6,14 @@ as JSON has them, with what was made, or with the error.
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from shrm_cli import addresses, settings
+from shrm_cli.arrays import Array
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
 from shrm_cli.batch.made import Difference, difference
@@ -25,13 +23,12 @@ from shrm_cli.errors import ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.whole import kept, protecting
 from shrm_cli.maps.file import store
-from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.maps.request import Request
+from shrm_cli.prefilter import make
 from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
-
-Array = NDArray[np.floating]
 
 Record = dict[str, Any]
 """What is told of a job; `docs/batch.md` lists the keys."""
@@ -189,15 +186,15 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     OutputError
         If a file is there that is none of this output's earlier states.
     """
-    given = arguments_of(job.recipe, probe)
-    found = _FORCED if terms.force else _difference(job, probe, given)
+    request = request_of(job.recipe, probe)
+    found = _FORCED if terms.force else _difference(job, probe, request)
     if found is None:
         return {"status": "skipped"}
     if not found.is_ours:
         raise kept(addresses.shown(job.output), found.why)
     if terms.only_looks:
         return {"status": "waiting", "why": found.why}
-    made = prefilter_with_facts(probe, job.recipe.to, given)
+    made = make(probe, request)
     if not addresses.is_remote(job.output):
         Path(job.output).parent.mkdir(parents=True, exist_ok=True)
     with remote.written(job.output) as target:
@@ -215,14 +212,14 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     }
 
 
-def _difference(job: Job, probe: Probe, given: Mapping[str, Any]) -> Difference | None:
+def _difference(job: Job, probe: Probe, request: Request) -> Difference | None:
     """Say in what a job's output differs from what this program would write; None in nothing."""
     output, recipe = job.output, job.recipe
     is_there = remote.exists(output) if addresses.is_remote(output) else os.path.lexists(output)
     if not is_there:
         return _MISSING
     with local_file(output) as path:
-        return difference(path, recipe.to, probe, given, recipe.precision, fingerprint())
+        return difference(path, probe, request, recipe.precision, fingerprint())
 
 
 @contextmanager
@@ -233,8 +230,8 @@ def local_file(name: str) -> Iterator[Path]:
         yield path
 
 
-def arguments_of(recipe: Recipe, probe: Probe) -> dict[str, Any]:
-    """Return all arguments of `shrm_cli.prefilter.prefilter`, the BRDF with the probe's primaries.
+def request_of(recipe: Recipe, probe: Probe) -> Request:
+    """Return what a recipe asks of a probe, the BRDF with the probe's primaries.
 
     Raises
     ------
@@ -242,7 +239,7 @@ def arguments_of(recipe: Recipe, probe: Probe) -> dict[str, Any]:
         If the BRDF cannot be used.
     """
     if recipe.brdf is None:
-        return dict(recipe.arguments)
+        return Request.of(recipe.to, recipe.arguments, probe)
     key = (recipe.brdf, recipe.runs_code, probe.chromaticities)
     if key not in _materials:
         if len(_materials) >= _MOST_MATERIALS:
@@ -250,7 +247,7 @@ def arguments_of(recipe: Recipe, probe: Probe) -> dict[str, Any]:
         _materials[key] = parse_spec(
             recipe.brdf, run_code=recipe.runs_code, primaries=probe.chromaticities
         )
-    return {**recipe.arguments, "brdf": _materials[key]}
+    return Request.of(recipe.to, {**recipe.arguments, "brdf": _materials[key]}, probe)
 
 
 def failure(job: Job, line: str, seconds: float = 0.0) -> Record:

@@ -31,7 +31,6 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.memo import Memo
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import COEFFICIENTS, fingerprint
 
@@ -62,7 +61,6 @@ def cached_coefficients(
     order_p: int,
     accuracy: float,
     compute: Callable[..., BrdfCoefficients],
-    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Take coefficients from the cache, or compute them, and keep them if that took long.
 
@@ -73,8 +71,6 @@ def cached_coefficients(
     accuracy : float
     compute : callable
         `compute_coefficients`, or a function with its parameters and result.
-    progress : callable, optional
-        Given to `compute`.
 
     Returns
     -------
@@ -82,7 +78,7 @@ def cached_coefficients(
         What `compute` returns, to the last bit, with read-only arrays. Only BRDFs of this package
         are kept, because the code of others could change without the key's noticing.
     """
-    return _cached(_COEFFICIENTS, brdf, (order_f, order_p, accuracy), compute, progress)
+    return _cached(_COEFFICIENTS, brdf, (order_f, order_p, accuracy), compute)
 
 
 def cached_transfer(
@@ -91,19 +87,18 @@ def cached_transfer(
     max_q: int,
     accuracy: float,
     compute: Callable[..., TransferFunctions],
-    progress: Progress | None = None,
 ) -> TransferFunctions:
     """Take transfer functions from the cache, or compute them, as `cached_coefficients` does.
 
     Parameters
     ----------
-    brdf, accuracy, progress
+    brdf, accuracy
         As of `cached_coefficients`.
     order_f, max_q : int
     compute : callable
         `compute_transfer`, or a function with its parameters and result.
     """
-    return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute, progress)
+    return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute)
 
 
 def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
@@ -167,11 +162,10 @@ def _cached(
     brdf: Brdf,
     parameters: tuple[int, int, float],
     compute: Callable[..., Content],
-    progress: Progress | None,
 ) -> Content:
     """What a function computes of a BRDF, from memory or from the cache if it is there."""
     what = kind.content.__name__, parameters, compute
-    return remembered(brdf, what, lambda: _from_disk(kind, brdf, parameters, compute, progress))
+    return remembered(brdf, what, lambda: _from_disk(kind, brdf, parameters, compute))
 
 
 def _from_disk(
@@ -179,22 +173,20 @@ def _from_disk(
     brdf: Brdf,
     parameters: tuple[int, int, float],
     compute: Callable[..., Content],
-    progress: Progress | None,
 ) -> Content:
     """What a function computes of a BRDF, from the cache on disk if it is there."""
-    more = {} if progress is None else {"progress": progress}
     is_used = settings.current().cache is not False
     key = _key(kind.content.__name__, brdf, parameters) if is_used else None
     if key is None:
-        return compute(brdf, *parameters, **more)
+        return compute(brdf, *parameters)
     try:
         path = settings.cache_folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
     except OutputError:
-        return compute(brdf, *parameters, **more)
+        return compute(brdf, *parameters)
     found = _read(path, key, kind, parameters[:2])
     if found is None:
         start = time.perf_counter()
-        found = compute(brdf, *parameters, **more)
+        found = compute(brdf, *parameters)
         if time.perf_counter() - start > _SLOW:
             _write(path, key, found)
     return found

@@ -22,7 +22,6 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_ORDER_P
 
@@ -34,8 +33,25 @@ _FALLING = 0.8
 """The ratio of the energies of two octaves of degrees, above which they have not begun to fall."""
 
 
+class Sampled:
+    """What was sampled up to an accuracy, or as far towards it as that went."""
+
+    accuracy: float
+    asked: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the sampling reached the accuracy that was asked for."""
+        return self.accuracy <= self.asked
+
+    @property
+    def remark(self) -> str | None:
+        """What a user should know of the accuracy, in one line; None where it is as asked."""
+        return accuracy_remark(self.accuracy, self.asked)
+
+
 @record(eq=False)
-class BrdfCoefficients:
+class BrdfCoefficients(Sampled):
     """Coefficients of a transfer function up to the orders F and P, and its whole energy.
 
     Attributes
@@ -110,16 +126,6 @@ class BrdfCoefficients:
         """The energy at degrees above F as `transfer.energy_above` estimates it, shape (3,)."""
         return energy_above(self.degree_energy)
 
-    @property
-    def converged(self) -> bool:
-        """Whether the sampling reached the accuracy that was asked for."""
-        return self.accuracy <= self.asked
-
-    @property
-    def remark(self) -> str | None:
-        """What a user should know of the accuracy, in one line; None where it is as asked."""
-        return accuracy_remark(self.accuracy, self.asked)
-
     def energies(self) -> Array:
         """The energy of each l and p, shape (F+1, P+1, 3): the sum of squares over all q.
 
@@ -164,7 +170,6 @@ def compute_coefficients(
     order_f: int,
     order_p: int,
     accuracy: float = 1e-5,
-    progress: Progress | None = None,
 ) -> BrdfCoefficients:
     """Compute coefficients of a BRDF by quadrature (eq. 5.22), sampled until they have converged.
 
@@ -177,8 +182,6 @@ def compute_coefficients(
         The largest l and p. A zonal BRDF has p = 0 only, whatever `order_p` is.
     accuracy : float
         The fraction of the energy that the sampling may miss.
-    progress : callable, optional
-        Called during the work with an estimate of how far it is.
 
     Returns
     -------
@@ -195,14 +198,12 @@ def compute_coefficients(
 
     order_p = 0 if brdf.zonal else order_p
     if isinstance(brdf, Sum):
-        return _summed(brdf, order_f, order_p, accuracy, progress)
-    transfer = compute_transfer(brdf, order_f, order_p, accuracy, progress)
+        return _summed(brdf, order_f, order_p, accuracy)
+    transfer = compute_transfer(brdf, order_f, order_p, accuracy)
     return BrdfCoefficients.of(transfer, order_p, brdf.zonal)
 
 
-def _summed(
-    brdf: Sum, order_f: int, order_p: int, accuracy: float, progress: Progress | None
-) -> BrdfCoefficients:
+def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoefficients:
     """Add the coefficients of the terms of a sum about its own center.
 
     Each term is sampled as its own lobe wants it. The whole would want the nodes that are densest
@@ -219,7 +220,7 @@ def _summed(
     signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
     for weight, term in brdf.terms:
         term = term.recentered(brdf.center)
-        each = compute_transfer(term, order_f, order_p, accuracy, progress)
+        each = compute_transfer(term, order_f, order_p, accuracy)
         projected = np.zeros_like(added)
         known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
         projected[:, :known, :known] = weight * each.projected(known - 1)

@@ -1,7 +1,5 @@
 """Properties of a BRDF: its values, its albedo, and whether a real surface could have it."""
 
-from functools import cache
-
 import numpy as np
 
 from shrm_cli.arrays import Array
@@ -125,7 +123,7 @@ def directional_albedo(brdf: Brdf, theta: float) -> Array:
 
 def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
     """`directional_albedo` with `count` nodes of each angle."""
-    nodes, weights = _rule(count)
+    nodes, weights = gauss_legendre(count)
     # The angles from the mirror direction are squares of equal steps, so dense near it that a lobe
     # a third of a degree wide has nodes enough.
     u = (nodes + 1) / 2
@@ -142,12 +140,6 @@ def _albedo(brdf: Brdf, theta: float, count: int) -> Array:
         light = np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=-1)
         total += np.einsum("t,tpc->c", weights[block], brdf.transfer(light, view))
     return total
-
-
-@cache
-def _rule(count: int) -> tuple[Array, Array]:
-    """Gauss and Legendre's rule, which takes long to make for many nodes."""
-    return gauss_legendre(count)
 
 
 def _random_pairs(brdf: Brdf, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -135,7 +135,7 @@ def _installed() -> dict[str, EntryPoint]:
 
 
 def _load(point: EntryPoint) -> type[Brdf]:
-    from shrm_cli.brdf.foreign import checked_model, explained
+    from shrm_cli.brdf.python_file import checked_model, explained
 
     where = f"{point.name}: the entry point {point.value!r}"
     if point.dist is not None:

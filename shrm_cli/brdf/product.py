@@ -19,13 +19,13 @@ from typing import Self
 
 import numpy as np
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product_rule import LightRule
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import in_order
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import harmonic_planes
 from shrm_cli.sphere.parabolic import project, unproject
@@ -242,7 +242,7 @@ class ProductFunctions:
         """The number of directions to the light that are sampled for a grazing view."""
         return sum(max(rule.along * rule.around for rule in rules) for _, rules in self.terms)
 
-    def coefficients(self, views: Array, order: int, progress: Progress | None = None) -> Array:
+    def coefficients(self, views: Array, order: int) -> Array:
         """Project the product functions of views onto the harmonics.
 
         Parameters
@@ -251,8 +251,6 @@ class ProductFunctions:
             Directions to the viewer, unit, in the frame of the surface.
         order : int
             The largest degree l.
-        progress : callable, optional
-            Called with the number of samples taken, and of all samples.
 
         Returns
         -------
@@ -278,8 +276,7 @@ class ProductFunctions:
                 result = np.repeat(result, found.shape[-1], axis=-1)
             result[part] += found
             done += len(part) * rule.along * rule.around
-            if progress is not None:
-                progress(done, count)
+            progress.report(done, count)
         return result
 
     def expanded(self, views: Array, order: int) -> tuple[Array, Array]:

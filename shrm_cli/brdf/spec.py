@@ -61,8 +61,7 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
         return _of_model(spec, primaries)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
-    from shrm_cli.brdf.foreign import make_checked
-    from shrm_cli.brdf.python_file import load_model
+    from shrm_cli.brdf.python_file import load_model, make_checked
 
     model = load_model(term)
     if model.name in built_in_names() and not is_built_in(model):
@@ -109,7 +108,7 @@ def _of_model(spec: str, primaries: Primaries | None) -> Brdf:
     values = {key: _converted(model, key, each, primaries) for key, each in values.items()}
     if is_built_in(model):
         return model(**values)
-    from shrm_cli.brdf.foreign import make_checked
+    from shrm_cli.brdf.python_file import make_checked
 
     return make_checked(model, values, name)
 

@@ -143,6 +143,19 @@ def split(brdf: Brdf) -> list[Brdf]:
     return [Diffuse(albedo), Rest(brdf, albedo)] if worth_it else [brdf]
 
 
+def weighted_terms(brdf: Brdf) -> list[tuple[float, Brdf]]:
+    """Return the terms of a sum with their weights; of any other BRDF, itself."""
+    if isinstance(brdf, Sum):
+        given = brdf.terms
+    elif isinstance(brdf, _Weighted):
+        given = ((brdf.weight, brdf.term),)
+    else:
+        return [(1.0, brdf)]
+    return [
+        (weight * factor, term) for weight, each in given for factor, term in weighted_terms(each)
+    ]
+
+
 class _Weighted(Brdf):
     """A BRDF times a weight: a term of a sum."""
 

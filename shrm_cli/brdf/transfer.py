@@ -16,15 +16,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import accuracy_remark, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import Sampled, both_signs, power_of_two_times
 from shrm_cli.brdf.lobe_expansion import FINER, Expansion, LobeExpander, light_rule, lobe_width
 from shrm_cli.brdf.lobe_views import Views
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.errors import BrdfError
 from shrm_cli.parallel import in_order
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
@@ -59,7 +59,7 @@ _SCALE = 1000
 
 
 @record(eq=False)
-class TransferFunctions:
+class TransferFunctions(Sampled):
     """The lobes of a BRDF for all views, as harmonics of the light about the central direction.
 
     Attributes
@@ -128,16 +128,6 @@ class TransferFunctions:
         before = np.einsum("loc,loc,o->lc", self.values[-2], self.values[-2], self.weights)
         return last * np.minimum(last / np.maximum(before, 1e-300), 1.0)
 
-    @property
-    def converged(self) -> bool:
-        """Whether the sampling reached the accuracy that was asked for."""
-        return self.accuracy <= self.asked
-
-    @property
-    def remark(self) -> str | None:
-        """What a user should know of the accuracy, in one line; None where it is as asked."""
-        return accuracy_remark(self.accuracy, self.asked)
-
     def projected(self, order_p: int) -> Array:
         """rho_hat_lpq up to the order P, shape (F+1, P+1, P+1, 3), indexed [l, p, q, channel]."""
         return _projected(self.values, self.theta_o, self.weights, order_p)
@@ -148,7 +138,6 @@ def compute_transfer(
     order_f: int,
     max_q: int,
     accuracy: float = 1e-5,
-    progress: Progress | None = None,
 ) -> TransferFunctions:
     """Compute the transfer functions of a BRDF by quadrature, sampled until they have converged.
 
@@ -168,8 +157,6 @@ def compute_transfer(
         The largest l and q.
     accuracy : float
         The fraction of the energy that the sampling may miss.
-    progress : callable, optional
-        Called during the work with an estimate of how far it is.
 
     Returns
     -------
@@ -189,7 +176,7 @@ def compute_transfer(
         )
     if brdf.zonal:
         return _zonal_transfer(brdf, order_f, max_q, accuracy)
-    found = _Sampling(brdf, order_f, max_q, accuracy, progress).result()
+    found = _Sampling(brdf, order_f, max_q, accuracy).result()
     _refuse_unresolved(brdf, found.accuracy, accuracy, found.samples)
     return found
 
@@ -208,12 +195,10 @@ def _refuse_unresolved(
 class _Sampling:
     """The search for numbers of nodes that suffice, as `compute_transfer` describes it."""
 
-    def __init__(
-        self, brdf: Brdf, order_f: int, max_q: int, accuracy: float, progress: Progress | None
-    ) -> None:
+    def __init__(self, brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> None:
         self.brdf, self.accuracy = brdf, accuracy
         self.order_f, self.max_q = order_f, max_q
-        self.center, self._progress, self._shown = brdf.center, progress, 0
+        self.center, self._shown = brdf.center, 0
         rule = light_rule(brdf)
         self._is_single = bool(brdf.is_measured or accuracy >= _SINGLE)
         self._expander = LobeExpander(brdf, rule, order_f, max_q, self._is_single)
@@ -318,8 +303,7 @@ class _Sampling:
     def _show(self, part: float) -> None:
         # Refinements come as a surprise, so that the estimate is held rather than turned back.
         self._shown = max(self._shown, int(part * (_SCALE - 1)))
-        if self._progress is not None:
-            self._progress(self._shown, _SCALE)
+        progress.report(self._shown, _SCALE)
 
     def _view_error(self, views: Views) -> float:
         """The energy that the rule in theta_o is estimated to miss."""

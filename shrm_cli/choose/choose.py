@@ -16,17 +16,12 @@ from shrm_cli.plan.search import Goal, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import AnyProbe, Probe, as_probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.progress import Progress, Rising, Stages
+from shrm_cli.progress import Progress, Rising, Stages, using
 from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
 ERRORS = 0.2, 0.1, 0.05, 0.025, 0.0125
 """The errors for each of which the map of the fewest bytes is offered."""
-_NEAR = 0.7
-"""Maps of this part of the bytes that were found, and more, are looked at one by one, because
-neither error falls with every cube: halving took 38 % more bytes for Oren-Nayar at sunrise."""
-_NEARLY = 1.2
-"""How far from the goal, in units of it, the largest map of a size may be whose others are."""
 
 
 def choose(
@@ -99,13 +94,14 @@ def _chosen(
     truth = Truth(probe, brdf, work)
     offers: list[Offer] = []
     warnings: list[str] = []
-    light = Projection(probe, work)
+    light = Projection(probe)
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
-    principal = PrincipalForms(light, brdf)
-    shrm = ShrmForms(light, brdf, principal.single)
-    for forms in (principal, shrm):
-        known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
-        offers += [_offer(each) for each in known]
+    with using(work):
+        principal = PrincipalForms(light, brdf)
+        shrm = ShrmForms(light, brdf, principal.single)
+        for forms in (principal, shrm):
+            known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
+            offers += [_offer(each) for each in known]
     for wanted in others_of(brdf):
         try:
             offers.append(made_offer(wanted, probe, brdf, truth, work))
@@ -145,18 +141,10 @@ def _ladder(forms: Forms) -> Iterator[Known]:
 def _for_goal(forms: Forms, goal: Goal, max_size: int) -> Iterator[Known]:
     """Yield the map that keeps the goal in the fewest bytes, or else that of the least error."""
     found = fewest_bytes((_judged_row(row, goal, max_size) for row in forms.rows), 1.0)
-    if found is None or not found[1]:
-        best = _least(forms, 0.0, max_size)
-        yield from [] if best is None else [best]
-        return
-    known = found[0].known
-    near: list[Known] = []
-    for row in forms.rows:
-        may = _may_keep(row, goal, known.bytes - 1)
-        if may and _Judged(may[-1], goal).total_error <= _NEARLY:
-            near += [each for each in may if each.bytes > _NEAR * known.bytes]
-    by_bytes = sorted(near, key=lambda each: each.bytes)
-    yield next((each for each in by_bytes if _Judged(each, goal).total_error <= 1), known)
+    if found is not None and found[1]:
+        yield found[0].known
+    elif (best := _least(forms, 0.0, max_size)) is not None:
+        yield best
 
 
 def _least(forms: Forms, error: float, max_size: int) -> Known | None:
@@ -169,14 +157,9 @@ def _least(forms: Forms, error: float, max_size: int) -> Known | None:
 
 
 def _judged_row(row: Sequence[Known], goal: Goal, max_size: int) -> Row[_Judged]:
-    """Return what `_may_keep` returns, by how far it is from the goal."""
-    may = _may_keep(row, goal, max_size)
+    """Return the maps that roughly keep the error, by how far they really are from the goal."""
+    may = [each for each in row if each.total_error <= goal.error and each.bytes <= max_size]
     return Row(len(may), lambda index: may[index].bytes, lambda index: _Judged(may[index], goal))
-
-
-def _may_keep(row: Sequence[Known], goal: Goal, max_size: int) -> list[Known]:
-    """Return those maps of a row that keep the error, as far as it is roughly known."""
-    return [each for each in row if each.total_error <= goal.error and each.bytes <= max_size]
 
 
 def _offer(known: Known) -> Offer:

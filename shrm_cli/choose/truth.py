@@ -1,11 +1,11 @@
 """The light itself at some hundred points, for what no error is predicted of."""
 
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.maps.negative import visible_pairs
@@ -13,9 +13,8 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress
 from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
+from shrm_cli.render.sphere import ReflectionMap
 from shrm_cli.sphere.directions import bisector
-
-Array = NDArray[np.floating]
 
 _POINTS = 400
 """The pairs of a mirror direction and a view. A share of 5 % is known to 1.1 % of all by them."""
@@ -23,13 +22,6 @@ _ROWS_OF_LOBE = 24.0
 """Rows of the probe for the truth times the width of the lobe, as `shrm compare` takes them."""
 _ROWS = 64, 256
 """The fewest and the most rows. More would take longer than the maps that are measured."""
-
-
-class Reflecting(Protocol):
-    """A map, or the light of one as a surface reflects it."""
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance."""
 
 
 class Truth:
@@ -55,12 +47,12 @@ class Truth:
         truth = Reference(self._probe, self._brdf, height, progress=self._progress)
         return truth.radiance(self._normals, self._views)
 
-    def errors(self, shown: Reflecting, scale: ArrayLike = 1.0) -> tuple[float, float]:
+    def errors(self, shown: ReflectionMap, scale: ArrayLike = 1.0) -> tuple[float, float]:
         """Measure a map.
 
         Parameters
         ----------
-        shown : Reflecting
+        shown : ReflectionMap
         scale : array_like, shape (3,)
             What its light is multiplied with.
 

@@ -10,32 +10,35 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
+from shrm_cli.cli.brdf import order_text, order_values
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
     make_read_options,
-    read_options,
+    probe_options,
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Fraction
+from shrm_cli.cli.types import DIRECTION, FRACTION, STOPS, Spec
 from shrm_cli.cli.usage import Applies, exclude, given_options, refuse_inapplicable
 from shrm_cli.extras import install
 from shrm_cli.naming import brdf_label, probe_stem
-from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT, SAMPLINGS
+from shrm_cli.progress import using
+from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_F, MAX_ORDER_P, MAX_SOURCE_HEIGHT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from shrm_cli.analysis.orders import AccuracyCurve, EnergyGrid, OrderPictures
+    from shrm_cli.analysis.orders import AccuracyCurve, OrderPictures
     from shrm_cli.probe.probe import Probe
 
 _TOLERANCES = (0.1, DEFAULT_EPS, 0.01)
 _VIEWS = ("0,0", "90,30")
 _CURVES = ("accuracy", "estimate_minimum", "estimate_brdf", "estimate_bound")
 _NO_CHARTS = f"matplotlib is not installed, so no charts are drawn; {install('plots')}"
-_OF_MATERIALS = {"spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet"}
+_OF_MATERIALS = {
+    "spec", "order_f", "order_p", "output", "no_plots", "as_json", "quiet", "threads", "no_cache",
+}  # fmt: skip
 """Arguments that also apply where several BRDFs are compared."""
 _LEAST_ROWS = 128
 """The fewest rows that the probe is averaged down to by default for the exact pictures."""
@@ -49,7 +52,7 @@ _LEAST_ROWS = 128
     help="Light probe, for the accuracy of the reflected light and pictures of it.",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True, default=_TOLERANCES,
+    "--eps", "tolerances", type=FRACTION, metavar="X", multiple=True, default=_TOLERANCES,
     show_default=True, help="Tolerance to find the orders for; may be given several times.",
 )  # fmt: skip
 @click.option(
@@ -62,7 +65,7 @@ _LEAST_ROWS = 128
     "tolerances need; of the accuracies what the least tolerance needs]",
 )  # fmt: skip
 @click.option(
-    "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS, show_default=True,
+    "--view", "views", type=DIRECTION, multiple=True, default=_VIEWS, show_default=True,
     help="Direction to the viewer of the pictures, degrees: azimuth from +Z towards +X, "
     "elevation. May be given several times.",
 )  # fmt: skip
@@ -86,8 +89,7 @@ _LEAST_ROWS = 128
     "*.png into a folder of that name.  [default: PROBE.BRDF in the current folder]",
 )  # fmt: skip
 @click.option("--no-plots", is_flag=True, help="Numbers only: draw and write nothing.")
-@click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where the probe's edge pixels lie.")
-@read_options
+@probe_options
 @report_options
 def analyze(
     others: tuple[str, ...],
@@ -102,9 +104,6 @@ def analyze(
     exposure: float | None,
     output: str | None,
     no_plots: bool,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **reading: Any,
 ) -> None:
     """Analyse what the orders F and P capture of a BRDF.
@@ -123,11 +122,9 @@ def analyze(
       shrm analyze --brdf ggx:roughness=0.5 oren-nayar krylon_blue.brdf
     """
     if others:
-        from shrm_cli.cli.materials import analyze_materials
-
         of_one = [name for name in given_options() if name not in _OF_MATERIALS]
         refuse_inapplicable(dict.fromkeys(of_one, Applies(False, "to a single BRDF")))
-        analyze_materials([spec, *others], order_f, order_p, output, no_plots, as_json, quiet)
+        _analyze_materials([spec, *others], order_f, order_p, output, no_plots)
         return
     from shrm_cli.analysis.orders import accuracy_curve, energy_grid, order_pictures
     from shrm_cli.analysis.plots import can_plot, plot_accuracy, plot_energy
@@ -139,29 +136,29 @@ def analyze(
     from shrm_cli.reference import Reference
     from shrm_cli.render.camera import Viewer
 
-    of_probe = [*reading, "sampling", "views", "size", "source_height", "exposure"]
+    of_probe = [*reading, "views", "size", "source_height", "exposure"]
     rules = dict.fromkeys(of_probe, Applies(probe is not None, "with --probe"))
     refuse_inapplicable(rules)
     exclude("output", "no_plots")
-    source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
+    source = None if probe is None else open_probe(probe, make_read_options(reading))
     brdf = parse_spec(spec, primaries=source.chromaticities if source is not None else None)
     kinds = {"energy": can_plot(), "accuracy": can_plot() and source, "pictures": source}
     prefix = _prefix(output, probe, brdf_label(spec))
     targets = {k: f"{prefix}.{k}.png" for k, made in kinds.items() if made and not no_plots}
     check_outputs(targets.values(), specs=[spec])
 
-    with progress_bar("expanding", quiet) as progress:
+    with progress_bar("expanding") as progress:
         grid = energy_grid(brdf, tolerances, order_f, order_p, progress)
     curve = pictures = None
     if source is not None:
-        with progress_bar("reading", quiet) as progress:
-            lighting = project(source, grid.coefficients.order_f, progress)
-        least = min(grid.orders, key=lambda each: each.tolerance)
+        with progress_bar("reading") as progress, using(progress):
+            lighting = project(source, grid.coefficients.order_f)
+        least = min(grid.orders, key=lambda each: each.eps)
         curve_p = min(least.order_p, grid.order_p) if order_p is None else grid.order_p
         curve = accuracy_curve(lighting, grid.coefficients, grid.order_f, curve_p)
     if source is not None and not no_plots:
         source_height = source_height or _source_height(source, grid.order_f)
-        with progress_bar("integrating", quiet) as progress:
+        with progress_bar("integrating") as progress:
             truth = Reference(source, brdf, source_height, progress=progress, exact=True)
             pictures = order_pictures(
                 lighting, grid.coefficients, brdf.center, [Viewer(*view) for view in views],
@@ -171,7 +168,7 @@ def analyze(
 
     title = repr(brdf)
     if "energy" in targets:
-        marks = [(each.order_f, each.order_p, each.tolerance) for each in grid.orders]
+        marks = [(each.order_f, each.order_p, each.eps) for each in grid.orders]
         plot_energy(targets["energy"], grid.captured, marks, title)
     if "accuracy" in targets and curve is not None and probe is not None:
         curves = {name: getattr(curve, name) for name in _CURVES}
@@ -192,13 +189,57 @@ def analyze(
         "probe": probe,
         "order_f": grid.order_f,
         "order_p": grid.order_p,
-        "orders": _orders(grid),
+        "orders": [order_values(each) for each in grid.orders],
         "brdf_energy_captured": grid.captured.tolist(),
         "accuracy": None if curve is None else _curve(curve),
         "pictures": None if pictures is None else {**drawing, **_pictures(pictures, views)},
         "files": list(targets.values()),
     }
-    conclude(result, [title, *_report(result)], warnings, as_json, quiet)
+    conclude(result, [title, *_report(result)], warnings)
+
+
+def _analyze_materials(
+    specs: list[str],
+    order_f: int | None,
+    order_p: int | None,
+    output: str | None,
+    no_plots: bool,
+) -> None:
+    """Print and draw the energy of each BRDF that F and P capture, by default as in figure 5.7.
+
+    The figure is that of Ramamoorthi's thesis, with F = 30 and P = 0 .. 5.
+    """
+    from shrm_cli.analysis.orders import MATERIAL_F, MATERIAL_P, material_energies
+    from shrm_cli.analysis.plots import can_plot, plot_materials
+    from shrm_cli.brdf.spec import parse_spec
+
+    target = None
+    if can_plot() and not no_plots:
+        target = f"{output or 'materials'}.energy.png"
+        check_outputs([target], specs=specs)
+    brdfs = [parse_spec(spec) for spec in specs]
+    f, p = MATERIAL_F if order_f is None else order_f, MATERIAL_P if order_p is None else order_p
+    with progress_bar("integrating") as progress:
+        captured = material_energies(brdfs, f, p, progress)
+    if target is not None:
+        plot_materials(target, specs, captured, f)
+    result: dict[str, Any] = {
+        "order_f": f,
+        "order_p": p,
+        "materials": [
+            {"brdf": name, "brdf_energy_captured": row.tolist()}
+            for name, row in zip(specs, captured, strict=True)
+        ],
+        "files": [] if target is None else [target],
+    }
+    warnings = [_NO_CHARTS] if target is None and not no_plots else []
+    width = max(len(name) for name in specs)
+    lines = [f"energy captured at F = {f}"]
+    lines.append(f"  {'':<{width}}" + "".join(f"  P = {q:<3}" for q in range(p + 1)))
+    for name, row in zip(specs, captured, strict=True):
+        lines.append(f"  {name:<{width}}" + "".join(f"{part:>9.2%}" for part in row))
+    lines += [f"wrote {file}" for file in result["files"]]
+    conclude(result, lines, warnings)
 
 
 def _prefix(output: str | None, probe: str | None, label: str) -> str:
@@ -213,18 +254,6 @@ def _source_height(source: Probe, order_f: int) -> int | None:
     """Return the rows to average the probe down to, or None if it has no more rows."""
     enough = max(4 * order_f, _LEAST_ROWS)
     return enough if source.grid.latlong_rows > enough else None
-
-
-def _orders(grid: EnergyGrid) -> list[dict[str, Any]]:
-    return [
-        {
-            "epsilon": each.tolerance,
-            "order_f": each.order_f,
-            "order_p": each.order_p,
-            "brdf_energy_captured": each.captured,
-        }
-        for each in grid.orders
-    ]
 
 
 def _curve(curve: AccuracyCurve) -> dict[str, Any]:
@@ -257,11 +286,7 @@ def _pictures(pictures: OrderPictures, views: Sequence[tuple[float, float]]) -> 
 
 
 def _report(result: dict[str, Any]) -> list[str]:
-    lines = [
-        f"  eps {row['epsilon']:<7g} F = {row['order_f']}, P = {row['order_p']} "
-        f"({row['brdf_energy_captured']:.2%} of the energy)"
-        for row in result["orders"]
-    ]
+    lines = [f"  {order_text(row)}" for row in result["orders"]]
     if (curve := result["accuracy"]) is not None:
         lines += [f"{result['probe']}, P = {curve['order_p']}: accuracy of the reflected light"]
         lines += ["    F  accuracy   minimum      BRDF     bound"]

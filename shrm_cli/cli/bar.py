@@ -1,4 +1,4 @@
-"""A bar of progress on a terminal, which moves on while nothing is reported."""
+"""Progress: a bar on a terminal, which moves on while nothing is reported, or lines elsewhere."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
-from shrm_cli.cli.terminal import has_terminal
+from shrm_cli.cli.terminal import echo_message, has_terminal
+from shrm_cli.cli.usage import is_quiet
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from tqdm import tqdm
 
+    from shrm_cli.batch.log import Totals
     from shrm_cli.progress import Progress
 
 _BEGAN = time.monotonic()
@@ -28,16 +30,18 @@ _BEAT = 0.25
 """Seconds between two drawings of a bar that nothing is reported to."""
 _LONG = 3.0
 """Seconds of work that are foretold; what takes less is hardly waited for."""
+_EVERY = 10.0
+"""Seconds between two lines about many jobs."""
 
 
 @contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Progress | None]:
+def progress_bar(label: str) -> Iterator[Progress | None]:
     """Yield a callable (done, all) that shows progress on a terminal, after the first second.
 
-    It is None if there is no terminal, or if `quiet` is set. The bar shows the time that passes
+    It is None if there is no terminal, or with --quiet. The bar shows the time that passes
     while nothing is reported, too, so that nobody takes long steps for a process that hangs.
     """
-    if quiet or not has_terminal():
+    if is_quiet() or not has_terminal():
         yield None
         return
     from tqdm import tqdm
@@ -100,3 +104,58 @@ class _Bar:
                     self._bar.update(0)
             except (OSError, ValueError):
                 return
+
+
+@contextmanager
+def ticking(label: str, total: int) -> Iterator[Callable[[Totals], None]]:
+    """Yield a callable that shows how far a run of many jobs has come, and how fast.
+
+    Parameters
+    ----------
+    label : str
+    total : int
+        Jobs in all.
+    """
+    if is_quiet():
+        yield lambda totals: None
+    elif has_terminal():
+        from tqdm import tqdm
+
+        with tqdm(desc=label, total=total, delay=1.0, file=sys.stderr, unit="job") as bar:
+
+            def show(totals: Totals) -> None:
+                bar.update(totals.done - bar.n)
+                if totals.failed:
+                    bar.set_postfix(failed=totals.failed, refresh=False)
+
+            yield show
+    else:
+        yield _Lines(label)
+
+
+class _Lines:
+    """A line every few seconds, for logs of farms."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._begun = self._told = time.monotonic()
+
+    def __call__(self, totals: Totals) -> None:
+        now = time.monotonic()
+        if now - self._told < _EVERY:
+            return
+        self._told = now
+        rate = totals.done / (now - self._begun)
+        left = (totals.jobs - totals.done) / max(rate, 1e-9)
+        failed = f", {totals.failed:,} failed" if totals.failed else ""
+        echo_message(
+            f"{self._label}: {totals.done:,} of {totals.jobs:,}{failed}, {rate:.3g} a second, "
+            f"{_duration(left)} left"
+        )
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in the unit that suits it."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -4,35 +4,44 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.contact import SUFFIXES as PAGES
+from shrm_cli.cli.bar import progress_bar, ticking
 from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
-from shrm_cli.cli.gather import gather_options, gathering_of, write_gathered
-from shrm_cli.cli.headings import command_with_headings
-from shrm_cli.cli.making import making_options
 from shrm_cli.cli.options import (
     READING_NAMES,
+    brdfs_option,
     cache_option,
+    command_with_headings,
+    making_options,
     output_options,
     read_options,
     reading_keywords,
+    several,
+    tell,
+    words_of_call,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import echo, echo_json, echo_message
+from shrm_cli.cli.terminal import echo, echo_message
 from shrm_cli.cli.threads import limit_libraries
-from shrm_cli.cli.ticker import ticking
-from shrm_cli.cli.usage import flags, given_options
+from shrm_cli.cli.usage import (
+    Applies,
+    flags,
+    given_options,
+    is_quiet,
+    refuse_inapplicable,
+    wants_json,
+    wrong_usage,
+)
 from shrm_cli.maps.options import counted
-from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +51,7 @@ if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
     from shrm_cli.batch.log import Log, Totals
     from shrm_cli.batch.run import Workers
-    from shrm_cli.batch.work import Result, Terms
+    from shrm_cli.batch.work import Gathering, Result, Terms
 
 _DEFAULT_LOG = "batch.jsonl"
 _MOST_REASONS = 5
@@ -60,25 +69,34 @@ _HEADINGS = {
 _RUNNING = {
     "jobs", "scheduler", "commands", "openjd", "chunk", "share", "collect", "collect_order",
     "collect_what", "collect_window", "contact_page", "force", "dry_run", "log", "as_json", "quiet",
+    "no_cache",
 }  # fmt: skip
 """The options that say nothing about what is made, and apply to manifests."""
 
 
-class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
-    """A command that keeps the words it was called with, for the command lines of farms."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta["shrm.words"] = list(args)
-        rest: list[str] = super().parse_args(ctx, args)
-        return rest
-
-
-@click.command(cls=_Batch)
-@click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
-@click.option(
-    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
-    help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
+_gather_options = several(
+    click.option(
+        "--collect", type=click.Path(dir_okay=False), metavar="FILE",
+        help="Gather the coefficients of all probes in one .npz or .parquet.",
+    ),
+    click.option(
+        "--collect-order", type=click.IntRange(0, MAX_COLLECTED_ORDER), default=2,
+        show_default=True, help="Largest degree of these coefficients.",
+    ),
+    click.option(
+        "--collect-what", type=click.Choice(["radiance", "irradiance"]), default="radiance",
+        show_default=True, help="Coefficients of the light, or of the irradiance it gives.",
+    ),
+    click.option(
+        "--collect-window", metavar="NAME[:WIDTH]", default="none", show_default=True,
+        help="Factors of the degrees, as `shrm prefilter --to irradiance --window` has them.",
+    ),
 )  # fmt: skip
+
+
+@click.command(cls=command_with_headings(_HEADINGS))
+@click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
+@brdfs_option
 @click.option(
     "--to", type=click.Choice([AUTO, *REPRESENTATIONS]), multiple=True, default=[AUTO],
     show_default=True, help="A representation to write, as `shrm prefilter` takes it. May be "
@@ -100,7 +118,7 @@ class _Batch(command_with_headings(_HEADINGS)):  # type: ignore[misc]
     help="Work on a dask.distributed cluster, such as tcp://host:8786; local starts one here.",
 )  # fmt: skip
 @farm_options
-@gather_options
+@_gather_options
 @click.option(
     "--contact", "contact_page", type=click.Path(), metavar="PAGE.html",
     help="Put all outputs onto one page, drawn small, with sizes and errors.",
@@ -131,8 +149,6 @@ def batch(
     force: bool,
     dry_run: bool,
     log: str,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Make maps of many probes: the product of PROBES, BRDFs and forms.
@@ -155,30 +171,28 @@ def batch(
 
     if commands or openjd:
         refuse_for_farms()
-    gathering = gathering_of(collect, collect_order, collect_what, collect_window)
+    gathering = _gathering_of(collect, collect_order, collect_what, collect_window)
     entries = _entries(probes, values, makes_none=collect is not None)
     left_out: list[str] = []
     found = checked([job for entry in entries for job in entry.jobs(left_out)])
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
-    if left_out and not quiet:
+    if left_out and not is_quiet():
         echo(_not_probes(left_out), err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
     check_others([each for each in written if each is not None], chunks)
     if commands or openjd:
-        words = click.get_current_context().meta["shrm.words"]
-        write_farm_files(words, commands, openjd, len(chunks), chunk)
+        write_farm_files(words_of_call(), commands, openjd, len(chunks), chunk)
         return
     chunks = named_parts(chunks, share)
     terms = Terms(force, dry_run, settings.current().cache, gathering)
-    chunks = _collecting(chunks) if gathering is not None else chunks
+    if gathering is not None:
+        chunks = [replace(chunk, collects=True) for chunk in chunks]
     if contact_page is not None:
         check_outputs([contact_page], files=probes, suffixes=PAGES)
         _check_count(chunks)
-    shown = None if dry_run else contact_page
-    _run(
-        chunks, terms, _Place(jobs, scheduler), None if dry_run else log, collect, shown, as_json,
-        quiet,
-    )  # fmt: skip
+    if dry_run:
+        contact_page = None
+    _run(chunks, terms, _workers(jobs, scheduler), None if dry_run else log, collect, contact_page)
 
 
 def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
@@ -197,7 +211,7 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     both, own, of_probe = (values.pop(name) for name in (
         "sampling", "map_sampling", "probe_sampling",
     ))  # fmt: skip
-    reading = reading_keywords(of_probe or both, values)
+    reading = reading_keywords(values, of_probe or both)
     brdfs, to, precision = (values.pop(name) for name in ("brdfs", "to", "precision"))
     output = values.pop("output") or DEFAULT_OUTPUT
     arguments = {name: value for name, value in values.items() if value is not None}
@@ -226,38 +240,58 @@ def _without_jobs(entries: list[Entry], left_out: list[str]) -> list[Chunk]:
     ]
 
 
-def _collecting(chunks: list[Chunk]) -> list[Chunk]:
-    """Return chunks that gather coefficients, once of each probe."""
-    from dataclasses import replace
+def _gathering_of(collect: str | None, order: int, what: What, window: str) -> Gathering | None:
+    """Return what is gathered; None where nothing is.
 
-    return [replace(chunk, collects=True) for chunk in chunks]
+    Raises
+    ------
+    click.UsageError
+        If one of the other options is given without --collect.
+    OutputError
+        If the file cannot be written.
+    """
+    from shrm_cli.batch.collect import check_collection
+    from shrm_cli.batch.work import Gathering
+
+    rule = Applies(collect is not None, "with --collect")
+    refuse_inapplicable(dict.fromkeys(("collect_order", "collect_what", "collect_window"), rule))
+    if collect is None:
+        return None
+    check_collection(collect)
+    return Gathering(order, what, window)
 
 
-class _Place:
-    """Where a batch runs: in processes here, or on a cluster."""
+def _write_gathered(
+    path: str, gathering: Gathering, chunks: list[Chunk], results: list[Result]
+) -> None:
+    """Write the coefficients of all probes, in the order in which these were named."""
+    from shrm_cli.batch.collect import Collection, write_collection
 
-    def __init__(self, jobs: int | None, scheduler: str | None) -> None:
-        self._jobs, self.scheduler = jobs, scheduler
+    order = {chunk.probe: index for index, chunk in reversed(list(enumerate(chunks)))}
+    found = sorted(results, key=lambda each: order[each.probe])
+    write_collection(path, Collection.of(found, gathering.what, gathering.order, gathering.window))
 
-    @contextmanager
-    def workers(self) -> Iterator[Workers]:
-        if self.scheduler is not None:
-            from shrm_cli.batch.cluster import cluster_executor
 
-            with cluster_executor(self.scheduler, self._jobs) as found:
-                yield found
-            return
-        from shrm_cli.batch.pool import ProcessWorkers
+@contextmanager
+def _workers(jobs: int | None, scheduler: str | None) -> Iterator[tuple[Workers, bool]]:
+    """Yield the workers: processes here, or a cluster, and whether they are the latter."""
+    if scheduler is not None:
+        from shrm_cli.batch.cluster import cluster_executor
 
-        # Processes and threads must not multiply; workers take over the environment.
-        limit_libraries(1)
-        pool = ProcessWorkers(self._jobs or _processors())
-        try:
-            yield pool
-        except BaseException:
-            pool.stop(at_once=True)
-            raise
-        pool.stop()
+        with cluster_executor(scheduler, jobs) as found:
+            yield found, True
+        return
+    from shrm_cli.batch.pool import ProcessWorkers
+
+    # Processes and threads must not multiply; workers take over the environment.
+    limit_libraries(1)
+    pool = ProcessWorkers(jobs or _processors())
+    try:
+        yield pool, False
+    except BaseException:
+        pool.stop(at_once=True)
+        raise
+    pool.stop()
 
 
 def _processors() -> int:
@@ -270,12 +304,10 @@ def _processors() -> int:
 def _run(
     chunks: list[Chunk],
     terms: Terms,
-    place: _Place,
+    place: AbstractContextManager[tuple[Workers, bool]],
     log: str | None,
     collect: str | None,
     contact_page: str | None,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Do all jobs, and tell what became of them; exit with 1 if one failed."""
     from shrm_cli import addresses
@@ -287,32 +319,32 @@ def _run(
     results: list[Result] = []
     with ExitStack() as stack:
         written = stack.enter_context(opened_log(log, count) if log else nullcontext())
-        show = stack.enter_context(ticking("baking", count or len(chunks), quiet))
+        show = stack.enter_context(ticking("baking", count or len(chunks)))
 
-        def tell(result: Result) -> None:
+        def take(result: Result) -> None:
             totals.add_result(result)
-            _note(result, written, quiet, terms.only_looks)
+            _note(result, written, terms.only_looks)
             if result.coefficients is not None:
                 results.append(result)
             show(totals)
 
         try:
-            with place.workers() as workers:
-                run(chunks, workers, terms, tell, place.scheduler is not None)
+            with place as (workers, is_remote):
+                run(chunks, workers, terms, take, is_remote)
         except (KeyboardInterrupt, SystemExit):  # SIGTERM ends the process by an exit
-            _conclude(totals, log, [], as_json, quiet)
+            _conclude(totals, log, [])
             raise
         finally:
             if written is not None:
-                written.write({"status": "ended", **totals.as_json()})
+                written({"status": "ended", **totals.as_json()})
     if collect is not None and terms.gathering is not None and not terms.only_looks:
-        write_gathered(collect, terms.gathering, chunks, results)
-        if not (quiet or as_json):
+        _write_gathered(collect, terms.gathering, chunks, results)
+        if not (is_quiet() or wants_json()):
             echo(f"{addresses.shown(collect)}: {terms.gathering.what} of {len(results):,} probes")
-    predictions = _predictions(chunks, quiet) if terms.only_looks else []
+    predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
-        _show(chunks, totals, contact_page, quiet)
-    _conclude(totals, log, predictions, as_json, quiet)
+        _show(chunks, totals, contact_page)
+    _conclude(totals, log, predictions)
     if totals.failed:
         sys.exit(1)
 
@@ -323,63 +355,53 @@ def _check_count(chunks: list[Chunk]) -> None:
 
     count = sum(len(chunk.jobs) for chunk in chunks)
     if count > MOST_MAPS:
-        raise click.UsageError(
+        raise wrong_usage(
             f"--contact shows {MOST_MAPS:,} maps at most, and these are {count:,}; leave it out, "
-            "and give `shrm contact` some of them",
-            click.get_current_context(),
+            "and give `shrm contact` some of them"
         )
 
 
-def _show(chunks: list[Chunk], totals: Totals, target: str, quiet: bool) -> None:
+def _show(chunks: list[Chunk], totals: Totals, target: str) -> None:
     """Put all outputs that are there onto one page, and what failed."""
     from shrm_cli.report.contact import Contacts, draw_contacts
 
     outputs = [job.output for chunk in chunks for job in chunk.jobs]
     there = [output for output in outputs if os.path.isfile(output)]
-    with progress_bar("drawing", quiet) as progress:
+    with progress_bar("drawing") as progress:
         found = draw_contacts(there, progress) if there else Contacts()
     failed = [(each["output"], each["error"]) for each in totals.failures if each.get("output")]
     found.failures = [*failed, *found.failures]
     write_contacts(found, target, "shrm batch")
 
 
-def _note(result: Result, log: Log | None, quiet: bool, only_looks: bool) -> None:
+def _note(result: Result, log: Log | None, only_looks: bool) -> None:
     """Write records into the log, and what failed, or would be made, to the terminal."""
     for record in result.records:
         if log is not None:
-            log.write(record)
+            log(record)
         if record["status"] == "failed":
             error = record["error"].removeprefix(f"{record['output']}: ")
             echo_message(f"Failed: {record['output']}: {flags(error)}")
-        elif only_looks and not quiet:
+        elif only_looks and not is_quiet():
             why = record.get("why", "there already")
             echo(f"{record['status']:<8} {record['output']}  ({flags(why)})", err=True)
     if result.error and not result.records:
         echo_message(f"Failed: {flags(result.error)}")
         if log is not None:
-            log.write({"status": "failed", "probe": result.probe, "error": result.error})
+            log({"status": "failed", "probe": result.probe, "error": result.error})
 
 
-def _predictions(chunks: list[Chunk], quiet: bool) -> list[dict[str, Any]]:
+def _predictions(chunks: list[Chunk]) -> list[dict[str, Any]]:
     """Return what the outputs of each recipe will be like."""
     from shrm_cli.batch.predict import predictions
 
-    with progress_bar("predicting", quiet) as progress:
+    with progress_bar("predicting") as progress:
         return predictions(chunks, progress)
 
 
-def _conclude(
-    totals: Totals, log: str | None, predictions: list[dict[str, Any]], as_json: bool, quiet: bool
-) -> None:
+def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]) -> None:
     """Print the totals of a run."""
-    if as_json:
-        more = {"predictions": predictions} if predictions else {}
-        echo_json({**totals.as_json(), "log": log, **more, "failures": totals.failures})
-        return
-    if quiet:
-        return
-    for each in predictions:
-        echo(_prediction_line(each))
+    more = {"predictions": predictions} if predictions else {}
     words = [
         f"{count:,} {word}"
         for word, count in (
@@ -394,9 +416,14 @@ def _conclude(
     told = f"; {log} tells of each" if log else ""
     warned = f"; {totals.warned:,} with warnings" if totals.warned else ""
     size = f", {totals.bytes:,} bytes" if totals.bytes else ""
-    echo(f"{totals.jobs:,} outputs: {', '.join(words) or 'none'}{size}{warned}{told}")
-    for why, count in totals.anew.most_common(_MOST_REASONS):
-        echo(f"  {count:,} anew: {flags(why)}")
+    anew = totals.anew.most_common(_MOST_REASONS)
+    lines = [
+        *map(_prediction_line, predictions),
+        f"{totals.jobs:,} outputs: {', '.join(words) or 'none'}{size}{warned}{told}",
+        *(f"  {count:,} anew: {flags(why)}" for why, count in anew),
+    ]
+    result = {**totals.as_json(), "log": log, **more, "failures": totals.failures}
+    tell(result, lines)
 
 
 def _prediction_line(facts: dict[str, Any]) -> str:

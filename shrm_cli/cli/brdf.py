@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.options import conclude, report_options, warn
+from shrm_cli.cli.options import conclude, report_options, tell, warn
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import echo, echo_json
-from shrm_cli.cli.types import Fraction
+from shrm_cli.cli.types import FRACTION, Spec
+from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
-    from shrm_cli.progress import Progress
+    from shrm_cli.orders import Orders
 
 _TOLERANCES = (0.1, 0.03, 0.01)
 _SUFFIXES = (".exr", ".npz", ".binary")
@@ -33,7 +32,7 @@ _GROUPS = {
 @click.command()
 @click.argument("spec", metavar="[SPEC|FILE]", type=Spec(), required=False)
 @click.option(
-    "--eps", "tolerances", type=Fraction(), metavar="X", multiple=True,
+    "--eps", "tolerances", type=FRACTION, metavar="X", multiple=True,
     help="Tolerance to print the orders for; may be given several times.  [default: 0.1 0.03 0.01]",
 )  # fmt: skip
 @click.option(
@@ -45,8 +44,6 @@ def brdf(
     spec: str | None,
     tolerances: tuple[float, ...],
     target: str | None,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """List the BRDFs, or explain one: a name with parameters, or a measured file.
 
@@ -57,32 +54,30 @@ def brdf(
     if spec is None:
         if target is not None:
             raise click.UsageError("--save needs a BRDF to write; name one before it")
-        _list(as_json, quiet)
+        _list()
         return
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.progress import Rising
+    from shrm_cli.progress import Rising, using
 
     if target is not None:
-        _save(spec, target, as_json, quiet)
+        _save(spec, target)
         return
     remarks: list[str] = []
-    with progress_bar("expanding", quiet) as progress:
+    with progress_bar("expanding") as progress:
         chosen = parse_spec(spec)
-        rising = None if progress is None else Rising(progress)
         asked = (tolerances or _TOLERANCES) if chosen.isotropic else ()
-        rows, captured = _orders(chosen, asked, remarks, rising) if asked else ([], [])
+        with using(Rising(progress)):
+            rows, captured = _orders(chosen, asked, remarks) if asked else ([], [])
         report = _explain(chosen, rows, captured)
-    conclude(report, _text(chosen, report), remarks, as_json, quiet)
+    conclude(report, _text(chosen, report), remarks)
 
 
-def _list(as_json: bool, quiet: bool) -> None:
+def _list() -> None:
     from shrm_cli.brdf.library import all_models
     from shrm_cli.brdf.measured import formats
 
     models, problems = all_models()
     groups = {center: [each for each in models if each.center == center] for center in _GROUPS}
-    if as_json:
-        echo_json([_describe(model) for group in groups.values() for model in group])
     lines = []
     for center, title in _GROUPS.items():
         lines.append(f"{title}:")
@@ -92,12 +87,11 @@ def _list(as_json: bool, quiet: bool) -> None:
             lines += [f"  {'':<18}   {line}" for line in _anisotropy(model)]
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
-    if not (as_json or quiet):
-        echo("\n".join(lines))
-    warn(problems, quiet)
+    tell([_describe(model) for group in groups.values() for model in group], lines)
+    warn(problems)
 
 
-def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
+def _save(spec: str, target: str) -> None:
     """Write a BRDF as a table, read it back, and print how far the table is from the BRDF."""
     from shrm_cli.brdf.examine import difference
     from shrm_cli.brdf.measured import open_measured
@@ -121,11 +115,11 @@ def _save(spec: str, target: str, as_json: bool, quiet: bool) -> None:
         write_table(target, sample_table(chosen))
     written = open_measured(target)
     size, error = Path(target).stat().st_size, difference(chosen, written)
-    if as_json:
-        echo_json({"file": target, "format": written.name, "bytes": size, "rms_difference": error})
-    elif not quiet:
-        echo(f"{target}: {written.summary}, {size / 2**20:.1f} MB")
-        echo(f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal")
+    lines = [
+        f"{target}: {written.summary}, {bytes_text(size)}",
+        f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal",
+    ]
+    tell({"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines)
 
 
 def _describe(model: Any) -> dict[str, Any]:
@@ -157,7 +151,7 @@ def _anisotropy(model: Any) -> list[str]:
 
 
 def _orders(
-    chosen: Brdf, tolerances: Sequence[float], remarks: list[str], progress: Progress | None
+    chosen: Brdf, tolerances: Sequence[float], remarks: list[str]
 ) -> tuple[list[dict[str, Any]], list[float]]:
     """Find the orders that tolerances ask for, with one search, for the smallest of them.
 
@@ -175,7 +169,7 @@ def _orders(
     from shrm_cli.orders import known_coefficients, sufficient_orders
 
     try:
-        coefficients = known_coefficients(chosen, min(tolerances), progress)
+        coefficients = known_coefficients(chosen, min(tolerances))
     except BrdfError as error:
         return [{"epsilon": eps, "error": str(error)} for eps in tolerances], []
     if coefficients.remark is not None:
@@ -188,14 +182,7 @@ def _orders(
         except OrderError as error:
             rows.append({"epsilon": eps, "error": str(error)})
             continue
-        rows.append(
-            {
-                "epsilon": eps,
-                "order_f": orders.order_f,
-                "order_p": orders.order_p,
-                "brdf_energy_captured": orders.captured,
-            }
-        )
+        rows.append(order_values(orders))
         captured = coefficients.captured()[orders.order_f, : _MOST_P + 1].tolist()
         captured += captured[-1:] * (_MOST_P + 1 - len(captured))
     return rows, captured
@@ -234,7 +221,7 @@ def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
     lines += [f"  source      {chosen.source}", f"  centre      {chosen.center}"]
     lines += [f"  parameter   {line}" for line in _parameter_lines(chosen)]
     lines += _examination_lines(chosen, report["examination"])
-    lines += [f"  {_row_text(row)}" for row in report["orders"]]
+    lines += [f"  {order_text(row)}" for row in report["orders"]]
     if not chosen.isotropic:
         lines.append("  anisotropic: `shrm product` prefilters it, other forms refuse it")
     if "captured_by_view_order" in report:
@@ -268,7 +255,18 @@ def _examination_lines(chosen: Brdf, found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _row_text(row: dict[str, Any]) -> str:
+def order_values(orders: Orders) -> dict[str, Any]:
+    """Return the orders that a tolerance asks for, as JSON has them."""
+    return {
+        "epsilon": orders.eps,
+        "order_f": orders.order_f,
+        "order_p": orders.order_p,
+        "brdf_energy_captured": orders.captured,
+    }
+
+
+def order_text(row: dict[str, Any]) -> str:
+    """Return `order_values` as text, or why there are no orders."""
     if "error" in row:
         return f"eps {row['epsilon']:<7g} {row['error']}"
     return (

@@ -3,8 +3,8 @@
 import click
 
 from shrm_cli import bytecode, settings
-from shrm_cli.cli.options import report_options
-from shrm_cli.cli.terminal import echo, echo_json
+from shrm_cli.cli.options import report_options, tell
+from shrm_cli.maps.options import bytes_text
 
 
 @click.group()
@@ -18,22 +18,19 @@ def cache() -> None:
 
 @cache.command()
 @report_options
-def info(as_json: bool, quiet: bool) -> None:
+def info() -> None:
     """Say where the cache is, and how large."""
     from shrm_cli.brdf.cache import MOST_BYTES, usage
 
     where = str(settings.cache_folder())
     count, size = _with_modules(where, *usage())
-    if as_json:
-        echo_json({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES})
-    elif not quiet:
-        limit = f"at most {MOST_BYTES / 2**20:.0f} MB"
-        echo(f"{where}: {_amount(count, size)}, {limit}")
+    line = f"{where}: {_amount(count, size)}, at most {bytes_text(MOST_BYTES)}"
+    tell({"folder": where, "entries": count, "bytes": size, "limit": MOST_BYTES}, [line])
 
 
 @cache.command()
 @report_options
-def clear(as_json: bool, quiet: bool) -> None:
+def clear() -> None:
     """Remove everything in the cache."""
     from shrm_cli.brdf.cache import clear
 
@@ -41,10 +38,8 @@ def clear(as_json: bool, quiet: bool) -> None:
     modules = _with_modules(where)
     bytecode.clear(where)
     count, size = (a + b for a, b in zip(clear(), modules, strict=True))
-    if as_json:
-        echo_json({"folder": where, "removed": count, "bytes": size})
-    elif not quiet:
-        echo(f"{where}: {_amount(count, size)} removed")
+    line = f"{where}: {_amount(count, size)} removed"
+    tell({"folder": where, "removed": count, "bytes": size}, [line])
 
 
 def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:
@@ -54,5 +49,4 @@ def _with_modules(where: str, count: int = 0, size: int = 0) -> tuple[int, int]:
 
 
 def _amount(count: int, size: int) -> str:
-    unit = f"{size / 2**20:.1f} MB" if size >= 2**20 else f"{size / 2**10:.1f} kB"
-    return f"{count} {'entry' if count == 1 else 'entries'}, {unit}"
+    return f"{count} {'entry' if count == 1 else 'entries'}, {bytes_text(size)}"

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
-    probe_sampling_option,
-    read_options,
+    materials_option,
+    probe_options,
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.types import Bytes, Fraction
+from shrm_cli.cli.terminal import columns
+from shrm_cli.cli.types import BYTES, FRACTION
 from shrm_cli.cli.usage import flags
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
@@ -30,25 +30,27 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 24
 """The most pairs of a probe and a material that one picture shows."""
+_SAID = (
+    "form", "what", "bytes", "error", "wrong_share", "measured", "look_ups", "multiply_adds",
+    "on_front", "on_cost_front", "arguments",
+)  # fmt: skip
+"""What JSON has of an offer."""
 _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
 
 
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
+@materials_option
 @click.option(
-    "--brdf", "specs", type=Spec(), metavar="SPEC", multiple=True, required=True,
-    help="A material, as `shrm prefilter` takes it. May be repeated.",
-)  # fmt: skip
-@click.option(
-    "--budget", type=Bytes(), metavar="BYTES",
+    "--budget", type=BYTES, metavar="BYTES",
     help="The most bytes of a map, such as 200kB.  [default: 32 MB]",
 )  # fmt: skip
 @click.option(
-    "--error", type=Fraction(), metavar="X",
+    "--error", type=FRACTION, metavar="X",
     help="The RMS error of the light that is good enough.  [default: 0.05]",
 )  # fmt: skip
 @click.option(
-    "--seen", type=Fraction(), metavar="X",
+    "--seen", type=FRACTION, metavar="X",
     help="The share of pixels that may be wrong by over 5 %.  [default: 0.05]",
 )  # fmt: skip
 @click.option(
@@ -59,8 +61,7 @@ _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
     "--map", "target", type=click.Path(), metavar="EXR",
     help="Write the recommended map, of one probe and one material.",
 )  # fmt: skip
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def choose(
     probes: tuple[str, ...],
@@ -70,9 +71,6 @@ def choose(
     seen: float | None,
     output: str | None,
     target: str | None,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Say which form of a map to ship: what each takes, and what it looks like.
@@ -92,7 +90,6 @@ def choose(
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.choose.choose import choose as chosen
     from shrm_cli.errors import ShrmError
-    from shrm_cli.probe.options import ReadOptions
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.shared import shared
     from shrm_cli.progress import Stages
@@ -104,7 +101,7 @@ def choose(
         raise click.UsageError(f"-o shows {_MOST_ROWS} pairs of a probe and a --brdf at most")
     if output is not None and not can_plot():
         raise click.ClickException(f"-o needs matplotlib; {install('plots')}")
-    reading: ReadOptions = make_read_options(sampling, values)
+    reading = make_read_options(values)
     note(*(path for path in probes if "%" not in path))
     check_outputs([each for each in (output,) if each], specs=specs, suffixes=(".png",))
     check_outputs([each for each in (target,) if each], suffixes=(".exr",))
@@ -113,7 +110,7 @@ def choose(
     goal = {name: x for name, x in (("error", error), ("seen", seen)) if x is not None}
     found: list[tuple[str, Choice]] = []
     failures, warnings = [], []
-    with progress_bar("choosing", quiet) as progress:
+    with progress_bar("choosing") as progress:
         stages = Stages(progress, pairs)
         for path in probes:
             try:
@@ -136,7 +133,7 @@ def choose(
     lines = [line for path, each in found for line in _report(path, each)]
     files = []
     if output is not None:
-        plot_offers(output, [_charts(path, each) for path, each in found])
+        plot_offers(output, found)
         files.append(output)
     if target is not None and found[0][1].recommended is not None:
         found[0][1].recommended.make().save(target)
@@ -144,7 +141,7 @@ def choose(
     result = {"choices": [_values(path, each) for path, each in found], "files": files}
     warnings += [line for _, each in found for line in each.warnings]
     lines += [f"wrote {path}" for path in files]
-    conclude({**result, "failures": failures}, lines, [*warnings, *failures], as_json, quiet)
+    conclude({**result, "failures": failures}, lines, [*warnings, *failures])
     if failures:
         sys.exit(1)
 
@@ -160,36 +157,19 @@ def _values(path: str, choice: Choice) -> dict[str, Any]:
         if choice.recommended is None
         else choice.offers.index(choice.recommended),
         "is_kept": choice.is_kept,
-        "offers": [
-            {
-                "form": each.form,
-                "what": each.what,
-                "bytes": each.bytes,
-                "error": each.error,
-                "wrong_share": each.wrong_share,
-                "measured": list(each.measured),
-                "look_ups": each.look_ups,
-                "multiply_adds": each.multiply_adds,
-                "on_front": each.on_front,
-                "on_cost_front": each.on_cost_front,
-                "arguments": each.arguments,
-            }
-            for each in choice.offers
-        ],
+        "offers": [{name: getattr(each, name) for name in _SAID} for each in choice.offers],
     }
 
 
 def _report(path: str, choice: Choice) -> list[str]:
     """Return the table of a probe and a material, and what is recommended."""
     rows = [_HEADS, *(_row(each, each is choice.recommended) for each in choice.offers)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADS))]
-    lines = [f"{path}, {choice.brdf}"]
-    for mark, form, *numbers, what in rows:
-        right = [text.rjust(width) for text, width in zip(numbers, widths[2:], strict=False)]
-        cells = [mark.ljust(widths[0]), form.ljust(widths[1]), *right, what]
-        lines.append("  ".join(cells).rstrip())
-    lines.append("  b: on the front of bytes and error; c: of the shader's cost; ~: measured")
-    return [*lines, *_advice(path, choice)]
+    return [
+        f"{path}, {choice.brdf}",
+        *columns(rows, left=(0, 1, -1)),
+        "  b: on the front of bytes and error; c: of the shader's cost; ~: measured",
+        *_advice(path, choice),
+    ]
 
 
 def _row(offer: Offer, is_best: bool) -> tuple[str, ...]:
@@ -240,25 +220,3 @@ def _flags(arguments: Mapping[str, Any], brdf: str) -> str:
         text = ",".join(map(str, value)) if isinstance(value, tuple) else value
         texts.append(f" --{name.replace('_', '-')} {text}")
     return "".join(texts)
-
-
-def _charts(path: str, choice: Choice) -> Any:
-    """Return the charts of a probe and a material."""
-    from shrm_cli.analysis.plots import Costs, Offers
-
-    offers = choice.offers
-    on_front = [each.on_front for each in offers]
-    on_cost = [each.on_cost_front for each in offers]
-    best = choice.recommended
-    return Offers(
-        f"{path}, {choice.brdf}",
-        [each.form for each in offers],
-        [each.error for each in offers],
-        (
-            Costs("bytes", [each.bytes for each in offers], on_front, choice.budget),
-            Costs("look-ups", [each.look_ups for each in offers], on_cost),
-            Costs("multiply-adds", [each.multiply_adds for each in offers], on_cost),
-        ),
-        None if best is None else offers.index(best),
-        choice.goal.error,
-    )

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
+    READING_NAMES,
     conclude,
-    exact_option,
     exposure_option,
     make_read_options,
-    read_options,
+    probe_options,
     report_options,
+    truth_options,
+    views_option,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import (
@@ -26,10 +27,18 @@ from shrm_cli.cli.shading import (
     shaded_maps,
     window_option,
 )
-from shrm_cli.cli.types import AzimuthElevation, Bytes, Fraction, Interval, Within
-from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
+from shrm_cli.cli.terminal import columns
+from shrm_cli.cli.types import BYTES, FRACTION, Spec, interval, within
+from shrm_cli.cli.usage import (
+    Applies,
+    exclude,
+    is_quiet,
+    refuse_inapplicable,
+    wants_json,
+    wrong_usage,
+)
 from shrm_cli.extras import install
-from shrm_cli.vocabulary import DEFAULT_EPS, MAX_SOURCE_HEIGHT, MIN_ROUGHNESS, SAMPLINGS
+from shrm_cli.vocabulary import DEFAULT_EPS, MIN_ROUGHNESS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -38,14 +47,13 @@ if TYPE_CHECKING:
     from shrm_cli.render.comparison import Comparison
     from shrm_cli.render.flip import FlipError
 
-_VIEWS = ("0,0", "120,20", "240,-20")
 _TRUTH = "truth"
 _SIZE = 256
 """Default width and height of a sphere's picture where maps are compared, pixels."""
 _NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
 _OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
-_OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
+_OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 """Arguments that apply only with --representations."""
 
 
@@ -56,19 +64,16 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Compare with the truth: the integral under this light probe.",
 )  # fmt: skip
 @click.option(
-    "--brdf",
-    "spec",
-    type=Spec(),
-    metavar="SPEC",
+    "--brdf", "spec", type=Spec(), metavar="SPEC",
     help="BRDF of the truth.  [default: the one of all maps; measured files are looked for beside "
     "the maps]",
-)
+)  # fmt: skip
 @click.option(
     "--representations", is_flag=True,
     help="Compare what --to can make of one light probe, given as MAP: storage, time, error.",
 )  # fmt: skip
 @click.option(
-    "--roughness", type=Interval(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness", type=interval(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
@@ -79,24 +84,16 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
     help="Roughnesses of --representations, evenly spaced.  [default: 4]",
 )  # fmt: skip
 @click.option(
-    "--eps", "tolerance", type=Fraction(), metavar="X", default=DEFAULT_EPS, show_default=True,
+    "--eps", type=FRACTION, metavar="X", default=DEFAULT_EPS, show_default=True,
     help="Of --representations: the fraction of the BRDF's energy that orders may miss.",
 )  # fmt: skip
-@exact_option
+@truth_options
 @click.option(
-    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the truth.  [default: all]",
-)  # fmt: skip
-@click.option(
-    "--max-memory", type=Bytes(), metavar="BYTES",
+    "--max-memory", type=BYTES, metavar="BYTES",
     help="Of --representations: the most memory that may be taken, such as 2GB. Maps are made "
     "smaller to keep it; pictures that exceed it are refused.  [default: half of the machine's]",
 )  # fmt: skip
-@click.option(
-    "--view", "views", type=AzimuthElevation(), multiple=True, default=_VIEWS,
-    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation. May be given "
-    f"several times.  [default: {' '.join(_VIEWS)}]",
-)  # fmt: skip
+@views_option("views")
 @click.option(
     "--size", type=click.IntRange(16, 2048),
     help="Width and height of a sphere's picture, pixels.  [default: 256; with "
@@ -104,7 +101,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 )  # fmt: skip
 @exposure_option
 @click.option(
-    "--amplify", type=Within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
+    "--amplify", type=within(1e-6, 1e6), metavar="X", default=1.0, show_default=True,
     help="Factor of the difference images.",
 )  # fmt: skip
 @click.option(
@@ -116,8 +113,7 @@ _OF_REPRESENTATIONS = ("tolerance", "steps", "max_memory")
 @click.option(
     "--no-flip", is_flag=True, help="Leave out HDR-FLIP, which takes long for large spheres."
 )
-@click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where the probe's edge pixels lie.")
-@read_options
+@probe_options
 @report_options
 def compare(
     maps: tuple[str, ...],
@@ -127,11 +123,8 @@ def compare(
     roughness: tuple[float, float] | None,
     f0: str | None,
     window: str | None,
-    steps: int | None,
-    tolerance: float,
     exact: bool,
     source_height: int | None,
-    max_memory: int | None,
     views: tuple[tuple[float, float], ...],
     size: int | None,
     exposure: float,
@@ -139,10 +132,7 @@ def compare(
     output: str | None,
     no_picture: bool,
     no_flip: bool,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Compare each MAP with the truth of a --probe; without one, with the first MAP.
 
@@ -166,8 +156,8 @@ def compare(
 
         _check_representations(maps, output, roughness)
         print_representations(
-            maps[0], make_read_options(sampling, reading), roughness, steps, f0, tolerance, views,
-            size, source_height, exact, max_memory, exposure, output, as_json, quiet,
+            maps[0], make_read_options(values), roughness, f0, views, size, source_height, exact,
+            exposure, output, **values,
         )  # fmt: skip
         return
     from shrm_cli.brdf.spec import parse_spec
@@ -181,9 +171,9 @@ def compare(
     from shrm_cli.render.flip import can_flip
     from shrm_cli.render.primaries import in_same_primaries
 
-    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", "sampling", *reading])
+    _check_usage(maps, probe, roughness, ["spec", "source_height", "exact", *READING_NAMES])
     size = size or _SIZE
-    source = None if probe is None else open_probe(probe, make_read_options(sampling, reading))
+    source = None if probe is None else open_probe(probe, make_read_options(values))
     names = maps[1:] if source is None else maps
     target = None if no_picture else output or "compare.png"
     if target is not None:
@@ -199,7 +189,7 @@ def compare(
     baseline: Any = loaded[0]
     label, digest, record = f"that of {maps[0]}", baseline.info.probe_sha256, baseline.info.brdf
     viewers = [Viewer(*view) for view in views]
-    with progress_bar("comparing", quiet) as bar:
+    with progress_bar("comparing") as bar:
         stages = Stages(bar, len(viewers))
         if source is not None:
             from shrm_cli.reference import Reference
@@ -217,9 +207,9 @@ def compare(
             baseline, loaded[-len(names) :], viewers, size, stages.done, primaries
         )
     flips = None
-    wanted = not no_flip and (as_json or not quiet)  # only if it will be printed
+    wanted = not no_flip and (wants_json() or not is_quiet())  # only if it will be printed
     if wanted and can_flip():
-        with progress_bar("flipping", quiet) as bar:
+        with progress_bar("flipping") as bar:
             flips = _flips(comparison, bar)
     elif wanted:
         warnings.append(_NO_FLIP)
@@ -250,7 +240,7 @@ def compare(
         settings = {"maps": maps, "exposure": exposure, "amplify": amplify, **result}
         pixel_type = write_picture(target, pixels, attributes=_attributes(settings, {primaries}))
         report.append(f"{target}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-    conclude(result, report, warnings, as_json, quiet)
+    conclude(result, report, warnings)
 
 
 def _check_usage(
@@ -260,7 +250,6 @@ def _check_usage(
     of_truth: Iterable[str],
 ) -> None:
     """Refuse a single map without a truth, and options that would have no effect."""
-    context = click.get_current_context()
     is_range = roughness is not None and roughness[0] < roughness[1]
     refuse_inapplicable({
         **dict.fromkeys(_OF_REPRESENTATIONS, Applies(False, "with --representations")),
@@ -268,9 +257,7 @@ def _check_usage(
         **dict.fromkeys(of_truth, Applies(probe is not None, "with --probe")),
     })  # fmt: skip
     if probe is None and len(maps) == 1:
-        raise click.UsageError(
-            "one map has nothing to be compared with; name another, or give --probe", context
-        )
+        raise wrong_usage("one map has nothing to be compared with; name another, or give --probe")
     exclude("output", "no_picture")
 
 
@@ -279,10 +266,7 @@ def _check_representations(
 ) -> None:
     """Refuse several files, and options that would have no effect with --representations."""
     if len(paths) > 1:
-        raise click.UsageError(
-            f"--representations takes a single light probe, not {len(paths)} files",
-            click.get_current_context(),
-        )
+        raise wrong_usage(f"--representations takes a single light probe, not {len(paths)} files")
     is_range = roughness is None or roughness[0] < roughness[1]
     place = "without --representations, where the probe stands in the place of MAP"
     refuse_inapplicable({
@@ -370,13 +354,9 @@ def _table(result: dict[str, Any], how: str, names: Sequence[str], flipped: bool
     if not flipped:
         column = rows[0].index("FLIP")
         rows = [row[:column] + row[column + 1 :] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     of_probe = "" if result["probe"] is None else f" of {result['probe']}"
-    lines = [f"compared with {result['baseline']}{of_probe}{how}"]
-    for view, *numbers, name in rows:
-        cells = [text.rjust(width) for text, width in zip(numbers, widths[1:-1], strict=True)]
-        lines.append("  ".join([view.ljust(widths[0]), *cells, name]))
-    return "\n".join(lines)
+    title = f"compared with {result['baseline']}{of_probe}{how}"
+    return "\n".join([title, *columns(rows, left=(0, -1))])
 
 
 def _cells(row: dict[str, Any]) -> list[str]:

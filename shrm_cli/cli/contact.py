@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import echo_message
+from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.usage import flags
 
 if TYPE_CHECKING:
     from shrm_cli.report.contact import Contacts
-
-SUFFIXES = (".html", ".htm")
 
 
 @click.command()
@@ -25,7 +20,7 @@ SUFFIXES = (".html", ".htm")
 @click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
 @click.option("--title", default="Maps", show_default=True, help="Title of the page.")
 @report_options
-def contact(maps: tuple[str, ...], output: str, title: str, as_json: bool, quiet: bool) -> None:
+def contact(maps: tuple[str, ...], output: str, title: str) -> None:
     """Put each MAP onto one page: a row for each probe, a column for each BRDF and form.
 
     Each map is drawn as a small sphere, with its bytes, orders and predicted error, and links to
@@ -38,8 +33,8 @@ def contact(maps: tuple[str, ...], output: str, title: str, as_json: bool, quiet
     from shrm_cli.report.contact import draw_contacts, found_maps
 
     files = found_maps(maps)
-    check_outputs([output], files=files, suffixes=SUFFIXES)
-    with progress_bar("drawing", quiet) as progress:
+    check_outputs([output], files=files, suffixes=PAGES)
+    with progress_bar("drawing") as progress:
         found = draw_contacts(files, progress)
     if not found.maps:
         raise click.ClickException(_reason(*found.failures[0]))
@@ -55,11 +50,7 @@ def contact(maps: tuple[str, ...], output: str, title: str, as_json: bool, quiet
     }
     count = len(found.maps)
     lines = [f"{output}: {count:,} maps, {size:,} bytes, {seconds / max(count, 1):.2g} s each"]
-    conclude(result, lines, [], as_json, quiet)
-    for each in failures:
-        echo_message(f"Failed: {_reason(each['file'], each['error'])}")
-    if failures:
-        sys.exit(1)
+    conclude(result, lines, failures=[_reason(*each) for each in found.failures])
 
 
 def _reason(name: str, why: str) -> str:
@@ -69,10 +60,9 @@ def _reason(name: str, why: str) -> str:
 
 def write_contacts(found: Contacts, output: str, title: str) -> int:
     """Write the page, whole or not at all, and return its bytes."""
-    from shrm_cli.files.whole import replacing
+    from shrm_cli.files.whole import write_bytes
     from shrm_cli.report.contact import contact_page
 
     text = contact_page(found, output, title, flags).encode("utf-8", "replace")
-    with replacing(output) as temporary:
-        Path(temporary).write_bytes(text)
+    write_bytes(output, text)
     return len(text)

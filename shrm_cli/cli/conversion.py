@@ -15,11 +15,12 @@ import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import renamed
+from shrm_cli.cli.usage import renamed, wrong_usage
 from shrm_cli.errors import MapError
 from shrm_cli.layouts import CUBES, default_orientation
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.vocabulary import CONTAINERS, REPRESENTATIONS
 
@@ -49,8 +50,6 @@ class Conversion:
         Where the edge pixels to write lie.
     precision : str
         The pixel type.
-    quiet : bool
-        Whether to show no progress.
     """
 
     source: str
@@ -61,7 +60,6 @@ class Conversion:
     orientation: Orientation | None
     sampling: Sampling | None
     precision: Precision
-    quiet: bool
 
     def precision_of(self, made: Map) -> Precision:
         """Return the pixel type for what is made of a map: a conversion must not lose precision."""
@@ -107,7 +105,7 @@ def open_source(job: Conversion) -> tuple[Map, list[str]]:
 
     from shrm_cli.maps.file import open_map
     from shrm_cli.maps.primaries import declared, in_primaries
-    from shrm_cli.probe.colors import ColorReading
+    from shrm_cli.probe.options import ColorReading
 
     check_outputs([job.path], files=[job.source], suffixes=CONTAINERS)
     turn = job.reading.matrix()
@@ -137,10 +135,9 @@ def convert_map(job: Conversion, given: dict[str, Any]) -> Converted:
     is_layout = job.target not in REPRESENTATIONS
     layout = job.target if is_layout else "openexr"
     if is_layout and not found.cube_count:
-        raise click.UsageError(
+        raise wrong_usage(
             f"--to {job.target} applies to maps with images; {job.source} holds coefficients and "
-            "no images",
-            click.get_current_context(),
+            "no images"
         )
     with renamed(sampling="to_sampling"):
         if is_layout:
@@ -202,6 +199,10 @@ def convert_to_layers(job: Conversion, shader: str | None) -> Converted:
     from shrm_cli.maps.shader.file import write_layers
 
     made, notes = open_source(job)
+    if made.stored is not made and shader is None:
+        notes.append(
+            f"{job.path}: textures hold no lamps; the code of `shader` has those of the map"
+        )
     code = None if shader is None else look_up_code(made, shader, "layers")
     try:
         pixel_type, shapes = write_layers(job.path, made, job.precision)
@@ -246,8 +247,8 @@ def convert_probe(job: Conversion) -> Converted:
     files = face_paths(path) if target == "faces" else [path]
     check_outputs(files, suffixes=CONTAINERS)
     orientation = job.orientation or default_orientation(target)
-    with progress_bar("converting", job.quiet) as progress:
-        image = to_layout(probe, target, orientation, job.size, sampled, progress)
+    with progress_bar("converting") as progress, using(progress):
+        image = to_layout(probe, target, orientation, job.size, sampled)
     marked = (target, orientation) in (("openexr", "openexr"), ("latlong", "openexr"))
     envmap = target if sampled == "border" and marked else None
     pictures = np.split(image, 6) if target == "faces" else [image]

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.conversion import Conversion, convert_map, convert_probe, convert_to_layers
-from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import (
     COLORS,
     TURNS,
     conclude,
     make_read_options,
     precision_option,
-    read_options,
+    probe_options,
     reading_rules,
     report_options,
     representation_options,
 )
+from shrm_cli.cli.outputs import force_option, source_stem
 from shrm_cli.cli.plain import (
     convert_to_mips,
     convert_to_view,
@@ -28,12 +27,11 @@ from shrm_cli.cli.plain import (
     plain_rules,
 )
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, wants_json
 from shrm_cli.files.whole import keeping
 from shrm_cli.layouts import IMAGE_LAYOUTS, LAYOUTS
 from shrm_cli.maps.options import SHADER, Option, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions
-from shrm_cli.naming import probe_stem
 from shrm_cli.vocabulary import (
     FRAMES,
     MAX_ORDER_P,
@@ -48,7 +46,6 @@ if TYPE_CHECKING:
 
 _LAYERS = "layers"
 _TARGETS = [*REPRESENTATIONS, *LAYOUTS, _LAYERS]
-_SAMPLINGS = click.Choice(SAMPLINGS)
 
 
 def _converts(option: Option) -> bool:
@@ -87,10 +84,11 @@ def _converts(option: Option) -> bool:
     "--to-orientation", type=click.Choice(ORIENTATIONS),
     help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
 )  # fmt: skip
-@click.option("--to-sampling", type=_SAMPLINGS, help="Where the edge pixels to write lie.")
+@click.option(
+    "--to-sampling", type=click.Choice(SAMPLINGS), help="Where the edge pixels to write lie."
+)
 @precision_option
-@click.option("--sampling", type=_SAMPLINGS, help="Where the edge pixels of a probe lie.")
-@read_options
+@probe_options
 @report_options
 def convert(
     source: str,
@@ -107,9 +105,6 @@ def convert(
     f0: str | None,
     mips: bool,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Convert IN, a map or a light probe.
@@ -137,7 +132,7 @@ def convert(
     is_plain = view is not None or mips
     named = plain_name(source, target, view) if is_plain else _default_name(source, target)
     path = output or named
-    reading = make_read_options(sampling, values)
+    reading = make_read_options(values)
     from_map = is_map(source)
     refuse_inapplicable(
         _rules(target) | _rules_of_source(from_map) | plain_rules(target, from_map, view, mips)
@@ -145,9 +140,7 @@ def convert(
     if not (output or force):
         names = face_paths(path) if target == "faces" else [path]
         click.get_current_context().with_resource(keeping(*names))
-    job = Conversion(
-        source, path, target, reading, size, to_orientation, to_sampling, precision, quiet
-    )
+    job = Conversion(source, path, target, reading, size, to_orientation, to_sampling, precision)
     if not from_map:
         _refuse_targets_of_maps(job)
         made = convert_probe(job)
@@ -160,9 +153,9 @@ def convert(
     else:
         made = convert_map(job, {name: values[name] for name in given_options() if name in values})
     code = made.result.get("shader")
-    if code is not None and not as_json:
+    if code is not None and not wants_json():
         echo(code.rstrip("\n"))
-    conclude(made.result, [made.report], made.warnings, as_json, quiet, err=code is not None)
+    conclude(made.result, [made.report], made.warnings, err=code is not None)
 
 
 def _refuse_targets_of_maps(job: Conversion) -> None:
@@ -216,10 +209,5 @@ def _rules(target: str) -> dict[str, Applies]:
 
 def _default_name(source: str, target: str) -> str:
     """Return the name of an output after that of its source, without what it was before."""
-    stem = Path(source).stem
-    base, dot, last = stem.rpartition(".")
-    family = list(REPRESENTATIONS) if target in REPRESENTATIONS else list(IMAGE_LAYOUTS)
-    if dot and last in family:
-        stem = base
-    stem = probe_stem(f"{stem}.exr")
+    stem = source_stem(source, REPRESENTATIONS if target in REPRESENTATIONS else IMAGE_LAYOUTS)
     return f"{stem}_%.exr" if target == "faces" else f"{stem}.{target}.exr"

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.kept import force_option
-from shrm_cli.cli.options import optional_brdf_option, precision_option, report_options
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.terminal import echo, echo_json
+from shrm_cli.cli.options import optional_brdf_option, precision_option, report_options, tell
+from shrm_cli.cli.outputs import check_outputs, force_option
 from shrm_cli.cli.usage import exclude, given_options
 from shrm_cli.files.whole import keeping
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
 
 if TYPE_CHECKING:
@@ -60,8 +59,6 @@ def dfg(
     output: str,
     force: bool,
     precision: Precision,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Make the table that goes with a split sum: GGX's reflectance in a uniform environment.
 
@@ -105,15 +102,15 @@ def dfg(
     if material is not None:
         check_varies(material)
     named = "ggx" if material is None else _named(material)
-    with progress_bar("integrating", quiet) as progress:
+    with progress_bar("integrating") as progress, using(progress):
         if material is not None:
-            table = albedo_table(material, size, progress)
+            table = albedo_table(material, size)
         elif columns is not None:
-            table = tables.columns_table(columns, size, progress)
+            table = tables.columns_table(columns, size)
         elif moments:
-            table = tables.moments_table(size, progress)
+            table = tables.moments_table(size)
         else:
-            table = tables.environment_table(size, multiscatter, progress)
+            table = tables.environment_table(size, multiscatter)
     is_kept = not force and "output" not in given_options()
     with keeping(*([output] if is_kept else [])):
         if output.lower().endswith(SUFFIXES):
@@ -147,19 +144,16 @@ def dfg(
         result |= {"columns": kind, "brdf": named}
     if moments:
         result["mean_direction"] = meaning.mean
-    if as_json:
-        echo_json(result)
-    elif not quiet:
-        lines = [
-            f"{output}: {size} x {size}, N.V across, roughness down; {', '.join(meaning.names)}; "
-            f"{pixel_type}",
-            f"  channels       {meaning.channels}",
-            f"  reflects       {meaning.reflectance}",
-            *([f"  mean           {meaning.mean}"] if moments else []),
-            f"  white furnace  {white.min():.2%} to {white.max():.2%}"
-            + ("" if material else " at f0 = 1 by single scattering"),
-        ]
-        echo("\n".join(lines))
+    lines = [
+        f"{output}: {size} x {size}, N.V across, roughness down; {', '.join(meaning.names)}; "
+        f"{pixel_type}",
+        f"  channels       {meaning.channels}",
+        f"  reflects       {meaning.reflectance}",
+        *([f"  mean           {meaning.mean}"] if moments else []),
+        f"  white furnace  {white.min():.2%} to {white.max():.2%}"
+        + ("" if material else " at f0 = 1 by single scattering"),
+    ]
+    tell(result, lines)
 
 
 def _named(material: Brdf) -> str:

@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     reading_rules,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import refuse_inapplicable, renamed
-from shrm_cli.naming import probe_stem
+from shrm_cli.cli.outputs import check_outputs, force_option, source_stem
+from shrm_cli.cli.usage import refuse_inapplicable, renamed, wrong_usage
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
@@ -55,8 +52,7 @@ if TYPE_CHECKING:
     "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
 @click.option("--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it.")
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def export(
     sources: tuple[str, ...],
@@ -68,9 +64,6 @@ def export(
     skybox: int | None,
     window: str | None,
     dfg: bool,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -89,8 +82,8 @@ def export(
     from shrm_cli.export.engine import engine as engine_of
     from shrm_cli.export.make import Asked, check, export, write
 
-    reading = make_read_options(sampling, values)
-    name = _name(sources[0])
+    reading = make_read_options(values)
+    name = source_stem(sources[0], REPRESENTATIONS)
     folder = Path(output) if output else Path(f"{name}.{engine}")
     chosen = engine_of(engine)
     asked = Asked(size, texels, skybox, window, dfg, keeps_primaries=reading.working is not None)
@@ -98,7 +91,7 @@ def export(
         check(chosen, asked)
     source = _source(sources, name, reading)
     check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
-    with progress_bar("exporting", quiet) as progress:
+    with progress_bar("exporting") as progress:
         made = export(source, chosen, asked, progress)
     if folder.is_dir():
         check_outputs([str(folder / file.name) for file in made.files])
@@ -118,7 +111,7 @@ def export(
     ]
     remarks = source.probe.report.warnings() if source.probe is not None else ()
     warnings = [*(f"{sources[0]}: {line}" for line in remarks), *made.warnings]
-    conclude(result, lines, warnings, as_json, quiet)
+    conclude(result, lines, warnings)
 
 
 def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source:
@@ -133,15 +126,6 @@ def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source
         note(*sources)
         return Source.of_maps(name, [(path, open_map(path)) for path in sources])
     if len(sources) > 1:
-        raise click.UsageError(
-            f"{sources[0]} is a probe; export it alone", click.get_current_context()
-        )
+        raise wrong_usage(f"{sources[0]} is a probe; export it alone")
     probe = open_probe(sources[0], reading)
     return Source(name, Path(sources[0]).name, probe)
-
-
-def _name(source: str) -> str:
-    """Return what the names of the files begin with: the probe's name."""
-    stem = Path(source).stem
-    base, dot, last = stem.rpartition(".")
-    return probe_stem(f"{base if dot and last in REPRESENTATIONS else stem}.exr")

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
 from shrm_cli.addresses import has_secret
-from shrm_cli.cli.options import with_options
+from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo, echo_message
-from shrm_cli.cli.usage import given_options
+from shrm_cli.cli.types import Parsed
+from shrm_cli.cli.usage import given_options, wrong_usage
 
 if TYPE_CHECKING:
     from shrm_cli.batch.job import Chunk
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 _OWN = ("--commands", "--openjd", "--chunk")
 """The options that ask for files of a farm, which its command lines leave out."""
@@ -28,38 +27,30 @@ _FOR_ALL = {
 """Options that the command lines cannot have, and why."""
 
 
-class _Part(click.ParamType[tuple[int, int, int]]):
-    name = "K/N"
+def _part(text: str) -> tuple[int, int, int]:
+    from shrm_cli.batch.farm import parse_part
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int, int]:
-        from shrm_cli.batch.farm import parse_part
-
-        return value if isinstance(value, tuple) else parse_part(value)
+    return parse_part(text)
 
 
-def farm_options(command: Command) -> Command:
-    """Add the options --commands, --openjd, --chunk and --share."""
-    options = [
-        click.option(
-            "--commands", type=click.Path(dir_okay=False), metavar="FILE",
-            help="Write command lines for a farm, one for each chunk, and make nothing.",
-        ),
-        click.option(
-            "--openjd", type=click.Path(dir_okay=False), metavar="FILE",
-            help="Write an Open Job Description template instead.",
-        ),
-        click.option(
-            "--chunk", type=click.IntRange(1, 10**9), default=100, show_default=True, metavar="N",
-            help="Probes of a chunk, about.",
-        ),
-        click.option(
-            "--share", type=_Part(), metavar="K/N|A-B/N",
-            help="Make one part of N, or several, as the command lines of farms do.",
-        ),
-    ]  # fmt: skip
-    return with_options(command, options)
+farm_options = several(
+    click.option(
+        "--commands", type=click.Path(dir_okay=False), metavar="FILE",
+        help="Write command lines for a farm, one for each chunk, and make nothing.",
+    ),
+    click.option(
+        "--openjd", type=click.Path(dir_okay=False), metavar="FILE",
+        help="Write an Open Job Description template instead.",
+    ),
+    click.option(
+        "--chunk", type=click.IntRange(1, 10**9), default=100, show_default=True, metavar="N",
+        help="Probes of a chunk, about.",
+    ),
+    click.option(
+        "--share", type=Parsed("K/N", _part), metavar="K/N|A-B/N",
+        help="Make one part of N, or several, as the command lines of farms do.",
+    ),
+)  # fmt: skip
 
 
 def refuse_for_farms() -> None:
@@ -72,9 +63,7 @@ def refuse_for_farms() -> None:
     """
     given = given_options()
     for name in _FOR_ALL.keys() & given.keys():
-        raise click.UsageError(
-            f"leave out {given[name]}, {_FOR_ALL[name]}", click.get_current_context()
-        )
+        raise wrong_usage(f"leave out {given[name]}, {_FOR_ALL[name]}")
 
 
 def write_farm_files(
@@ -94,7 +83,7 @@ def write_farm_files(
         How many of them a command takes, on average.
     """
     from shrm_cli.batch.farm import command_lines, openjd_template
-    from shrm_cli.files.whole import check_target, replacing
+    from shrm_cli.files.whole import check_target, write_bytes
 
     parts = -(-probes // chunk)
     rest = _without_own(words)
@@ -111,8 +100,7 @@ def write_farm_files(
     for path in texts:
         check_target(path)
     for path, text in texts.items():
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_bytes(path, text.encode())
         echo(f"{path}: {parts:,} parts of {probes:,} probes")
 
 

@@ -9,12 +9,11 @@ import click
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
-    read_options,
+    probe_options,
     reading_rules,
     report_options,
 )
-from shrm_cli.cli.usage import refuse_inapplicable
-from shrm_cli.vocabulary import SAMPLINGS
+from shrm_cli.cli.usage import refuse_inapplicable, wants_json
 
 _MOST_ROWS, _MOST_NUMBERS = 9, 16
 """The most rows of a table and numbers of a list that are printed as text; JSON has them all."""
@@ -24,16 +23,13 @@ _RADIANCES = "minimum", "maximum", "mean", "mean_luminance"
 
 @click.command()
 @click.argument("file", type=click.Path())
-@click.option("--sampling", type=click.Choice(SAMPLINGS), help="Where a probe's edge pixels lie.")
 @click.option(
     "--stats/--no-stats", default=True, show_default=True,
     help="Read the pixels of a probe: range, irradiance, white balance, lamps.",
 )  # fmt: skip
-@read_options
+@probe_options
 @report_options
-def info(
-    file: str, sampling: str | None, stats: bool, as_json: bool, quiet: bool, **reading: Any
-) -> None:
+def info(file: str, stats: bool, **reading: Any) -> None:
     """Print what FILE is: a map or table of shrm, a light probe, light file or measured BRDF.
 
     Of a probe it reads the pixels. Stops lie between the luminances that 1 % and 99.9 % of the
@@ -50,35 +46,33 @@ def info(
 
     warnings: list[str] = []
     worded: dict[str, str] = {}
+    what = ""
     if is_map(file):
-        refuse_inapplicable(reading_rules(False, "to probes; FILE is a map"))
-        values = _describe_map(file)
+        what, values = "is a map", _describe_map(file)
     elif is_transfer(file):
-        refuse_inapplicable(reading_rules(False, "to probes; FILE is a precomputed transfer"))
+        what = "is a precomputed transfer"
         values = {"kind": "precomputed transfer", **read_transfer(file).summary()}
     elif is_table(file):
         values = _describe_table(file)
     elif (table := read_table_facts(file)) is not None:
-        what = "to probes; FILE is an environment-BRDF table"
-        refuse_inapplicable(reading_rules(False, what))
+        what = "is an environment-BRDF table"
         values = {"kind": "environment-BRDF table", **table}
     elif (textures := read_layers_facts(file)) is not None:
-        refuse_inapplicable(reading_rules(False, "to probes; FILE holds the textures of a map"))
-        values = {"kind": "textures of --shader", **textures}
+        what, values = "holds the textures of a map", {"kind": "textures of --shader", **textures}
     elif is_measured_file(file):
-        refuse_inapplicable(reading_rules(False, "to probes; FILE is a measured BRDF"))
-        values = _describe_measured(file)
+        what, values = "is a measured BRDF", _describe_measured(file)
     else:
-        options = make_read_options(sampling, reading)
+        options = make_read_options(reading)
         values, found = _describe_probe(file, options, stats)
-        worded = _in_words(values) if stats and not as_json else {}
+        worded = _in_words(values) if stats and not wants_json() else {}
         warnings = [f"{file}: {line}" for line in found]
+    refuse_inapplicable(reading_rules(not what, f"to probes; FILE {what}"))
     width = max(len(key) for key in values)
     lines = [file]
     for key, value in (values | worded).items():
         text = _text(value).replace("\n", "\n" + " " * (width + 4))
         lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
-    conclude({"file": file, **values}, lines, warnings, as_json, quiet)
+    conclude({"file": file, **values}, lines, warnings)
 
 
 def _describe_table(file: str) -> dict[str, Any]:

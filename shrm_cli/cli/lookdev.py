@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
+    materials_option,
     precision_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     report_options,
     shared_options,
+    view_option,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes, Within
+from shrm_cli.cli.types import BYTES, STOPS, within
 from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
     from shrm_cli.files.picture import Picture
     from shrm_cli.lookdev.columns import Column
-    from shrm_cli.lookdev.sheet import Grid
-    from shrm_cli.probe.options import ReadOptions
+    from shrm_cli.progress import Progress, Stages
     from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.sheet import Grid
     from shrm_cli.vocabulary import Precision
 
 _FORMS = [each.name for each in descriptions().values() if each.needs_brdf]
@@ -48,10 +48,7 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 
 @click.command()
 @click.argument("probes", metavar="PROBES...", nargs=-1, required=True, type=click.Path())
-@click.option(
-    "--brdf", "specs", type=Spec(), metavar="SPEC", multiple=True, required=True,
-    help="A material, as `shrm prefilter` takes it. May be repeated.",
-)  # fmt: skip
+@materials_option
 @click.option(
     "-o", "--output", type=click.Path(), default="lookdev.png", show_default=True,
     help="PNG, EXR or HTML page; turntable .apng, .gif or .mp4, or frames named with %04d.",
@@ -61,10 +58,7 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     help="Representation of the maps.",
 )  # fmt: skip
 @shared_options(*_MAKING)
-@click.option(
-    "--view", type=AzimuthElevation(), default="0,0", show_default=True,
-    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
-)  # fmt: skip
+@view_option
 @click.option(
     "--size", type=click.IntRange(16, 2048), default=256, show_default=True,
     help="Width and height of a cell, pixels.",
@@ -78,17 +72,16 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
     help=f"Walk around the spheres in N steps.  [default: {_FRAMES} of a moving picture]",
 )  # fmt: skip
 @click.option(
-    "--fps", type=Within(0.1, 120), metavar="X",
+    "--fps", type=within(0.1, 120), metavar="X",
     help="Frames a second of a moving picture.  [default: 24]",
 )  # fmt: skip
 @click.option(
-    "--max-memory", type=Bytes(), metavar="BYTES",
+    "--max-memory", type=BYTES, metavar="BYTES",
     help="The most memory that the sheet may take, such as 2GB: GIF and APNG hold all frames.  "
     "[default: half of the machine's]",
 )  # fmt: skip
 @precision_option
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def lookdev(
     probes: tuple[str, ...],
@@ -102,9 +95,6 @@ def lookdev(
     fps: float | None,
     max_memory: int | None,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Show materials under light probes: a row for each BRDF, a column for each of PROBES.
@@ -124,14 +114,22 @@ def lookdev(
 
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files.animation import check_animation, held_bytes, is_animated
+    from shrm_cli.files.animation import (
+        check_animation,
+        held_bytes,
+        is_animated,
+        write_animation,
+    )
+    from shrm_cli.files.picture import write_picture
+    from shrm_cli.files.png import encode_srgb
+    from shrm_cli.files.whole import write_bytes
     from shrm_cli.lookdev.columns import Wanted, make_column
-    from shrm_cli.lookdev.names import material_names, probe_names
-    from shrm_cli.lookdev.sheet import Grid
-    from shrm_cli.prefilter import check_arguments
+    from shrm_cli.lookdev.page import lookdev_page, material_names, probe_names
+    from shrm_cli.maps.request import check_arguments
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.frames import frame_paths, turntable
+    from shrm_cli.render.sheet import Grid
 
     suffix = Path(output).suffix.lower()
     moving = is_animated(output)
@@ -151,7 +149,7 @@ def lookdev(
     if to == "principal" and not given.keys() & {"eps", "error", "order_f", "order_p", "max_size"}:
         given["error"] = _ERROR
     check_arguments(to, [*given, "brdf"])
-    reading = make_read_options(sampling, values)
+    reading = make_read_options(values)
     note(*(path for path in probes if "%" not in path))
     check_outputs(targets, specs=specs, suffixes=_PICTURES)
     for spec in specs:
@@ -161,26 +159,42 @@ def lookdev(
     pixels = grid.shape[0] * grid.shape[1]
     check_sheet(pixels, size, held_bytes(output, pixels, steps) if steps else 0, max_memory)
     wanted = Wanted(specs, to, given, size, exposure)
-    with progress_bar("prefiltering", quiet) as progress:
-        columns = _made(probes, reading, wanted, Stages(progress, len(probes)), make_column)
+    columns: list[Column] = []
+    with progress_bar("prefiltering") as progress:
+        stages = Stages(progress, len(probes))
+        for path in probes:
+            columns.append(make_column(path, reading, wanted, stages.within))
+            stages.done(len(columns), len(probes))
     failures = _failures(columns, specs)
     if len(failures) == len(specs) * len(probes):
         raise click.ClickException(failures[0])
     sides = material_names(specs)
     names = probe_names(probes)
     viewers = turntable(Viewer(*view), steps) if steps else [Viewer(*view)]
-    with progress_bar("rendering", quiet) as progress:
-        shown = _Shown(columns, grid, names, sides, viewers, Stages(progress, len(viewers)))
+    with progress_bar("rendering") as progress:
+        stages = Stages(progress, len(viewers))
+        sheets = _frames(columns, grid, names, sides, viewers, stages)
         if suffix == ".html":
-            written = _write_page(output, shown)
+            cells: list[list[Picture | str]] = [[] for _ in columns]
+            for _, index, tile in _tiles(columns, viewers[0], size, stages.within):
+                cells[index].append(tile)
+            page = lookdev_page(columns, names, sides, cells, size).encode()
+            write_bytes(output, page)
+            written = f"{len(page):,} bytes"
         elif moving:
-            written = _write_moving(output, shown, fps or 24.0)
+            write_animation(output, map(encode_srgb, sheets), fps or 24.0)
+            written = f"{len(viewers)} frames, {fps or 24.0:g} a second"
         else:
             recipe = {
                 "lookdev": [Path(path).name for path in probes], "brdfs": list(specs), "to": to,
                 **given, "view": list(view), "size": size, "exposure": exposure,
             }  # fmt: skip
-            written = _write_pictures(targets, shown, precision, picture_attributes(recipe, []))
+            attributes = picture_attributes(recipe, [])
+            kinds = [
+                write_picture(path, picture, precision, attributes)
+                for path, picture in zip(targets, sheets, strict=True)
+            ]
+            written = kinds[0] if len(targets) == 1 else f"{len(targets)} frames, {kinds[-1]}"
     result = {
         "files": targets,
         "to": to,
@@ -194,7 +208,7 @@ def lookdev(
             for each, name in zip(columns, names, strict=True)
         ],
         "predicted_errors": [
-            [None if cell.map is None else cell.map.info.predicted_error for cell in each.cells]
+            [None if isinstance(cell, str) else cell.info.predicted_error for cell in each.cells]
             for each in columns
         ],
         "failures": failures,
@@ -204,101 +218,49 @@ def lookdev(
     warnings = [f"{each.path}: {line}" for each in columns for line in each.warnings]
     pairs = f"{counted(grid.rows, 'material')} x {counted(grid.columns, 'probe')}"
     line = f"{output}: {pairs}, {what}"
-    conclude(result, [line], [*warnings, *failures], as_json, quiet)
+    conclude(result, [line], [*warnings, *failures])
     if failures:
         sys.exit(1)
-
-
-def _made(
-    probes: Sequence[str], reading: ReadOptions, wanted: Any, stages: Any, make_column: Any
-) -> list[Column]:
-    """Return the columns of a sheet."""
-    columns = []
-    for path in probes:
-        columns.append(make_column(path, reading, wanted, stages.within))
-        stages.done(len(columns), len(probes))
-    return columns
 
 
 def _failures(columns: Sequence[Column], specs: Sequence[str]) -> list[str]:
     """Return a line for each cell without a map."""
     return [
-        f"{column.path}, {spec}: {flags(cell.error.removeprefix(f'{column.path}: '))}"
+        f"{column.path}, {spec}: {flags(cell.removeprefix(f'{column.path}: '))}"
         for column in columns
         for spec, cell in zip(specs, column.cells, strict=True)
-        if cell.map is None
+        if isinstance(cell, str)
     ]
 
 
-class _Shown:
-    """A sheet as each viewer sees it."""
-
-    def __init__(
-        self,
-        columns: Sequence[Column],
-        grid: Grid,
-        names: Sequence[str],
-        sides: Sequence[str],
-        viewers: Sequence[Viewer],
-        stages: Any,
-    ) -> None:
-        self.columns, self.grid, self.names, self.sides = columns, grid, names, sides
-        self.viewers, self._stages = viewers, stages
-
-    def tiles(self, viewer: Viewer) -> Iterator[tuple[int, int, Picture | str]]:
-        """Yield row, column and picture of each cell, or why it has none."""
-        for index, column in enumerate(self.columns):
-            drawn = column.tiles(viewer, self.grid.tile)
-            for row, (tile, cell) in enumerate(zip(drawn, column.cells, strict=True)):
-                yield row, index, cell.error if tile is None else tile
-            self._stages.within(index + 1, len(self.columns))
-
-    def frames(self) -> Iterator[Picture]:
-        """Yield the sheet for each viewer, linear Rec.709."""
-        from shrm_cli.lookdev.sheet import draw_grid
-
-        heads = [_head(column, name) for column, name in zip(self.columns, self.names, strict=True)]
-        begun = perf_counter()
-        for done, viewer in enumerate(self.viewers, 1):
-            yield draw_grid(self.grid, heads, self.sides, self.tiles(viewer))
-            self._stages.done(done, len(self.viewers))
-            if done == 1:
-                left = len(self.viewers) - 1
-                self._stages.foretell((perf_counter() - begun) * left)
+def _tiles(
+    columns: Sequence[Column], viewer: Viewer, size: int, progress: Progress
+) -> Iterator[tuple[int, int, Picture | str]]:
+    """Yield row, column and picture of each cell, or why it has none."""
+    for index, column in enumerate(columns):
+        for row, tile in enumerate(column.tiles(viewer, size)):
+            yield row, index, tile
+        progress(index + 1, len(columns))
 
 
-def _head(column: Column, name: str) -> str:
-    """Return the label of a column."""
-    return name if column.surroundings is None else f"{name}  EV {column.exposure:+.1f}"
+def _frames(
+    columns: Sequence[Column],
+    grid: Grid,
+    names: Sequence[str],
+    sides: Sequence[str],
+    viewers: Sequence[Viewer],
+    stages: Stages,
+) -> Iterator[Picture]:
+    """Yield the sheet for each viewer, linear Rec.709."""
+    from shrm_cli.render.sheet import draw_grid
 
-
-def _write_pictures(
-    targets: Sequence[str], shown: _Shown, precision: Precision, attributes: dict[str, Any]
-) -> str:
-    from shrm_cli.files.picture import write_picture
-
-    kind = ""
-    for path, picture in zip(targets, shown.frames(), strict=True):
-        kind = write_picture(path, picture, precision, attributes)
-    return kind if len(targets) == 1 else f"{len(targets)} frames, {kind}"
-
-
-def _write_moving(path: str, shown: _Shown, rate: float) -> str:
-    from shrm_cli.files.animation import write_animation
-    from shrm_cli.files.png import encode_srgb
-
-    write_animation(path, (encode_srgb(picture) for picture in shown.frames()), rate)
-    return f"{len(shown.viewers)} frames, {rate:g} a second"
-
-
-def _write_page(path: str, shown: _Shown) -> str:
-    from shrm_cli.files.whole import replacing
-    from shrm_cli.lookdev.page import lookdev_page
-
-    cells: list[list[Picture | str]] = [[] for _ in shown.columns]
-    for _, column, content in shown.tiles(shown.viewers[0]):
-        cells[column].append(content)
-    text = lookdev_page(shown.columns, shown.names, shown.sides, cells, shown.grid.tile)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return f"{len(text):,} bytes"
+    heads = [
+        name if column.surroundings is None else f"{name}  EV {column.exposure:+.1f}"
+        for column, name in zip(columns, names, strict=True)
+    ]
+    begun = perf_counter()
+    for done, viewer in enumerate(viewers, 1):
+        yield draw_grid(grid, heads, sides, _tiles(columns, viewer, grid.tile, stages.within))
+        stages.done(done, len(viewers))
+        if done == 1:
+            stages.foretell((perf_counter() - begun) * (len(viewers) - 1))

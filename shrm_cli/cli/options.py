@@ -1,22 +1,29 @@
-"""Options that several subcommands share, and the functions that print their results."""
+"""Options that several subcommands share, their headings, and the functions that print results."""
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from shrm_cli import settings
-from shrm_cli.cli.completion import Spec
 from shrm_cli.cli.terminal import echo, echo_json, echo_message, has_terminal
 from shrm_cli.cli.threads import limit_libraries
-from shrm_cli.cli.types import STOPS, PrimariesType, click_option
-from shrm_cli.cli.usage import Applies, flags
+from shrm_cli.cli.types import DIRECTION, OF_PRIMARIES, STOPS, Spec, click_option
+from shrm_cli.cli.usage import Applies, flags, is_quiet, remember, wants_json
 from shrm_cli.layouts import IMAGE_LAYOUTS
 from shrm_cli.maps.options import SHARED, Option, all_options
 from shrm_cli.maps.registry import descriptions
-from shrm_cli.vocabulary import ORIENTATIONS, PRECISIONS, PRIMARIES, SAMPLINGS
+from shrm_cli.vocabulary import (
+    MAX_SOURCE_HEIGHT,
+    ORIENTATIONS,
+    PRECISIONS,
+    PRIMARIES,
+    SAMPLINGS,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,12 +37,88 @@ TURNS = ("yaw", "pitch", "roll")
 _READING = ("layout", "orientation", *TURNS, "mirror", "up", "linearize", "part", "layer")
 COLORS = ("primaries", "working")
 """The names of the options about colors; they apply to some maps, too."""
+READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp", *COLORS)
+"""The names of the options for reading a probe's file."""
+
+
+def several(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
+    """Return a decorator that adds options to a command, which its help lists in this order."""
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def command_with_headings(headings: dict[str, list[str]]) -> type[click.Command]:
+    """Return a class of commands whose help lists options under headings.
+
+    They keep the words that they were called with, for command lines that are shown or written.
+
+    Parameters
+    ----------
+    headings : dict of str to list of str
+        The names of options' values, by the heading that they stand under. All others come last,
+        under ``Running``.
+    """
+    place = {name: heading for heading, names in headings.items() for name in names}
+
+    class WithHeadings(click.Command):
+        def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+            ctx.meta["shrm.words"] = list(args)
+            return super().parse_args(ctx, args)
+
+        def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+            rows: dict[str, list[tuple[str, str]]] = {each: [] for each in (*headings, "Running")}
+            for param in self.get_params(ctx):
+                record = param.get_help_record(ctx)
+                if isinstance(param, click.Option) and record is not None:
+                    rows[place.get(param.name or "", "Running")].append(record)
+            for heading, records in rows.items():
+                if records:
+                    with formatter.section(heading):
+                        formatter.write_dl(records)
+
+    return WithHeadings
+
+
+def words_of_call() -> list[str]:
+    """Return the words that the running command, which has headings, was called with."""
+    words: list[str] = click.get_current_context().meta["shrm.words"]
+    return words
+
+
 _SPEC = (
     "NAME, NAME:key=value,key=value, a measured file, or a sum such as "
     "0.5*lambertian+0.5*ggx; `shrm brdf` lists them."
 )
 brdf_option = click.option("--brdf", "spec", type=Spec(), metavar="SPEC", required=True, help=_SPEC)
 optional_brdf_option = click.option("--brdf", type=Spec(), metavar="SPEC", help=_SPEC)
+brdfs_option = click.option(
+    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
+    help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
+)  # fmt: skip
+materials_option = click.option(
+    "--brdf", "specs", type=Spec(), metavar="SPEC", multiple=True, required=True,
+    help="A material, as `shrm prefilter` takes it. May be repeated.",
+)  # fmt: skip
+_DIRECTION = "Direction to the viewer, degrees: azimuth from +Z towards +X, elevation."
+view_option = click.option(
+    "--view", type=DIRECTION, default="0,0", show_default=True, help=_DIRECTION
+)
+_VIEWS = ("0,0", "120,20", "240,-20")
+
+
+def views_option(name: str) -> Callable[[Command], Command]:
+    """Return the option --view, whose value has a name: the directions to several viewers."""
+    return click.option(
+        "--view", name, type=DIRECTION, multiple=True, default=_VIEWS,
+        help=f"{_DIRECTION} May be given several times.  [default: {' '.join(_VIEWS)}]",
+    )  # fmt: skip
+
+
 exposure_option = click.option(
     "--exposure", type=STOPS, metavar="EV", default=0.0, show_default=True,
     help="Stops: pictures are multiplied by 2^EV, in EXR too.",
@@ -45,24 +128,19 @@ precision_option = click.option(
     show_default=True,
     help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
 )  # fmt: skip
-probe_sampling_option = click.option(
-    "--sampling", type=click.Choice(SAMPLINGS),
-    help="Where edge pixels of the probe lie.",
-)  # fmt: skip
-
-
 exact_option = click.option(
     "--exact", is_flag=True,
     help="Sum the truth over all pixels of the probe, which takes up to a hundred times as long.  "
     "[default: adaptively, with an error that is stated]",
 )  # fmt: skip
-
-
-def with_options(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:
-    """Add options to a command, which its help lists in this order."""
-    for option in reversed(options):
-        command = option(command)
-    return command
+truth_options = several(
+    click.option(
+        "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
+        help="Rows that the probe is averaged down to for the truth.  [default: all]",
+    ),
+    exact_option,
+)  # fmt: skip
+_sampling = click.Choice(SAMPLINGS)
 
 
 def _disable_cache(ctx: click.Context, param: click.Parameter, value: bool) -> None:
@@ -76,97 +154,78 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int | None
         ctx.with_resource(settings.using(threads=value))
 
 
-def output_options(command: Command) -> Command:
-    """Add the options --json and --quiet."""
-    return with_options(
-        command,
-        [
-            click.option("--json", "as_json", is_flag=True, help="Print results as JSON."),
-            click.option("--quiet", is_flag=True, help="Print errors only."),
-        ],
-    )
-
-
-def cache_option(command: Command) -> Command:
-    """Add the option --no-cache."""
-    return click.option(
-        "--no-cache",
-        is_flag=True,
-        callback=_disable_cache,
-        expose_value=False,
-        help="Neither read nor keep coefficients of BRDFs.",
-    )(command)
-
-
-def report_options(command: Command) -> Command:
-    """Add the options --json, --quiet, --threads and --no-cache."""
-    threads = click.option(
-        "--threads",
-        type=click.IntRange(1, 1024),
-        callback=_limit_threads,
-        expose_value=False,
+output_options = several(
+    click.option(
+        "--json", "as_json", is_flag=True, callback=remember, expose_value=False,
+        help="Print results as JSON.",
+    ),
+    click.option(
+        "--quiet", is_flag=True, callback=remember, expose_value=False, help="Print errors only."
+    ),
+)  # fmt: skip
+cache_option = click.option(
+    "--no-cache", is_flag=True, callback=_disable_cache, expose_value=False,
+    help="Neither read nor keep coefficients of BRDFs.",
+)  # fmt: skip
+report_options = several(
+    output_options,
+    click.option(
+        "--threads", type=click.IntRange(1, 1024), callback=_limit_threads, expose_value=False,
         is_eager=True,
         help="Threads for image files and integrals; the rest takes one.  [default: all]",
-    )
-    return with_options(command, [output_options, threads, cache_option])
+    ),
+    cache_option,
+)  # fmt: skip
+read_options = several(
+    click.option("--layout", type=click.Choice(IMAGE_LAYOUTS), help="Layout of the probe."),
+    click.option(
+        "--orientation", type=click.Choice(ORIENTATIONS), help="Orientation of its cube faces."
+    ),
+    click.option(
+        "--yaw", type=float, default=0.0, help="Turn it about +Y, degrees, +Z towards +X."
+    ),
+    click.option(
+        "--pitch", type=float, default=0.0, help="Before that, about +X, +Y towards +Z."
+    ),
+    click.option(
+        "--roll", type=float, default=0.0, help="And before that, about +Z, +X towards +Y."
+    ),
+    click.option("--mirror", is_flag=True, help="Mirror it, x -> -x."),
+    click.option("--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."),
+    click.option(
+        "--linearize", is_flag=True, help="Decode its integers, as sRGB where it names no curve."
+    ),
+    click.option("--part", metavar="NAME|N", help="Which of its parts is the light."),
+    click.option("--layer", metavar="NAME", help="Which of its layers or views is."),
+    click.option(
+        "--fix-nonfinite", is_flag=True, help="Fill NaN and infinite pixels from neighbours."
+    ),
+    click.option("--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."),
+    click.option(
+        "--primaries", type=OF_PRIMARIES,
+        help=f"Its primaries, whatever it says: {', '.join(PRIMARIES)}, or x and y of "
+        "red, green, blue and white.  [default: as it says, else rec709]",
+    ),
+    click.option(
+        "--working", type=OF_PRIMARIES,
+        help="Convert its light to these primaries.  [default: it stays as it is]",
+    ),
+)  # fmt: skip
+"""The options about reading a probe's file, but --sampling; `make_read_options` takes them all."""
+probe_options = several(
+    click.option("--sampling", type=_sampling, help="Where edge pixels of the probe lie."),
+    read_options,
+)
 
 
-def read_options(command: Command) -> Command:
-    """Add the options about reading a probe's file; `make_read_options` takes their values."""
-    return with_options(
-        command,
-        [
-            click.option("--layout", type=click.Choice(IMAGE_LAYOUTS), help="Layout of the probe."),
-            click.option(
-                "--orientation",
-                type=click.Choice(ORIENTATIONS),
-                help="Orientation of its cube faces.",
-            ),
-            click.option(
-                "--yaw", type=float, default=0.0, help="Turn it about +Y, degrees, +Z towards +X."
-            ),
-            click.option(
-                "--pitch", type=float, default=0.0, help="Before that, about +X, +Y towards +Z."
-            ),
-            click.option(
-                "--roll", type=float, default=0.0, help="And before that, about +Z, +X towards +Y."
-            ),
-            click.option("--mirror", is_flag=True, help="Mirror it, x -> -x."),
-            click.option(
-                "--up", type=click.Choice(["y", "z"]), default="y", help="Its axis that is up."
-            ),
-            click.option(
-                "--linearize",
-                is_flag=True,
-                help="Decode its integers, as sRGB where it names no curve.",
-            ),
-            click.option("--part", metavar="NAME|N", help="Which of its parts is the light."),
-            click.option("--layer", metavar="NAME", help="Which of its layers or views is."),
-            click.option(
-                "--fix-nonfinite",
-                is_flag=True,
-                help="Fill NaN and infinite pixels from neighbours.",
-            ),
-            click.option(
-                "--clamp", type=float, metavar="X", help="Limit its radiance, keeping the hue."
-            ),
-            click.option(
-                "--primaries",
-                type=PrimariesType(),
-                help=f"Its primaries, whatever it says: {', '.join(PRIMARIES)}, or x and y of "
-                "red, green, blue and white.  [default: as it says, else rec709]",
-            ),
-            click.option(
-                "--working",
-                type=PrimariesType(),
-                help="Convert its light to these primaries.  [default: it stays as it is]",
-            ),
-        ],
-    )
+def make_read_options(values: dict[str, Any], sampling: str | None = None) -> ReadOptions:
+    """Make `ReadOptions` from the values of `probe_options`, which are removed from `values`.
 
-
-def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptions:
-    """Make `ReadOptions` from the values of `read_options`, which are removed from `values`.
+    Parameters
+    ----------
+    values : dict
+    sampling : str, optional
+        Where the edge pixels lie, in place of the value of --sampling.
 
     Raises
     ------
@@ -175,26 +234,20 @@ def make_read_options(sampling: str | None, values: dict[str, Any]) -> ReadOptio
     """
     from shrm_cli.probe.options import ReadOptions, with_keywords
 
-    return with_keywords(ReadOptions(), reading_keywords(sampling, values))  # type: ignore[arg-type]
+    return with_keywords(ReadOptions(), reading_keywords(values, sampling))  # type: ignore[arg-type]
 
 
-def reading_keywords(sampling: str | None, values: dict[str, Any]) -> dict[str, Any]:
-    """Return the keywords of `open_probe` from the values of `read_options`, which are removed.
-
-    Raises
-    ------
-    click.BadParameter
-        If --clamp is not positive, or an angle is not finite.
-    """
-    import math
-
+def reading_keywords(values: dict[str, Any], sampling: str | None = None) -> dict[str, Any]:
+    """Return the keywords of `open_probe`, from what `make_read_options` takes."""
     clamp = values["clamp"]
     if clamp is not None and not (math.isfinite(clamp) and clamp > 0):
         raise click.BadParameter("must be a positive number", param_hint="'--clamp'")
     for name in TURNS:
         if not math.isfinite(values[name]):
             raise click.BadParameter("must be a finite number of degrees", param_hint=f"'--{name}'")
-    found = {"sampling": sampling, **{name: values.pop(name) for name in READING_NAMES[1:]}}
+    found = {name: values.pop(name, None) for name in READING_NAMES} | (
+        {"sampling": sampling} if sampling else {}
+    )
     return {name: value for name, value in found.items() if value not in (None, False)}
 
 
@@ -203,13 +256,9 @@ def reading_rules(holds: bool, words: str) -> dict[str, Applies]:
     return dict.fromkeys(READING_NAMES, Applies(holds, words))
 
 
-READING_NAMES = ("sampling", *_READING, "fix_nonfinite", "clamp", *COLORS)
-"""The names of the options for reading a probe's file."""
-
-
 def shared_options(*names: str) -> Callable[[Command], Command]:
     """Return a decorator that adds options which several representations share, by name."""
-    return lambda command: with_options(command, [click_option(SHARED[name]) for name in names])
+    return several(*(click_option(SHARED[name]) for name in names))
 
 
 def representation_options(
@@ -217,17 +266,44 @@ def representation_options(
 ) -> Callable[[Command], Command]:
     """Return a decorator that adds the wanted ones of all representations' own options."""
     options = all_options(descriptions()).values()
-    return lambda command: with_options(
-        command, [click_option(option) for option in options if wanted(option)]
-    )
+    return several(*(click_option(option) for option in options if wanted(option)))
+
+
+def making_options(
+    probes: str, cubes: str, wanted: Callable[[Option], bool] = lambda option: True
+) -> Callable[[Command], Command]:
+    """Return a decorator that adds the options of making maps, each of them once.
+
+    Parameters
+    ----------
+    probes, cubes : str
+        What the command calls what it reads and writes: ``probe`` or ``probes``.
+    wanted : callable
+        Whether one of the representations' own options is added.
+    """
+    return several(
+        shared_options("eps", "error", "seen", "order_f", "order_p", "center"),
+        representation_options(wanted),
+        shared_options("domain", "source_height", "frame", "size", "max_size", "sun"),
+        precision_option,
+        click.option(
+            "--sampling", type=_sampling,
+            help=f"Where edge pixels lie, in the {probes} and in the written {cubes}.",
+        ),
+        click.option(
+            "--probe-sampling", type=_sampling, help=f"The same, of the {probes} alone."
+        ),
+        click.option(
+            "--map-sampling", type=_sampling, help=f"The same, of the written {cubes} alone."
+        ),
+    )  # fmt: skip
 
 
 def conclude(
     result: dict[str, Any],
     lines: Sequence[str],
-    warnings: Sequence[str],
-    as_json: bool,
-    quiet: bool,
+    warnings: Sequence[str] = (),
+    failures: Sequence[str] = (),
     err: bool = False,
 ) -> None:
     """Print what a command has done, as JSON or as lines of text; warnings go to stderr.
@@ -235,32 +311,39 @@ def conclude(
     Parameters
     ----------
     result : dict
-        What is printed as JSON; the warnings are added to it.
+        What is printed as JSON with --json; the warnings are added to it.
     lines : sequence of str
-        What is printed as text.
+        What is printed as text, but with --quiet.
     warnings : sequence of str
-        Warnings may name arguments of the library in backticks.
-    as_json : bool
-        Whether to print JSON instead of the lines.
-    quiet : bool
-        Whether to leave out the lines and the warnings.
+        Warnings may name arguments of the library in backticks. They are left out with --quiet.
+    failures : sequence of str
+        What could not be made; if there is any, the command exits with 1.
     err : bool
         Whether the lines go to stderr, because stdout holds something else.
     """
-    if as_json:
-        echo_json({**result, "warnings": [flags(line) for line in warnings]})
-    elif not quiet:
+    tell({**result, "warnings": [flags(line) for line in warnings]}, lines, err)
+    warn(warnings)
+    for line in failures:
+        echo_message(f"Failed: {line}")
+    if failures:
+        sys.exit(1)
+
+
+def tell(result: Any, lines: Sequence[str], err: bool = False) -> None:
+    """Print a result, as JSON with --json, or else as lines of text, but with --quiet."""
+    if wants_json():
+        echo_json(result)
+    elif not is_quiet():
         echo("\n".join(lines), err=err)
-    warn(warnings, quiet)
 
 
-def warn(lines: Sequence[str], quiet: bool) -> None:
+def warn(lines: Sequence[str]) -> None:
     """Print warnings to stderr; they may name arguments of the library in backticks."""
-    for line in [] if quiet else lines:
+    for line in [] if is_quiet() else lines:
         echo_message(f"Warning: {flags(line)}")
 
 
-def announce(lines: Sequence[str], quiet: bool) -> None:
+def announce(lines: Sequence[str]) -> None:
     """Say on a terminal, before long work begins, what it will be."""
-    if not quiet and has_terminal():
+    if not is_quiet() and has_terminal():
         echo("\n".join(lines), err=True)

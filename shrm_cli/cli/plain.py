@@ -5,22 +5,20 @@ a lat-long, and the levels of a split sum as one mip-mapped file.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.conversion import Converted, open_source
-from shrm_cli.cli.options import with_options
+from shrm_cli.cli.options import several
 from shrm_cli.cli.outputs import map_stem, picture_attributes
-from shrm_cli.cli.shading import f0_option, roughness_option, shaded_maps
-from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.shading import shaded_maps, surface_options
+from shrm_cli.cli.types import DIRECTION
 from shrm_cli.cli.usage import Applies
 from shrm_cli.vocabulary import LOOKUPS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from shrm_cli.cli.conversion import Conversion
     from shrm_cli.vocabulary import Lookup, Sampling
 
@@ -31,27 +29,24 @@ _IMAGES = ("latlong", "openexr")
 """The layouts of mip-mapped files."""
 
 
-def plain_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of plain images to `shrm convert`."""
-    options = [
-        click.option(
-            "--view", type=AzimuthElevation(),
-            help="With --to latlong, of a map: the light reflected to a distant viewer there, "
-            "degrees, as a plain image.",
-        ),
-        click.option(
-            "--by", type=click.Choice(LOOKUPS),
-            help="With --view, what a pixel's direction is: the mirror direction, or the normal.  "
-            "[default: as the map itself is looked up]",
-        ),
-        roughness_option,
-        f0_option,
-        click.option(
-            "--mips", is_flag=True,
-            help="Of split sums made with --mips, to latlong or openexr: one mip-mapped file.",
-        ),
-    ]  # fmt: skip
-    return with_options(command, options)
+plain_options = several(
+    click.option(
+        "--view", type=DIRECTION,
+        help="With --to latlong, of a map: the light reflected to a distant viewer there, "
+        "degrees, as a plain image.",
+    ),
+    click.option(
+        "--by", type=click.Choice(LOOKUPS),
+        help="With --view, what a pixel's direction is: the mirror direction, or the normal.  "
+        "[default: as the map itself is looked up]",
+    ),
+    surface_options,
+    click.option(
+        "--mips", is_flag=True,
+        help="Of split sums made with --mips, to latlong or openexr: one mip-mapped file.",
+    ),
+)  # fmt: skip
+"""The options of plain images of `shrm convert`."""
 
 
 def plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[str, Applies]:
@@ -119,7 +114,7 @@ def convert_to_view(
     shown, surface, warnings = shaded_maps([found], [job.source], roughness, f0)
     chosen, sampled = by or lookup_of(found), job.sampling or "center"
     rows = job.size or max(2 * found.size, _LEAST_ROWS)
-    with progress_bar("converting", job.quiet) as progress:
+    with progress_bar("converting") as progress:
         picture = one_view(
             shown[0], Viewer(*view).direction, rows, chosen, ignores_views(found), sampled, progress
         )
@@ -170,7 +165,9 @@ def convert_to_mips(job: Conversion) -> Converted:
     else:
         levels = latlong_mips(found, job.size or 2 * found.size, sampled)
     levels, warnings = without_negative(job.path, levels)
-    roughness = _level_roughness(found.roughness, len(levels))
+    # Levels beyond a split sum's own have the roughness of its last.
+    known = (*found.roughness, *[found.roughness[-1]] * (len(levels) - len(found.roughness)))
+    roughness = [round(value, 6) for value in known]
     recipe = {"convert": Path(job.source).name, "to": job.target, "roughness": roughness}
     attributes = picture_attributes(recipe, [found.info.chromaticities])
     if sampled == "border":
@@ -187,8 +184,3 @@ def convert_to_mips(job: Conversion) -> Converted:
         f"  roughness      {listed}"
     )
     return Converted(result, report, [*warnings, *notes])
-
-
-def _level_roughness(known: Sequence[float], count: int) -> list[float]:
-    """Return the roughness of each level of a file; those beyond a split sum's own are its last."""
-    return [round(value, 6) for value in (*known, *[known[-1]] * (count - len(known)))]

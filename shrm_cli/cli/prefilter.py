@@ -9,20 +9,26 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.headings import command_with_headings
-from shrm_cli.cli.kept import force_option, keep_other_map
-from shrm_cli.cli.making import making_options
 from shrm_cli.cli.options import (
     READING_NAMES,
+    command_with_headings,
     conclude,
     make_read_options,
+    making_options,
     optional_brdf_option,
     read_options,
     report_options,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import check_outputs, force_option, keep_other_map
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable, renamed
+from shrm_cli.cli.usage import (
+    Applies,
+    given_options,
+    is_quiet,
+    refuse_inapplicable,
+    renamed,
+    wants_json,
+)
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
@@ -45,7 +51,7 @@ _OWN_OPTIONS = {
 }
 MAKING_HEADINGS = {
     "What to make": ["brdf", "to"],
-    "How exact": ["eps", "error", "seen", "order_f", "order_p", "max_size", "center"],
+    "How exact": ["eps", "error", "seen", "order_f", "order_p", "max_size", "center", "sun"],
     "Form of the map": [
         "size", "frame", "map_sampling", "domain", "source_height", "precision",
     ],
@@ -86,8 +92,6 @@ def prefilter(
     sampling: str | None,
     probe_sampling: str | None,
     map_sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Prefilter the light probe PROBE for a BRDF.
@@ -115,11 +119,12 @@ def prefilter(
     """
     from shrm_cli.maps.file import store
     from shrm_cli.maps.prefiltered import with_wrong_share
+    from shrm_cli.maps.request import Request, check_arguments, resolved_form
     from shrm_cli.plan import policy
-    from shrm_cli.prefilter import check_arguments, prefilter_with_facts, resolved_form
+    from shrm_cli.prefilter import make
     from shrm_cli.probe.probe import open_probe
 
-    read_as = make_read_options(probe_sampling or sampling, values)
+    read_as = make_read_options(values, probe_sampling or sampling)
     prints = {name: values.pop(name) for name in _PRINTS}
     to = resolved_form(to, values)
     chosen = registry.description(to)
@@ -133,13 +138,13 @@ def prefilter(
     # What `auto` makes is known when it is made; any of its forms is then kept or replaced.
     names = [_default_name(probe, brdf, each) for each in (AUTO_FORMS if to == AUTO else [to])]
     check_outputs([output] if output else names, specs=[brdf], suffixes=CONTAINERS)
-    if not (output or force):
-        for name in names:
-            keep_other_map(name, to, source, given, precision)
     printed = {}
-    is_told = as_json or not quiet
-    with progress_bar("prefiltering", quiet) as progress:
-        made = prefilter_with_facts(source, to, given, progress)
+    is_told = wants_json() or not is_quiet()
+    with progress_bar("prefiltering") as progress:
+        request = Request.of(to, given, source)
+        for name in [] if output or force else names:
+            keep_other_map(name, source, request, precision)
+        made = make(source, request, progress)
         target = output or _default_name(probe, brdf, made.map.representation)
         if prints["shader"] is not None:
             from shrm_cli.maps.shader.code import look_up_code
@@ -158,10 +163,10 @@ def prefilter(
     if share is not None and share > policy.WRONG_SHARE:
         remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error)
     warnings += [f"{target}: {line}" for line in remarks]
-    for text in [] if as_json else printed.values():
+    for text in [] if wants_json() else printed.values():
         echo(text.rstrip("\n"))
     lines = _report(made, result) if is_told else []
-    conclude({**result, **printed}, lines, warnings, as_json, quiet, err=bool(printed))
+    conclude({**result, **printed}, lines, warnings, err=bool(printed))
 
 
 def _why_float(stored: Storage) -> str:

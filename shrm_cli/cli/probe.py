@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import with_options
+from shrm_cli.cli.options import several
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import AzimuthElevation, Radiance
+from shrm_cli.cli.types import DIRECTION, RADIANCE
+from shrm_cli.cli.usage import is_quiet, remember
 from shrm_cli.files.whole import check_target
+from shrm_cli.vocabulary import PRECISIONS
 
 if TYPE_CHECKING:
     # The command that runs loads numpy; `shrm --help` must not.
     import numpy as np
     from numpy.typing import NDArray
-
-    from shrm_cli.vocabulary import Precision
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -28,34 +25,25 @@ def _checked(ctx: click.Context, param: click.Parameter, value: str) -> str:
     return value
 
 
-def output_options(command: Command) -> Command:
-    """Add the options that every kind of probe has."""
-    options = [
-        click.option(
-            "-o",
-            "--output",
-            required=True,
-            type=click.Path(),
-            callback=_checked,
-            help="OpenEXR file to write.",
-        ),
-        click.option(
-            "--size",
-            type=click.IntRange(2, 8192),
-            default=256,
-            show_default=True,
-            help="Height in pixels; the image is twice as wide.",
-        ),
-        click.option(
-            "--precision",
-            type=click.Choice(["auto", "half", "float"]),
-            default="auto",
-            show_default=True,
-            help="Pixel type; auto is float where half overflows or costs dim light digits.",
-        ),
-        click.option("--quiet", is_flag=True, help="Print nothing on success."),
-    ]
-    return with_options(command, options)
+output_options = several(
+    click.option(
+        "-o", "--output", required=True, type=click.Path(), callback=_checked,
+        help="OpenEXR file to write.",
+    ),
+    click.option(
+        "--size", type=click.IntRange(2, 8192), default=256, show_default=True,
+        help="Height in pixels; the image is twice as wide.",
+    ),
+    click.option(
+        "--precision", type=click.Choice(PRECISIONS), default="auto", show_default=True,
+        help="Pixel type; auto is float where half overflows or costs dim light digits.",
+    ),
+    click.option(
+        "--quiet", is_flag=True, callback=remember, expose_value=False,
+        help="Print nothing on success.",
+    ),
+)  # fmt: skip
+"""The options that every kind of probe has."""
 
 
 @click.group()
@@ -70,89 +58,63 @@ def probe() -> None:
 @probe.command()
 @output_options
 @click.option(
-    "--radiance",
-    type=Radiance(),
-    default="1",
-    show_default=True,
+    "--radiance", type=RADIANCE, default="1", show_default=True,
     help="Radiance, grey or RGB.",
-)
-def furnace(
-    output: str, size: int, precision: Precision, quiet: bool, radiance: tuple[float, ...]
-) -> None:
+)  # fmt: skip
+def furnace(size: int, radiance: tuple[float, ...], **written: Any) -> None:
     """Make constant radiance from everywhere."""
     from shrm_cli.probe import make
 
     pixels = make.furnace(size, radiance)
-    _write(output, pixels, precision, quiet, radiance=radiance)
+    _write(pixels, written, radiance=radiance)
 
 
 @probe.command()
 @output_options
 @click.option(
-    "--direction",
-    type=AzimuthElevation(),
-    default="0,0",
-    show_default=True,
+    "--direction", type=DIRECTION, default="0,0", show_default=True,
     help="Direction that the bright texel contains, degrees.",
-)
+)  # fmt: skip
 @click.option(
-    "--radiance",
-    type=Radiance(),
+    "--radiance", type=RADIANCE,
     help="Radiance of the texel, grey or RGB.  [default: 1 / its solid angle]",
-)
+)  # fmt: skip
 def impulse(
-    output: str,
-    size: int,
-    precision: Precision,
-    quiet: bool,
-    direction: tuple[float, float],
-    radiance: tuple[float, ...] | None,
+    size: int, direction: tuple[float, float], radiance: tuple[float, ...] | None, **written: Any
 ) -> None:
     """Make one bright texel on black."""
     from shrm_cli.probe import make
     from shrm_cli.sphere.directions import from_azimuth_elevation
 
     pixels = make.impulse(size, from_azimuth_elevation(*direction), radiance)
-    _write(output, pixels, precision, quiet, direction=direction, radiance=radiance)
+    _write(pixels, written, direction=direction, radiance=radiance)
 
 
 @probe.command()
 @output_options
 @click.option(
-    "--sun",
-    type=AzimuthElevation(),
-    default="45,35",
-    show_default=True,
+    "--sun", type=DIRECTION, default="45,35", show_default=True,
     help="Direction of the sun, degrees; elevation 0 to 90.",
-)
+)  # fmt: skip
 @click.option(
-    "--turbidity",
-    type=click.FloatRange(1.7, 10),
-    default=3.0,
-    show_default=True,
+    "--turbidity", type=click.FloatRange(1.7, 10), default=3.0, show_default=True,
     help="Haziness of the air.",
-)
+)  # fmt: skip
 @click.option(
-    "--ground-albedo",
-    type=click.FloatRange(0, 1),
-    default=0.2,
-    show_default=True,
+    "--ground-albedo", type=click.FloatRange(0, 1), default=0.2, show_default=True,
     help="Diffuse reflectance of the ground.",
-)
+)  # fmt: skip
 @click.option(
-    "--no-sun",
-    is_flag=True,
+    "--no-sun", is_flag=True,
     help="Leave the sun's disc out, and print it as light files have it.",
-)
+)  # fmt: skip
 def sky(
-    output: str,
     size: int,
-    precision: Precision,
-    quiet: bool,
     sun: tuple[float, float],
     turbidity: float,
     ground_albedo: float,
     no_sun: bool,
+    **written: Any,
 ) -> None:
     """Make a clear sky with its sun, in kcd/m^2.
 
@@ -164,17 +126,9 @@ def sky(
     from shrm_cli.probe.sky import sky as make_sky
 
     pixels = make_sky(size, *sun, turbidity, ground_albedo, has_disc=not no_sun)
-    _write(
-        output,
-        pixels,
-        precision,
-        quiet,
-        sun=sun,
-        turbidity=turbidity,
-        ground_albedo=ground_albedo,
-        **({"no_sun": True} if no_sun else {}),
-    )
-    if no_sun and not quiet:
+    made = {"sun": sun, "turbidity": turbidity, "ground_albedo": ground_albedo}
+    _write(pixels, written, **made, **({"no_sun": True} if no_sun else {}))
+    if no_sun and not is_quiet():
         azimuth, elevation = sun
         radiance = ", ".join(f"{channel:.6g}" for channel in sun_radiance(elevation, turbidity))
         echo(
@@ -186,35 +140,34 @@ def sky(
 @probe.command()
 @output_options
 @click.option(
-    "--key",
-    type=click.FloatRange(0, 65504),
-    default=20.0,
-    show_default=True,
+    "--key", type=click.FloatRange(0, 65504), default=20.0, show_default=True,
     help="Radiance of the key light; the fill has 2, the rim 10.",
-)
-def studio(output: str, size: int, precision: Precision, quiet: bool, key: float) -> None:
+)  # fmt: skip
+def studio(size: int, key: float, **written: Any) -> None:
     """Make three soft boxes before a dark backdrop."""
     from shrm_cli.probe import make
 
     pixels = make.studio(size, key)
-    _write(output, pixels, precision, quiet, key=key)
+    _write(pixels, written, key=key)
 
 
-def _write(
-    output: str,
-    pixels: NDArray[np.float32],
-    precision: Precision,
-    quiet: bool,
-    **parameters: object,
-) -> None:
-    """Write the image with the parameters that made it, and print what was written."""
+def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: object) -> None:
+    """Write the image with the parameters that made it, and print what was written.
+
+    Parameters
+    ----------
+    pixels : ndarray of float32, shape (size, 2 size, 3)
+    written : dict
+        The values of --output and --precision.
+    **parameters
+        What made the image.
+    """
     from shrm_cli.files.image import write_image
 
     height, width, _ = pixels.shape
     command = click.get_current_context().info_name
     recipe = json.dumps({"probe": command, "size": height, **parameters})
-    pixel_type = write_image(
-        output, pixels, precision=precision, attributes={"shrm:recipe": recipe}
-    )
-    if not quiet:
+    output, attributes = written["output"], {"shrm:recipe": recipe}
+    pixel_type = write_image(output, pixels, written["precision"], attributes)
+    if not is_quiet():
         echo(f"{output}: {width} x {height}, {pixel_type}")

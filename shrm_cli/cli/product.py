@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.kept import force_option, keep_edited, readable_map
 from shrm_cli.cli.options import conclude, precision_option, report_options
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.cli.outputs import check_outputs, force_option, keep_edited, readable_map
+from shrm_cli.cli.types import Spec
+from shrm_cli.cli.usage import Applies, refuse_inapplicable, wrong_usage
 from shrm_cli.naming import brdf_label
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import (
     CONTAINERS,
     DEFAULT_PRODUCT_ORDER,
@@ -64,8 +64,6 @@ def product(
     output: str | None,
     force: bool,
     precision: Precision,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Make the product texture of a BRDF: its harmonics over the light, for every view.
 
@@ -101,11 +99,11 @@ def product(
         varying = interval[0], values
     if not (output or force):
         _keep_other_texture(target, brdf, order, size, varying)
-    with progress_bar("integrating", quiet) as progress:
+    with progress_bar("integrating") as progress, using(progress):
         if varying is None:
-            made = product_texture(brdf, order, size, progress)
+            made = product_texture(brdf, order, size)
         else:
-            made = varying_texture(brdf, *varying, order, size, progress, step_error)
+            made = varying_texture(brdf, *varying, order, size, step_error)
     stored = store(target, made.map, precision)
     result: dict[str, Any] = {
         "file": os.fspath(target),
@@ -122,7 +120,7 @@ def product(
             f"{target}: between two of {steps} values {step_error:.1%} is missed; leave `steps` "
             "out, or give more"
         )
-    conclude(result, [title, *(f"  {line}" for line in lines)], warnings, as_json, quiet)
+    conclude(result, [title, *(f"  {line}" for line in lines)], warnings)
 
 
 def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
@@ -135,9 +133,8 @@ def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
     """
     text, *others = texts
     if others:
-        raise click.UsageError(
-            "--vary is given more than once, and one parameter can vary; give one of them",
-            click.get_current_context(),
+        raise wrong_usage(
+            "--vary is given more than once, and one parameter can vary; give one of them"
         )
     name, equals, interval = text.partition("=")
     low, dots, high = interval.partition("..")
@@ -146,10 +143,7 @@ def _range(texts: tuple[str, ...]) -> tuple[str, float, float]:
     except ValueError:
         ends = math.nan, math.nan
     if not (name and equals and dots and -math.inf < ends[0] < ends[1] < math.inf):
-        raise click.UsageError(
-            f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5",
-            click.get_current_context(),
-        )
+        raise wrong_usage(f"--vary {text!r} is not NAME=LOW..HIGH, such as ay=0.1..0.5")
     return name.strip(), *ends
 
 

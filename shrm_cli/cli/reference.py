@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.kept import force_option, keep_other_picture
 from shrm_cli.cli.options import (
     brdf_option,
     conclude,
@@ -16,12 +15,16 @@ from shrm_cli.cli.options import (
     exposure_option,
     make_read_options,
     precision_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     report_options,
+    view_option,
 )
-from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.types import AzimuthElevation
+from shrm_cli.cli.outputs import (
+    check_outputs,
+    force_option,
+    keep_other_picture,
+    picture_attributes,
+)
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT
 
@@ -37,10 +40,7 @@ if TYPE_CHECKING:
     help="PNG or EXR to write.  [default: PROBE.BRDF.reference.exr in the current folder]",
 )  # fmt: skip
 @force_option
-@click.option(
-    "--view", type=AzimuthElevation(), default="0,0", show_default=True,
-    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
-)  # fmt: skip
+@view_option
 @click.option(
     "--size", type=click.IntRange(16, 8192), default=256, show_default=True,
     help="Width and height of the picture, pixels.",
@@ -53,8 +53,7 @@ if TYPE_CHECKING:
     "of probes of up to 2048 rows]",
 )  # fmt: skip
 @precision_option
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def reference(
     probe: str,
@@ -67,9 +66,6 @@ def reference(
     exact: bool,
     source_height: int | None,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **reading: Any,
 ) -> None:
     """Render the correct sphere in the light of PROBE, by integrals over it.
@@ -89,7 +85,7 @@ def reference(
     from shrm_cli.render.image import expose
     from shrm_cli.render.sphere import render_sphere
 
-    source = open_probe(probe, make_read_options(sampling, reading))
+    source = open_probe(probe, make_read_options(reading))
     brdf = parse_spec(spec, primaries=source.chromaticities)
     target = output or f"{probe_stem(probe)}.{brdf_label(spec)}.reference.exr"
     file_type(target)
@@ -108,7 +104,7 @@ def reference(
     recipe = {"reference": {**result, "reading": source.reading(), "precision": precision}}
     if not (output or force):
         keep_other_picture(target, recipe)
-    with progress_bar("integrating", quiet) as progress:
+    with progress_bar("integrating") as progress:
         truth = Reference(source, brdf, source_height, progress=progress, exact=exact)
         pixels = expose(render_sphere(truth, Viewer(*view), size), exposure)
     result |= {"source_pixels": truth.source.pixels, "truth_error": truth.error}
@@ -123,4 +119,4 @@ def reference(
         f"  truth          {truth.statement}",
     ]
     told = {"file": target, **result, "precision": pixel_type}
-    conclude(told, lines, warnings, as_json, quiet)
+    conclude(told, lines, warnings)

@@ -13,31 +13,28 @@ from shrm_cli.cli.options import (
     exposure_option,
     make_read_options,
     precision_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     reading_rules,
     report_options,
+    view_option,
 )
 from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
-    f0_option,
     lit_maps,
-    roughness_option,
     shaded_maps,
+    surface_options,
     to_unlit,
     window_option,
 )
 from shrm_cli.cli.stage import (
+    OF_SURFACES,
     mesh_options,
-    mesh_stem,
-    mesh_subject,
     mesh_values,
     open_stage,
     refuse_mesh_options,
-    refuse_transfer_options,
     shadowed,
 )
-from shrm_cli.cli.types import AzimuthElevation, PictureSize
+from shrm_cli.cli.types import picture_size
 from shrm_cli.cli.usage import refuse_inapplicable
 
 if TYPE_CHECKING:
@@ -56,17 +53,13 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     "-o", "--output", type=click.Path(),
     help="PNG or EXR to write.  [default: MAP.png, of several sheet.png, in the current folder]",
 )  # fmt: skip
+@view_option
 @click.option(
-    "--view", type=AzimuthElevation(), default="0,0", show_default=True,
-    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation.",
-)  # fmt: skip
-@click.option(
-    "--size", type=PictureSize(16, 8192), default="512", show_default=True,
+    "--size", type=picture_size(16, 8192), default="512", show_default=True,
     help="Width and height of a picture, pixels; those of spheres are square.",
 )  # fmt: skip
 @mesh_options
-@roughness_option
-@f0_option
+@surface_options
 @exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
@@ -86,8 +79,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
 )  # fmt: skip
 @precision_option
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def render(
     maps: tuple[str, ...],
@@ -95,15 +87,7 @@ def render(
     view: tuple[float, float],
     size: tuple[int, int],
     mesh: str | None,
-    fov: float | None,
-    distance: float | None,
-    target: tuple[float, float, float] | None,
-    brush: str | tuple[float, float, float] | None,
-    vary: str | None,
-    irradiance: str | None,
     transfer: str | None,
-    roughness: float | None,
-    f0: str | None,
     exposure: float,
     background: str | None,
     probe: str | None,
@@ -111,10 +95,7 @@ def render(
     frames: int | None,
     columns: int | None,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
-    **reading: Any,
+    **values: Any,
 ) -> None:
     """Render a sphere from each MAP, as a distant viewer sees it, or a mesh.
 
@@ -147,14 +128,13 @@ def render(
     pattern = output or _default_name(maps, mesh, frames)
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
-    refuse_mesh_options(mesh)
-    refuse_transfer_options(transfer, mesh)
+    refuse_mesh_options(mesh, transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
-    options = make_read_options(sampling, reading)
+    options = make_read_options(values)
     probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
     sky = None if background is None else probes[background]
-    named = [path for path in (mesh, vary) if path not in (None, "vertex")]
+    named = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
     check_outputs(targets, files=(*maps, *named))
     opened = [open_map(path) for path in maps]
     refuse_inapplicable({"probe": to_unlit(opened)})
@@ -167,7 +147,7 @@ def render(
         width, height = size
         if width != height:
             raise click.UsageError("--size of a sphere's picture is one number")
-        loaded, surface, warnings = shaded_maps(opened, maps, roughness, f0)
+        loaded, surface, warnings = shaded_maps(opened, maps, values["roughness"], values["f0"])
         primaries = opened[0].info.chromaticities
         loaded = in_same_primaries(loaded, primaries)
         sky = None if sky is None else sky.in_primaries(primaries)
@@ -176,8 +156,14 @@ def render(
         seen = [each.info for each in loaded]
         said = {"size": width, **surface}
     else:
-        stage, warnings = open_stage(mesh, opened, maps, roughness, f0, brush, irradiance, vary)
-        subject = mesh_subject(stage, viewers, size, fov, distance, target)
+        from shrm_cli.render.mesh import MeshSubject
+        from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
+
+        stage, warnings = open_stage(mesh, opened, maps, values)
+        lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
+        where = values["target"], values["distance"]
+        aim = aimed(stage.mesh.vertices, viewers, lens, *where)
+        subject = MeshSubject(stage, lens, aim)
         seen = [each.info for each in (*opened, *stage.maps())]
         primaries = one_of({each.chromaticities for each in seen})
         sky = None if sky is None else sky.in_primaries(primaries)
@@ -186,14 +172,7 @@ def render(
         if transfer is not None:
             drawn = shadowed(stage, transfer, opened)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
-        given = {
-            "roughness": roughness,
-            "f0": f0,
-            "brush": brush,
-            "vary": vary,
-            "irradiance": irradiance,
-            "transfer": transfer,
-        }
+        given = {**{name: values[name] for name in OF_SURFACES}, "transfer": transfer}
         said = {
             "size": list(size),
             **mesh_values(subject, mesh),
@@ -213,7 +192,7 @@ def render(
         "height": height,
     }
     written = []
-    with progress_bar("rendering", quiet) as progress:
+    with progress_bar("rendering") as progress:
         stages = Stages(progress, len(targets))
         for path, viewer in zip(targets, viewers, strict=True):
             pixels = scene.picture(viewer, stages.within)
@@ -224,13 +203,13 @@ def render(
     warnings += negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    conclude({"files": written, **settings}, lines, warnings, as_json, quiet)
+    conclude({"files": written, **settings}, lines, warnings)
 
 
 def _default_name(maps: Sequence[str], mesh: str | None, frames: int | None) -> str:
     stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps)
     if mesh is not None:
-        stem = f"{stem}.{mesh_stem(mesh)}".lstrip(".")
+        stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"
 
 

@@ -3,39 +3,36 @@
 from __future__ import annotations
 
 import shlex
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.completion import Spec
-from shrm_cli.cli.headings import command_with_headings
 from shrm_cli.cli.options import (
     READING_NAMES,
+    brdfs_option,
+    command_with_headings,
     conclude,
     exact_option,
     make_read_options,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     report_options,
     representation_options,
     shared_options,
+    views_option,
+    words_of_call,
 )
-from shrm_cli.cli.outputs import check_outputs
+from shrm_cli.cli.outputs import PAGES, check_outputs
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import echo_message
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes
+from shrm_cli.cli.types import BYTES, STOPS
 from shrm_cli.cli.usage import flags
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.vocabulary import MAX_SOURCE_HEIGHT, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from shrm_cli.report.measure import Measured
 
-_VIEWS = ("0,0", "120,20", "240,-20")
 _MAX_PAGE = 32 * 10**6
-_SUFFIXES = (".html", ".htm")
 _OF_PAGE = (
     "angles",
     "picture_size",
@@ -53,25 +50,13 @@ _HEADINGS = {
     "How the probe is read": [*READING_NAMES],
     "Output": ["output", "as_json", "quiet"],
 }
-_UNSAID = ("probe", "output", "as_json", "quiet")
+_UNSAID = ("probe", "output")
 """Options that the page does not list; the command line has all that were given."""
 
 
-class _Report(command_with_headings(_HEADINGS)):  # type: ignore[misc]
-    """A command that keeps the words it was called with, for the page."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta["shrm.words"] = list(args)
-        rest: list[str] = super().parse_args(ctx, args)
-        return rest
-
-
-@click.command(cls=_Report)
+@click.command(cls=command_with_headings(_HEADINGS))
 @click.argument("probe", metavar="PROBE", type=click.Path())
-@click.option(
-    "--brdf", "brdfs", type=Spec(), metavar="SPEC", multiple=True,
-    help="A BRDF, as `shrm prefilter` takes it. May be repeated.",
-)  # fmt: skip
+@brdfs_option
 @click.option(
     "--to", type=click.Choice(list(REPRESENTATIONS)), multiple=True, default=["principal"],
     show_default=True, help="A representation to make. May be repeated.",
@@ -80,11 +65,7 @@ class _Report(command_with_headings(_HEADINGS)):  # type: ignore[misc]
 @representation_options(lambda option: not option.prints)
 @shared_options("domain", "source_height", "frame", "size", "max_size")
 @click.option("-o", "--output", required=True, type=click.Path(), help="HTML to write, one file.")
-@click.option(
-    "--view", "angles", type=AzimuthElevation(), multiple=True, default=_VIEWS,
-    help="Direction to the viewer, degrees: azimuth from +Z towards +X, elevation. May be given "
-    f"several times.  [default: {' '.join(_VIEWS)}]",
-)  # fmt: skip
+@views_option("angles")
 @click.option(
     "--picture-size", type=click.IntRange(16, 1024), default=256, show_default=True, metavar="N",
     help="Width and height of the spheres' pictures, pixels.",
@@ -101,12 +82,11 @@ class _Report(command_with_headings(_HEADINGS)):  # type: ignore[misc]
 @click.option("--no-flip", is_flag=True, help="Leave out HDR-FLIP.")
 @click.option("--no-view", is_flag=True, help="Leave out the interactive views: a small page.")
 @click.option(
-    "--max-page", type=Bytes(), metavar="BYTES", default=str(_MAX_PAGE),
+    "--max-page", type=BYTES, metavar="BYTES", default=str(_MAX_PAGE),
     help="The most that the page may take, such as 8MB; views that do not fit are left out.  "
     "[default: 32MB]",
 )  # fmt: skip
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def report(
     probe: str,
@@ -121,9 +101,6 @@ def report(
     no_flip: bool,
     no_view: bool,
     max_page: int,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **values: Any,
 ) -> None:
     """Report on the light probe PROBE and its maps: a page to send, which needs no network.
@@ -137,27 +114,25 @@ def report(
       shrm report probe.exr --brdf ggx:roughness=0.5 --to principal --to splitsum -o report.html
     """
     from shrm_cli.analysis.probe_statistics import probe_statistics
-    from shrm_cli.files.whole import replacing
+    from shrm_cli.files.whole import write_bytes
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.report.measure import Plan, measure_maps
     from shrm_cli.report.page import Look, report_page
 
-    light = open_probe(probe, make_read_options(sampling, values))
-    check_outputs([output], specs=brdfs, suffixes=_SUFFIXES)
+    light = open_probe(probe, make_read_options(values))
+    check_outputs([output], specs=brdfs, suffixes=PAGES)
     arguments = {name: value for name, value in values.items() if value is not None}
     plan = Plan(brdfs, to, arguments, angles, picture_size, truth_height, exact, not no_flip)
     plan.recipes()  # refuses what no probe could make, before long work
     statistics = probe_statistics(light)
-    with progress_bar("measuring", quiet) as progress:
+    with progress_bar("measuring") as progress:
         measured = measure_maps(light, plan, progress)
-    context = click.get_current_context()
-    command = shlex.join(["shrm", "report", *context.meta["shrm.words"]])
-    look = Look(exposure, not no_view, max_page, command, _options(context), flags)
-    with progress_bar("drawing", quiet) as progress:
+    command = shlex.join(["shrm", "report", *words_of_call()])
+    look = Look(exposure, not no_view, max_page, command, _options(), flags)
+    with progress_bar("drawing") as progress:
         made = report_page(measured, statistics, look, progress)
     text = made.text.encode("utf-8", "replace")
-    with replacing(output) as temporary:
-        Path(temporary).write_bytes(text)
+    write_bytes(output, text)
     failures = [{"what": name, "error": flags(why)} for name, why in measured.failures]
     result = {
         "file": output,
@@ -168,15 +143,13 @@ def report(
     }
     warnings = [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += [*measured.warnings, *made.remarks]
-    conclude(result, _lines(output, len(text), measured), warnings, as_json, quiet)
-    for each in failures:
-        echo_message(f"Failed: {each['what']}: {each['error']}")
-    if failures:
-        sys.exit(1)
+    failed = [f"{each['what']}: {each['error']}" for each in failures]
+    conclude(result, _lines(output, len(text), measured), warnings, failed)
 
 
-def _options(context: click.Context) -> dict[str, Any]:
+def _options() -> dict[str, Any]:
     """Return all options with a value by their flags; defaults are options, too."""
+    context = click.get_current_context()
     return {
         each.opts[0]: context.params[each.name]
         for each in context.command.params
@@ -192,13 +165,13 @@ def _lines(output: str, size: int, measured: Measured) -> list[str]:
     from shrm_cli.report import words
     from shrm_cli.report.measure import names_of
 
-    lines = [f"{output}: {words.storage(size)}, opens in a browser without a network"]
+    lines = [f"{output}: {bytes_text(size)}, opens in a browser without a network"]
     for material, index, made in names_of(measured.materials):
         found = material.numbers(index)
         lines.append(
             f"  {material.spec}, {made.form}: RMS {words.percent(found['relative_rmse'])}, median "
             f"{words.percent(found['median_relative_error'])}, 95 % within "
             f"{words.percent(found['p95_relative_error'])}, "
-            f"{words.storage(made.summary['bytes'])}, {words.duration(made.seconds)}"
+            f"{bytes_text(made.summary['bytes'])}, {words.duration(made.seconds)}"
         )
     return lines

@@ -12,7 +12,8 @@ from shrm_cli import settings
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import announce, conclude
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.usage import flags
+from shrm_cli.cli.terminal import columns
+from shrm_cli.cli.usage import flags, wrong_usage
 from shrm_cli.maps.options import bytes_text, counted, listing
 from shrm_cli.vocabulary import DEFAULT_MAX_SIZE
 
@@ -38,18 +39,16 @@ def print_representations(
     path: str,
     options: ReadOptions,
     roughness: tuple[float, float] | None,
-    steps: int | None,
     f0: str | None,
-    tolerance: float,
     views: Sequence[tuple[float, float]],
     size: int | None,
     source_height: int | None,
     exact: bool,
-    max_memory: int | None,
     exposure: float,
     output: str | None,
-    as_json: bool,
-    quiet: bool,
+    steps: int | None,
+    eps: float,
+    max_memory: int | None,
 ) -> None:
     """Print a table of the storage, the time and the errors of each representation of a probe."""
     import numpy as np
@@ -63,12 +62,10 @@ def print_representations(
     from shrm_cli.maps.file import is_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.shading import ggx_surface
+    from shrm_cli.render.shading import ggx_surface, reflectance
 
     if is_map(path):
-        raise click.UsageError(
-            f"{path} is a map; --representations takes a light probe", click.get_current_context()
-        )
+        raise wrong_usage(f"{path} is a map; --representations takes a light probe")
     source = open_probe(path, options)
     low, high = roughness or ROUGHNESS
     size = size or (SIZE if output is None else SIZE_OF_PICTURE)
@@ -77,25 +74,23 @@ def print_representations(
         table_layout(steps, size)  # raises if the sheet is too large
         file_type(output)
         check_outputs([output])
-    from shrm_cli.render.shading import reflectance
-
     color = None if f0 is None else reflectance(f0, source.chromaticities)
     surfaces = [ggx_surface(float(each), color) for each in np.linspace(low, high, steps)]
     # The cache is off, because with it a second run would take less time than the first.
     click.get_current_context().with_resource(settings.using(cache=False))
     plan = plan_comparison(
-        source, surfaces, tolerance, [Viewer(*view) for view in views], size, source_height,
+        source, surfaces, eps, [Viewer(*view) for view in views], size, source_height,
         max_memory, exact,
     )  # fmt: skip
-    announce(_statement(plan, path), quiet)
-    with progress_bar("comparing", quiet) as progress:
+    announce(_statement(plan, path))
+    with progress_bar("comparing") as progress:
         table = compare_representations(plan, progress)
     result = {
         "probe": path,
         "probe_sha256": source.digest(),
         "roughness": [each.number("roughness") for each in surfaces],
         "f0": list(surfaces[0].color("f0")),
-        "epsilon": tolerance,
+        "epsilon": eps,
         "views": [list(view) for view in views],
         "size": size,
         "source_height": plan.source_height,
@@ -121,7 +116,7 @@ def print_representations(
         attributes = _attributes({**result, "exposure": exposure}, source.chromaticities)
         pixel_type = write_picture(output, pixels, attributes=attributes)
         report.append(f"{output}: {pixels.shape[1]} x {pixels.shape[0]}, {pixel_type}")
-    conclude(result, report, warnings, as_json, quiet)
+    conclude(result, report, warnings)
 
 
 def _statement(plan: Plan, path: str) -> list[str]:
@@ -178,23 +173,19 @@ def _report(table: RepresentationTable, path: str) -> str:
     ]
     for each in table.results:
         errors = [*each.errors, *([each.error] if roughness[1:] else [])]
-        costs = [_bytes(each.stored), f"{each.seconds:.2f} s"] if each.files else ["-", "-"]
+        costs = [bytes_text(each.stored), f"{each.seconds:.2f} s"] if each.files else ["-", "-"]
         errors.append(None if each.difference is None else each.difference.p95_relative_error)
         rows.append([each.representation.title, str(each.files), *costs, *map(_share, errors)])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     stated = [error for error in table.truth_errors if error is not None]
     how = f"summed adaptively, 95 % within {max(stated):.2%}" if stated else "summed in full"
-    lines = [f"{path} on GGX of f0 {f0}: relative RMS error by roughness; the truth is {how}"]
-    for title, *cells in rows:
-        right = [cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True)]
-        lines.append("  ".join([title.ljust(widths[0]), *right]))
-    lines.append(
-        "p95: the 95th percentile of the relative error over all the pixels of the spheres."
-    )
     every = [each.representation for each in table.results]
-    titles = [each.title for each in every if each.needs_brdf]
-    named = listing(titles, "and") if titles[1:] else titles[0]
-    lines.append(f"{named} need a file for each roughness, all counted; the others serve all.")
+    named = listing([each.title for each in every if each.needs_brdf], "and")
+    lines = [
+        f"{path} on GGX of f0 {f0}: relative RMS error by roughness; the truth is {how}",
+        *columns(rows),
+        "p95: the 95th percentile of the relative error over all the pixels of the spheres.",
+        f"{named} need a file for each roughness, all counted; the others serve all.",
+    ]
     return "\n".join(lines)
 
 
@@ -202,13 +193,6 @@ def _share(error: float | None) -> str:
     if error is None:
         return "-"
     return f"{error:.2%}" if math.isfinite(error) else "inf"
-
-
-def _bytes(count: int) -> str:
-    """Return a number of bytes in B, kB or MB, where 1 kB is 1000 bytes."""
-    if count < 10_000:
-        return f"{count} B"
-    return f"{count / 1e3:.0f} kB" if count < 10_000_000 else f"{count / 1e6:.1f} MB"
 
 
 def _attributes(

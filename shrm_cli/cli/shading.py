@@ -7,46 +7,59 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.types import Within
+from shrm_cli.cli.options import several
+from shrm_cli.cli.types import Parsed, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MIN_ROUGHNESS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from shrm_cli.brdf.models.ggx import Ggx
     from shrm_cli.maps.base import Map
     from shrm_cli.probe.probe import Probe
     from shrm_cli.render.shading import KnownMap
 
 
-class Reflectance(click.ParamType):  # type: ignore[type-arg]
-    """A reflectance as in a BRDF's specification: ``0.04``, ``1/0.78/0.34`` or ``gold``."""
+def _reflectance(text: str) -> str:
+    """Return a text that `reflectance` understands, as it is."""
+    from shrm_cli.errors import BrdfError
+    from shrm_cli.render.shading import reflectance
 
-    name = "F0"
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the text, which `reflectance` understands."""
-        from shrm_cli.errors import BrdfError
-        from shrm_cli.render.shading import reflectance
-
-        if not value.strip() or set(value) & set(",:+*="):
-            self.fail(f"{value!r} is not a colour such as 0.04, 1/0.78/0.34 or gold", param, ctx)
-        try:
-            reflectance(value)
-        except BrdfError as error:
-            self.fail(str(error).removeprefix("ggx: "), param, ctx)
-        return value
+    if not text.strip() or set(text) & set(",:+*="):
+        raise ValueError(f"{text!r} is not a colour such as 0.04, 1/0.78/0.34 or gold")
+    try:
+        reflectance(text)
+    except BrdfError as error:
+        raise ValueError(str(error).removeprefix("ggx: ")) from None
+    return text
 
 
 roughness_option = click.option(
-    "--roughness", type=Within(MIN_ROUGHNESS, 1), metavar="R",
+    "--roughness", type=within(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
     f"as.  [default: {DEFAULT_ROUGHNESS:g}]",
 )  # fmt: skip
 f0_option = click.option(
-    "--f0", type=Reflectance(),
+    "--f0", type=Parsed("F0", _reflectance),
     help="Its reflectance at normal incidence: a number, R/G/B or a metal's name.  [default: 1]",
 )  # fmt: skip
+surface_options = several(roughness_option, f0_option)
+
+
+def needs_surface(maps: Sequence[Map]) -> dict[str, Applies]:
+    """Return when the options of a surface apply: to maps of light alone."""
+    holds = any(each.needs_surface for each in maps)
+    applies = Applies(holds, "to split sums and SH exponentials, and no MAP is one")
+    return {"roughness": applies, "f0": applies}
+
+
+def surface_of(roughness: float | None, f0: str | None, primaries: tuple[float, ...] | None) -> Ggx:
+    """Return the surface that the options ask for, under light of some primaries."""
+    from shrm_cli.render.shading import ggx_surface, reflectance
+
+    color = None if f0 is None else reflectance(f0, primaries)
+    return ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
 
 
 def shaded_maps(
@@ -83,21 +96,17 @@ def shaded_maps(
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import ggx_surface, outside_range, reflectance, takes_f0
+    from shrm_cli.render.shading import outside_range, takes_f0
 
-    needs_surface = any(each.needs_surface for each in maps)
-    applies = Applies(needs_surface, "to split sums and SH exponentials, and no MAP is one")
-    is_ggx = Applies(any(map(takes_f0, maps)), "to maps of GGX, and no MAP is one")
-    refuse_inapplicable({"roughness": applies, "f0": is_ggx if needs_surface else applies})
-    if not needs_surface:
+    refuse_inapplicable(needs_surface(maps))
+    if not any(each.needs_surface for each in maps):
         return list(maps), {}, []
-    rough = DEFAULT_ROUGHNESS if roughness is None else roughness
-    surfaces = [
-        ggx_surface(rough, None if f0 is None else reflectance(f0, each.info.chromaticities))
-        for each in maps
-    ]
-    warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
-    surface = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
+    is_ggx = any(map(takes_f0, maps))
+    refuse_inapplicable({"f0": Applies(is_ggx, "to maps of GGX, and no MAP is one")})
+    surfaces = [surface_of(roughness, f0, each.info.chromaticities) for each in maps]
+    first = surfaces[0]
+    surface = {"roughness": first.number("roughness"), "f0": list(first.color("f0"))}
+    warnings = outside_range(dict(zip(names, maps, strict=True)), surface["roughness"])
     if not takes_f0(next(each for each in maps if each.needs_surface)):
         del surface["f0"]
     pairs = zip(maps, surfaces, strict=True)

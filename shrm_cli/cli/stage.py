@@ -2,95 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from shrm_cli.cli.options import with_options
-from shrm_cli.cli.types import Brush, Vector, Within
+from shrm_cli.cli.options import several
+from shrm_cli.cli.types import BRUSH, VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from shrm_cli.maps.base import Map
-    from shrm_cli.render.camera import Viewer
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.stage import Stage
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
 _OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "transfer")
+OF_SURFACES = ("roughness", "f0", "brush", "vary", "irradiance")
+"""The names of options that say what a mesh is like; scenes say it of each object."""
 _LARGEST = 1e30
 _NAMED = 3
 """How many materials a warning names."""
 
 
-def mesh_options(command: Command) -> Command:
-    """Add --mesh and the options that apply with it."""
-    options = [
-        click.option(
-            "--mesh", type=click.Path(), metavar="FILE",
-            help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
-        ),
-        click.option(
-            "--fov", type=Within(0.01, 170), metavar="DEGREES",
-            help="Angle of view of the camera before a mesh, across the shorter edge.  "
-            "[default: 35]",
-        ),
-        click.option(
-            "--distance", type=Within(0, _LARGEST), metavar="D",
-            help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
-        ),
-        click.option(
-            "--target", type=Vector(),
-            help="What the camera looks at.  [default: the middle of the mesh]",
-        ),
-        click.option(
-            "--brush", type=Brush(),
-            help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
-            "direction.  [default: around +Y]",
-        ),
-        click.option(
-            "--vary", metavar="vertex|IMAGE",
-            help="What the parameter of a product texture follows that varies: the brightness of "
-            "the mesh's vertex colours, or of an image over its texture coordinates.",
-        ),
-        click.option(
-            "--irradiance", type=click.Path(), metavar="MAP",
-            help="Irradiance map: light of the diffuse part of a glTF's materials.",
-        ),
-        click.option(
-            "--transfer", type=click.Path(), metavar="FILE",
-            help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
-            "product textures.",
-        ),
-    ]  # fmt: skip
-    return with_options(command, options)
-
-
-def refuse_mesh_options(mesh: str | None) -> None:
-    """Refuse options about meshes where there is none.
-
-    Raises
-    ------
-    click.UsageError
-        If one is given.
-    """
-    refuse_inapplicable(dict.fromkeys(_OPTIONS, Applies(mesh is not None, "with --mesh")))
+mesh_options = several(
+    click.option(
+        "--mesh", type=click.Path(), metavar="FILE",
+        help="OBJ, PLY, STL, glTF or GLB to draw in place of the sphere, or a TOML scene.",
+    ),
+    click.option(
+        "--fov", type=within(0.01, 170), metavar="DEGREES",
+        help="Angle of view of the camera before a mesh, across the shorter edge.  "
+        "[default: 35]",
+    ),
+    click.option(
+        "--distance", type=within(0, _LARGEST), metavar="D",
+        help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
+    ),
+    click.option(
+        "--target", type=VECTOR,
+        help="What the camera looks at.  [default: the middle of the mesh]",
+    ),
+    click.option(
+        "--brush", type=BRUSH,
+        help="Tangents of a mesh for anisotropic maps: along the texture coordinate u, or a "
+        "direction.  [default: around +Y]",
+    ),
+    click.option(
+        "--vary", metavar="vertex|IMAGE",
+        help="What the parameter of a product texture follows that varies: the brightness of "
+        "the mesh's vertex colours, or of an image over its texture coordinates.",
+    ),
+    click.option(
+        "--irradiance", type=click.Path(), metavar="MAP",
+        help="Irradiance map: light of the diffuse part of a glTF's materials.",
+    ),
+    click.option(
+        "--transfer", type=click.Path(), metavar="FILE",
+        help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
+        "product textures.",
+    ),
+)  # fmt: skip
+"""--mesh and the options that apply with it."""
 
 
 def open_stage(
     mesh: str,
     maps: Sequence[Map],
     names: Sequence[str],
-    roughness: float | None,
-    f0: str | None,
-    brush: str | tuple[float, float, float] | None,
-    irradiance: str | None,
-    vary: str | None,
+    values: Mapping[str, Any],
 ) -> tuple[Stage, list[str]]:
     """Read a mesh or a scene, and check that there is a map for all of it.
 
@@ -101,8 +81,8 @@ def open_stage(
     maps, names : sequence
         The maps that pictures are drawn of, and their files' names; objects of a scene may name
         their own.
-    roughness, f0, brush, irradiance, vary
-        The values of the options, for a mesh.
+    values : mapping of str to value
+        Those of the options `OF_SURFACES`, for a mesh.
 
     Returns
     -------
@@ -121,9 +101,7 @@ def open_stage(
 
     if is_scene_name(mesh):
         in_scene = Applies(False, "to a single mesh; a scene says it of each object")
-        refuse_inapplicable(
-            dict.fromkeys(("roughness", "f0", "brush", "irradiance", "vary"), in_scene)
-        )
+        refuse_inapplicable(dict.fromkeys(OF_SURFACES, in_scene))
         stage = Stage.of(read_scene(mesh, list(maps)))
     else:
         lit = any(each.needs_surface for each in maps)
@@ -131,11 +109,12 @@ def open_stage(
         refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
         varies = Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
         refuse_inapplicable({"vary": varies})
+        irradiance = values["irradiance"]
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
         if light is not None and not found.materials:
             raise ArgumentError("irradiance", f"does not apply: {mesh} has no materials")
-        shown = Shown(None, roughness, f0, light, brush, vary)
+        shown = Shown(None, **{**{name: values[name] for name in OF_SURFACES}, "irradiance": light})
         primaries = maps[0].info.chromaticities if maps else None
         stage = Stage.of([shown.actor(found, primaries)])
     if stage.needs_map and not maps:
@@ -161,14 +140,16 @@ def open_stage(
     return stage, warnings
 
 
-def refuse_transfer_options(transfer: str | None, mesh: str | None) -> None:
-    """Refuse a transfer of a scene, and options that say of a surface what its transfer holds.
+def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
+    """Refuse options that say nothing to what is drawn.
 
     Raises
     ------
     click.UsageError
-        If the mesh is a scene, or one of the options is given with a transfer.
+        If an option about meshes is given without one, a transfer with a scene, or an option that
+        says of a surface what its transfer holds.
     """
+    refuse_inapplicable(dict.fromkeys(_OPTIONS, Applies(mesh is not None, "with --mesh")))
     if transfer is not None and mesh is not None:
         from shrm_cli.render.scene_file import is_scene_name
 
@@ -177,7 +158,7 @@ def refuse_transfer_options(transfer: str | None, mesh: str | None) -> None:
                 "--transfer applies to a single mesh, not to a scene; name the mesh that was baked"
             )
     baked = Applies(transfer is None, "without --transfer, which was baked with what it needs")
-    refuse_inapplicable(dict.fromkeys(("roughness", "f0", "brush", "irradiance", "vary"), baked))
+    refuse_inapplicable(dict.fromkeys(OF_SURFACES, baked))
 
 
 def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
@@ -195,28 +176,6 @@ def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]
     return [[vertex_colors(stage.mesh, baked, each)] * len(stage.looks) for each in maps]
 
 
-def mesh_subject(
-    stage: Stage,
-    viewers: Sequence[Viewer],
-    size: tuple[int, int],
-    fov: float | None,
-    distance: float | None,
-    target: tuple[float, float, float] | None,
-) -> MeshSubject:
-    """Return the stage before a camera that sees all of it from all sides.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of range.
-    """
-    from shrm_cli.render.mesh import MeshSubject
-    from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
-
-    lens = Lens(*size, DEFAULT_FOV if fov is None else fov)
-    return MeshSubject(stage, lens, aimed(stage.mesh.vertices, viewers, lens, target, distance))
-
-
 def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
     """Return what the results and the attributes of pictures say about a mesh and its camera."""
     return {
@@ -226,8 +185,3 @@ def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
         "target": [float(each) for each in subject.aim.target],
         "distance": subject.aim.distance,
     }
-
-
-def mesh_stem(mesh: str) -> str:
-    """Return the name of a mesh's file without its folder and suffix."""
-    return Path(mesh).stem

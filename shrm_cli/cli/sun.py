@@ -10,14 +10,14 @@ from shrm_cli.cli.options import (
     conclude,
     make_read_options,
     precision_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     report_options,
     warn,
 )
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import Fraction, Within
+from shrm_cli.cli.types import FRACTION, within
+from shrm_cli.cli.usage import wants_json, wrong_usage
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LIGHT_ENGINES, Precision
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     help="Print lines that make the lamps there, instead of the report.",
 )  # fmt: skip
 @click.option(
-    "--error", type=Fraction(), default=LAMP_ERROR, show_default=True, metavar="X",
+    "--error", type=FRACTION, default=LAMP_ERROR, show_default=True, metavar="X",
     help="RMS error of the irradiance that discs may make; what gives less is no lamp.",
 )  # fmt: skip
 @click.option(
@@ -52,12 +52,11 @@ if TYPE_CHECKING:
     help="The most lamps.",
 )  # fmt: skip
 @click.option(
-    "--sun-radius", type=Within(0.001, 90), metavar="DEG",
+    "--sun-radius", type=within(0.001, 90), metavar="DEG",
     help="Radius of the brightest lamp, instead of the one found; the sun's is 0.265.",
 )  # fmt: skip
 @precision_option
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def sun(
     probe: str,
@@ -69,9 +68,6 @@ def sun(
     count: int,
     sun_radius: float | None,
     precision: Precision,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **reading: Any,
 ) -> None:
     """Find the lamps of PROBE, such as the sun, and take them out of it.
@@ -87,12 +83,10 @@ def sun(
     """
     for name, target in (("--light-file", light_file), ("--usd", usd)):
         if target is not None and output is None:
-            raise click.UsageError(
-                f"{name} names the residual; give -o FILE.exr, too", click.get_current_context()
-            )
-    if engine is not None and as_json:
-        raise click.UsageError("--for excludes --json", click.get_current_context())
-    options = make_read_options(sampling, reading)
+            raise wrong_usage(f"{name} names the residual; give -o FILE.exr, too")
+    if engine is not None and wants_json():
+        raise wrong_usage("--for excludes --json")
+    options = make_read_options(reading)
     from shrm_cli.lights.split import split_lamps
     from shrm_cli.probe.probe import open_probe
 
@@ -109,9 +103,9 @@ def sun(
         from shrm_cli.lights.snippets import snippet
 
         echo(snippet(engine, split.discs))
-        warn(warnings, quiet)
+        warn(warnings)
         return
-    conclude(result, _lines(probe, split, written), warnings, as_json, quiet)
+    conclude(result, _lines(probe, split, written), warnings)
 
 
 def _write(
@@ -124,13 +118,12 @@ def _write(
     """Write what was asked for, all of it or nothing, and return the names of the files."""
     if output is None:
         return {}
-    from shrm_cli.files.whole import together
+    from shrm_cli.files.whole import together, write_bytes
     from shrm_cli.lights.light_files import (
         light_file_text,
         relative_name,
         usd_text,
         write_residual,
-        write_text,
     )
 
     texts = {}
@@ -141,7 +134,7 @@ def _write(
     with together():
         pixel_type = write_residual(output, split, precision)
         for path, text in texts.items():
-            write_text(path, text)
+            write_bytes(path, text.encode())
     files = {"residual": output, "light_file": light_file, "usd": usd, "precision": pixel_type}
     return {name: value for name, value in files.items() if value is not None}
 
@@ -164,27 +157,14 @@ def _result(probe: str, split: LampSplit) -> dict[str, Any]:
 
 def _doubts(split: LampSplit) -> list[str]:
     """Return what a user should know of the lamps, a line each."""
-    import numpy as np
-
-    lines = [
-        f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
-        for number, lamp in enumerate(split.lamps, 1)
-        if lamp.clipped
-    ]
-    if split.left:
-        lamps = "lamp stays" if split.left == 1 else "lamps stay"
-        lines.append(
-            f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
-            "are less like discs"
-        )
-    if split.proof.rms > split.error:
-        turned = not np.array_equal(split.probe.matrix, np.eye(3))
-        cure = "turning it resampled its pixels, do that later" if turned else "check it before use"
-        lines.append(
-            f"residual and discs change the irradiance by {split.proof.rms:.3%} RMS, more than "
-            f"the {split.error:.3g} that `error` allows; {cure}"
-        )
-    return lines
+    if not split.left:
+        return split.clipped + split.changed
+    lamps = "lamp stays" if split.left == 1 else "lamps stay"
+    left = (
+        f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
+        "are less like discs"
+    )
+    return [*split.clipped, left, *split.changed]
 
 
 def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:

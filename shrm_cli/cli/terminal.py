@@ -14,6 +14,7 @@ import os
 import re
 import sys
 import unicodedata
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import click
@@ -72,6 +73,19 @@ def echo_json(value: Any) -> None:
     """
     text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
     _write(_SUSPECT.sub(lambda found: _json_escape(found[0]), text), err=False)
+
+
+def columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
+    """Return a table as lines, whose cells stand to the right, but in some columns to the left."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    to_left = {index % len(widths) for index in left}
+    return [
+        "  ".join(
+            cell.ljust(width) if index in to_left else cell.rjust(width)
+            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def escaped(text: str) -> str:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.kept import force_option
 from shrm_cli.cli.options import announce, conclude, report_options
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.types import Albedo, Brush
+from shrm_cli.cli.outputs import check_outputs, force_option
+from shrm_cli.cli.types import ALBEDO, BRUSH
 from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
 from shrm_cli.files.whole import keeping
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
@@ -42,7 +41,7 @@ _MOST_SAMPLES = 2**16
     help="How often light is reflected within the mesh.",
 )  # fmt: skip
 @click.option(
-    "--albedo", type=Albedo(), default="0.5", show_default=True,
+    "--albedo", type=ALBEDO, default="0.5", show_default=True,
     help="What the mesh reflects diffusely: a number, R,G,B, or the colours of its vertices.",
 )  # fmt: skip
 @click.option(
@@ -51,7 +50,7 @@ _MOST_SAMPLES = 2**16
 )  # fmt: skip
 @click.option("--matrices", is_flag=True, help="Bake matrices too, for glossy surfaces.")
 @click.option(
-    "--brush", type=Brush(),
+    "--brush", type=BRUSH,
     help="Tangents of the matrices: along the texture coordinate u, or a direction.  "
     "[default: around +Y]",
 )  # fmt: skip
@@ -67,8 +66,6 @@ def transfer(
     matrices: bool,
     brush: str | tuple[float, float, float] | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Bake how MESH shadows and lights itself, vertex by vertex, for light of any kind.
 
@@ -103,13 +100,10 @@ def transfer(
     plan = Plan(
         found, order, bounces, samples, _albedo(found, albedo), matrices, _tangents(found, brush)
     )
-    announce(
-        [
-            f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes "
-            "beside the output while it works"
-        ],
-        quiet,
-    )
+    announce([
+        f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes beside "
+        "the output while it works"
+    ])  # fmt: skip
 
     def write(baked: Transfer) -> dict[str, Any]:
         if suffix == ".npz":
@@ -119,7 +113,7 @@ def transfer(
         return baked.summary()
 
     is_kept = not force and "output" not in given_options()
-    with progress_bar("tracing", quiet) as progress, keeping(*([target] if is_kept else [])):
+    with progress_bar("tracing") as progress, keeping(*([target] if is_kept else [])):
         said = bake(plan, keep=target, use=write, progress=progress)
     kinds = "vectors and matrices" if matrices else "vectors"
     size = Path(target).stat().st_size
@@ -128,7 +122,7 @@ def transfer(
         f"in the file, order {order}, "
         f"{bounces} bounces, {size:,} bytes"
     ]
-    conclude({"file": target, **said, "bytes": size}, lines, [], as_json, quiet)
+    conclude({"file": target, **said, "bytes": size}, lines, [])
 
 
 def _albedo(mesh: Mesh, albedo: str | tuple[float, ...]) -> ArrayLike:

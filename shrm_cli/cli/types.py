@@ -1,9 +1,13 @@
-"""Parameter types of the command line.
+"""Parameter types of the command line, and what the shell completes of them.
 
 This module imports nothing heavy, because `shrm --help` loads it.
 """
 
+from __future__ import annotations
+
 import math
+import re
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,135 +19,128 @@ from shrm_cli.vocabulary import MAX_LEVELS, PRIMARIES
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from shrm_cli.brdf.base import Brdf
 
-class _Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
-    """A type whose texts `parse` reads; what is no text, such as a default, is a value already."""
+_WEIGHT = re.compile(r"[0-9.eE+-]*\*")
+
+
+class Parsed(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
+    """A type whose texts a function reads; what is no text, such as a default, is a value already.
+
+    Parameters
+    ----------
+    name : str
+        What the help calls it.
+    parse : callable
+        Returns the value of a text, or raises a ValueError, whose message the user reads.
+    offered : iterable of str
+        Texts that the shell completes.
+    """
+
+    def __init__(self, name: str, parse: Callable[[str], Any], offered: Iterable[str] = ()) -> None:
+        self.name, self._parse, self._offered = name, parse, offered
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the value of a text; what is wrong with it becomes wrong usage of the option."""
         if not isinstance(value, str):
             return value
         try:
-            return self.parse(value)
+            return self._parse(value)
         except ValueError as error:
             self.fail(str(error), param, ctx)
 
-    def parse(self, text: str) -> Any:
-        """Return the value of a text.
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Offer the texts that are known."""
+        from click.shell_completion import CompletionItem  # slow to load, and rarely needed
 
-        Raises
-        ------
-        ValueError
-            If it has none; the message is what the user reads.
-        """
-        raise NotImplementedError
+        return [CompletionItem(each) for each in self._offered if each.startswith(incomplete)]
 
 
-class Fraction(_Parsed):
-    """A number between 0 and 1, neither of them included."""
+def _fraction(text: str) -> float:
+    number = _number(text)
+    if not 0 < number < 1:
+        raise ValueError(f"{number:g} is not between 0 and 1")
+    return number
 
-    name = "fraction"
 
-    def parse(self, text: str) -> float:
-        """Return a float; click's FloatRange would let NaN through."""
+FRACTION = Parsed("fraction", _fraction)
+"""A number between 0 and 1, neither of them included; click's FloatRange would let NaN through."""
+
+
+def within(low: float, high: float) -> Parsed:
+    """Return the type of a number between two others, or one of them, and never NaN."""
+
+    def parse(text: str) -> float:
         number = _number(text)
-        if not 0 < number < 1:
-            raise ValueError(f"{number:g} is not between 0 and 1")
+        if not low <= number <= high:
+            raise ValueError(f"{number:g} is not in the range {low:g} .. {high:g}")
         return number
 
-
-class Within(_Parsed):
-    """A number between two others, or one of them; click's FloatRange would let NaN through."""
-
-    name = "number"
-
-    def __init__(self, low: float, high: float) -> None:
-        self.low, self.high = low, high
-
-    def parse(self, text: str) -> float:
-        """Return a float within the range."""
-        number = _number(text)
-        if not self.low <= number <= self.high:
-            raise ValueError(f"{number:g} is not in the range {self.low:g} .. {self.high:g}")
-        return number
+    return Parsed("number", parse)
 
 
 _LARGEST = 1e30
 """The largest coordinate, as meshes have it."""
 
-STOPS = Within(-32, 32)
-"""The type of an exposure value, in stops."""
+STOPS = within(-32, 32)
+"""An exposure value, in stops."""
 
 
-class AzimuthElevation(_Parsed):
-    """A direction ``AZ,EL`` in degrees: azimuth from +Z towards +X about +Y, elevation up."""
-
-    name = "AZ,EL"
-
-    def parse(self, text: str) -> tuple[float, float]:
-        """Return two finite numbers, the second within -90 .. 90."""
-        numbers = _numbers(text)
-        if len(numbers) != 2:
-            raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
-        azimuth, elevation = numbers
-        if not -90 <= elevation <= 90:
-            raise ValueError(f"elevation {elevation:g} is outside -90 .. 90")
-        return azimuth, elevation
+def _direction(text: str) -> tuple[float, float]:
+    numbers = _numbers(text)
+    if len(numbers) != 2:
+        raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
+    azimuth, elevation = numbers
+    if not -90 <= elevation <= 90:
+        raise ValueError(f"elevation {elevation:g} is outside -90 .. 90")
+    return azimuth, elevation
 
 
-class PrimariesType(_Parsed):
-    """Primaries and white: a name such as ``acescg``, or eight numbers ``RX,RY,GX,GY,...``."""
-
-    name = "NAME|RX,RY,..."
-
-    def parse(self, text: str) -> str | tuple[float, ...]:
-        """Return a known name, or eight finite numbers."""
-        if text in PRIMARIES:
-            return text
-        numbers = _numbers(text)
-        if len(numbers) != 8:
-            names = ", ".join(PRIMARIES)
-            raise ValueError(
-                f"{text!r} is none of {names}, and not eight numbers, x and y of red, green, "
-                "blue and white"
-            )
-        return numbers
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> "list[CompletionItem]":
-        """Offer the names."""
-        from click.shell_completion import CompletionItem  # slow to load, and rarely needed
-
-        return [CompletionItem(name) for name in PRIMARIES if name.startswith(incomplete)]
+DIRECTION = Parsed("AZ,EL", _direction)
+"""A direction in degrees: azimuth from +Z towards +X about +Y, elevation up, within -90 .. 90."""
 
 
-class Vector(_Parsed):
-    """A point or a direction: three numbers ``X,Y,Z``."""
+def _primaries(text: str) -> str | tuple[float, ...]:
+    if text in PRIMARIES:
+        return text
+    numbers = _numbers(text)
+    if len(numbers) != 8:
+        names = ", ".join(PRIMARIES)
+        raise ValueError(
+            f"{text!r} is none of {names}, and not eight numbers, x and y of red, green, "
+            "blue and white"
+        )
+    return numbers
 
-    name = "X,Y,Z"
 
-    def parse(self, text: str) -> Any:
-        """Return three finite numbers."""
-        numbers = _numbers(text)
-        if len(numbers) != 3 or not all(abs(number) <= _LARGEST for number in numbers):
-            raise ValueError(f"{text!r} is not three numbers X,Y,Z such as 0,1,0")
-        return numbers
+OF_PRIMARIES = Parsed("NAME|RX,RY,...", _primaries, PRIMARIES)
+"""Primaries and white: a name such as ``acescg``, or eight finite numbers ``RX,RY,GX,GY,...``."""
 
 
-class Brush(Vector):
-    """What tangents follow: ``uv``, or a direction ``X,Y,Z``."""
+def _vector(text: str) -> tuple[float, ...]:
+    numbers = _numbers(text)
+    if len(numbers) != 3 or not all(abs(number) <= _LARGEST for number in numbers):
+        raise ValueError(f"{text!r} is not three numbers X,Y,Z such as 0,1,0")
+    return numbers
 
-    name = "uv|X,Y,Z"
 
-    def parse(self, text: str) -> Any:
-        """Return ``uv`` or three finite numbers that are not all 0."""
-        if text == "uv":
-            return text
-        direction = super().parse(text)
-        if not any(direction):
-            raise ValueError("0,0,0 is no direction")
-        return direction
+VECTOR = Parsed("X,Y,Z", _vector)
+"""A point or a direction: three finite numbers."""
+
+
+def _brush(text: str) -> str | tuple[float, ...]:
+    if text == "uv":
+        return text
+    direction = _vector(text)
+    if not any(direction):
+        raise ValueError("0,0,0 is no direction")
+    return direction
+
+
+BRUSH = Parsed("uv|X,Y,Z", _brush)
+"""What tangents follow: ``uv``, or a direction."""
 
 
 def _whole(digits: str) -> int | None:
@@ -152,134 +149,116 @@ def _whole(digits: str) -> int | None:
     return int(shortest) if len(shortest) < 10 else None
 
 
-class PictureSize(_Parsed):
-    """The size of a picture in pixels: its width and height, ``N`` or ``WxH``."""
+def picture_size(low: int, high: int) -> Parsed:
+    """Return the type of a picture's width and height in pixels, ``N`` or ``WxH``, in a range."""
 
-    name = "N|WxH"
-
-    def __init__(self, low: int, high: int) -> None:
-        self.low, self.high = low, high
-
-    def parse(self, text: str) -> tuple[int, int]:
-        """Return width and height."""
+    def parse(text: str) -> tuple[int, int]:
         parts = text.split("x")
         if len(parts) > 2 or not all(part.isascii() and part.isdigit() for part in parts):
             raise ValueError(f"{text!r} is not a size in pixels such as 512 or 800x600")
         sizes = [_whole(part) for part in parts]
         for part, size in zip(parts, sizes, strict=True):
-            if size is None or not self.low <= size <= self.high:
-                raise ValueError(f"{part} is not in the range {self.low}<=x<={self.high}.")
+            if size is None or not low <= size <= high:
+                raise ValueError(f"{part} is not in the range {low}<=x<={high}.")
         return sizes[0], sizes[-1]  # type: ignore[return-value]
 
-
-class Radiance(_Parsed):
-    """A linear RGB radiance: one number for all channels, or three with commas between."""
-
-    name = "X|R,G,B"
-
-    def parse(self, text: str) -> tuple[float, ...]:
-        """Return one or three finite numbers, none of them below 0."""
-        numbers = _of_channels(text)
-        if not numbers:
-            raise ValueError(f"{text!r} is not one number, or three such as 1,0.5,0.2")
-        if min(numbers) < 0:
-            raise ValueError(f"{text!r} has a number below 0")
-        return numbers
+    return Parsed("N|WxH", parse)
 
 
-class Albedo(_Parsed):
-    """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
-
-    name = "X|R,G,B|vertex"
-
-    def parse(self, text: str) -> str | tuple[float, ...]:
-        """Return one or three numbers, or "vertex"."""
-        if text == "vertex":
-            return text
-        numbers = _of_channels(text)
-        if not numbers or not all(0 <= number <= 1 for number in numbers):
-            raise ValueError(f"{text!r} is not vertex, nor one or three numbers in 0 .. 1")
-        return numbers
+def _radiance(text: str) -> tuple[float, ...]:
+    numbers = _of_channels(text)
+    if not numbers:
+        raise ValueError(f"{text!r} is not one number, or three such as 1,0.5,0.2")
+    if min(numbers) < 0:
+        raise ValueError(f"{text!r} has a number below 0")
+    return numbers
 
 
-class Components(_Parsed):
-    """How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
-
-    name = "pca:K|pca:X"
-
-    def parse(self, text: str) -> int | float:
-        """Return a number of components as int, or an error as float."""
-        method, _, amount = text.partition(":")
-        if method == "pca" and amount.isascii() and amount.isdigit() and amount.strip("0"):
-            count = _whole(amount)
-            if count is None:
-                raise ValueError(f"{amount} components are more than any map has")
-            return count
-        numbers = _numbers(amount)
-        if method != "pca" or len(numbers) != 1 or not 0 < numbers[0] < 1:
-            raise ValueError(
-                f"{text!r} is not pca:K with a number K of components, or pca:X with an error X "
-                "between 0 and 1"
-            )
-        return numbers[0]
+RADIANCE = Parsed("X|R,G,B", _radiance)
+"""A linear RGB radiance: one finite number for all channels, or three; none is below 0."""
 
 
-class Interval(_Parsed):
-    """A range ``A..B`` of numbers between two limits; a single number is both of its ends."""
+def _albedo(text: str) -> str | tuple[float, ...]:
+    if text == "vertex":
+        return text
+    numbers = _of_channels(text)
+    if not numbers or not all(0 <= number <= 1 for number in numbers):
+        raise ValueError(f"{text!r} is not vertex, nor one or three numbers in 0 .. 1")
+    return numbers
 
-    name = "A..B"
 
-    def __init__(self, low: float, high: float) -> None:
-        self.low, self.high = low, high
+ALBEDO = Parsed("X|R,G,B|vertex", _albedo)
+"""What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
 
-    def parse(self, text: str) -> tuple[float, float]:
-        """Return two numbers, the first no larger than the second."""
+
+def _components(text: str) -> int | float:
+    method, _, amount = text.partition(":")
+    if method == "pca" and amount.isascii() and amount.isdigit() and amount.strip("0"):
+        count = _whole(amount)
+        if count is None:
+            raise ValueError(f"{amount} components are more than any map has")
+        return count
+    numbers = _numbers(amount)
+    if method != "pca" or len(numbers) != 1 or not 0 < numbers[0] < 1:
+        raise ValueError(
+            f"{text!r} is not pca:K with a number K of components, or pca:X with an error X "
+            "between 0 and 1"
+        )
+    return numbers[0]
+
+
+COMPONENTS = Parsed("pca:K|pca:X", _components)
+"""How far to compress: ``pca:K`` components, or ``pca:X`` for a relative RMS error X < 1."""
+
+
+def interval(low: float, high: float) -> Parsed:
+    """Return the type of a range ``A..B`` within limits; a single number is both of its ends."""
+
+    def parse(text: str) -> tuple[float, float]:
         ends = text.split("..")
         numbers = [_numbers(end) for end in ends]
         if len(ends) > 2 or any(len(each) != 1 for each in numbers):
             raise ValueError(f"{text!r} is not a range A..B such as 0.5..1")
         (first,), (last,) = numbers[0], numbers[-1]
-        if not self.low <= first <= last <= self.high:
-            raise ValueError(f"{text!r} does not rise within {self.low:g} .. {self.high:g}")
+        if not low <= first <= last <= high:
+            raise ValueError(f"{text!r} does not rise within {low:g} .. {high:g}")
         return first, last
 
-
-class Levels(_Parsed):
-    """Levels of a split sum: their number, or the roughness of each, with commas between."""
-
-    name = "N|R,R,..."
-
-    def parse(self, text: str) -> int | tuple[float, ...]:
-        """Return the number of levels, or roughnesses that rise within 0 .. 1."""
-        if text.isascii() and text.isdigit():
-            count = _whole(text)
-            if count is None or not 1 <= count <= MAX_LEVELS:
-                raise ValueError(f"{text} levels are not 1 .. {MAX_LEVELS}")
-            return count
-        numbers = _numbers(text)
-        if not numbers or len(numbers) > MAX_LEVELS:
-            raise ValueError(
-                f"{text!r} is neither a number of levels nor up to {MAX_LEVELS} roughnesses "
-                "such as 0.2,0.5,1.0"
-            )
-        if not all(0 <= number <= 1 for number in numbers):
-            raise ValueError(f"{text!r} has a roughness outside 0 .. 1")
-        if any(a >= b for a, b in pairwise(numbers)):
-            raise ValueError(f"{text!r} does not rise")
-        return numbers
+    return Parsed("A..B", parse)
 
 
-class Bytes(_Parsed):
-    """An amount of storage such as ``32MB``, ``1.5GiB`` or a plain number of bytes."""
-
-    name = "bytes"
-
-    def parse(self, text: str) -> int:
-        """Return a number of bytes, at least 1."""
-        count = parse_bytes(text)
-        if count is None or count < 1:
-            raise ValueError(f"{text!r} is not a number of bytes such as 32MB, 500kB or 2000000")
+def _levels(text: str) -> int | tuple[float, ...]:
+    if text.isascii() and text.isdigit():
+        count = _whole(text)
+        if count is None or not 1 <= count <= MAX_LEVELS:
+            raise ValueError(f"{text} levels are not 1 .. {MAX_LEVELS}")
         return count
+    numbers = _numbers(text)
+    if not numbers or len(numbers) > MAX_LEVELS:
+        raise ValueError(
+            f"{text!r} is neither a number of levels nor up to {MAX_LEVELS} roughnesses "
+            "such as 0.2,0.5,1.0"
+        )
+    if not all(0 <= number <= 1 for number in numbers):
+        raise ValueError(f"{text!r} has a roughness outside 0 .. 1")
+    if any(a >= b for a, b in pairwise(numbers)):
+        raise ValueError(f"{text!r} does not rise")
+    return numbers
+
+
+LEVELS = Parsed("N|R,R,...", _levels)
+"""Levels of a split sum: their number, or the rising roughness of each, with commas between."""
+
+
+def _bytes(text: str) -> int:
+    count = parse_bytes(text)
+    if count is None or count < 1:
+        raise ValueError(f"{text!r} is not a number of bytes such as 32MB, 500kB or 2000000")
+    return count
+
+
+BYTES = Parsed("bytes", _bytes)
+"""An amount of storage such as ``32MB``, ``1.5GiB`` or a plain number of bytes, at least 1."""
 
 
 def click_option(option: Option) -> Any:
@@ -291,13 +270,13 @@ def click_option(option: Option) -> Any:
     low, high = option.limits
     types = {
         "integer": click.IntRange(int(low), int(high)),
-        "fraction": Fraction(),
+        "fraction": FRACTION,
         "choice": click.Choice(option.choices),
         "text": click.STRING,
-        "interval": Interval(low, high),
-        "levels": Levels(),
-        "components": Components(),
-        "bytes": Bytes(),
+        "interval": interval(low, high),
+        "levels": LEVELS,
+        "components": COMPONENTS,
+        "bytes": BYTES,
     }
     metavar = option.metavar or None
     return click.option(
@@ -326,3 +305,62 @@ def _numbers(text: str) -> tuple[float, ...]:
     except ValueError:
         return ()
     return numbers if all(math.isfinite(number) for number in numbers) else ()
+
+
+class Spec(click.ParamType):  # type: ignore[type-arg]  # click's type is generic since 8.5 only
+    """The specification of a BRDF, as text; `shrm_cli.brdf.spec.parse_spec` judges it."""
+
+    name = "SPEC"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the text."""
+        return value
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return how the last term may go on, and files where no model is called so."""
+        from click.shell_completion import CompletionItem  # slow to load, and rarely needed
+
+        start, last = _last_term(incomplete)
+        endings = _endings(last)
+        if endings:
+            return [CompletionItem(start + ending) for ending in endings]
+        return [CompletionItem(incomplete, type="file")]
+
+
+def _last_term(text: str) -> tuple[str, str]:
+    """Split a specification into what comes before the name of its last term, and that term."""
+    start, plus, last = text.rpartition("+")
+    weight = _WEIGHT.match(last)
+    cut = len(start) + len(plus) + (weight.end() if weight else 0)
+    return text[:cut], text[cut:]
+
+
+def _endings(term: str) -> list[str]:
+    """Return what a term may become: with a name, with a parameter's name, or with its value."""
+    from shrm_cli.brdf.library import find_model, model_names
+    from shrm_cli.errors import BrdfError
+
+    name, colon, values = term.partition(":")
+    if not colon:
+        return [each for each in model_names() if each.startswith(name)]
+    try:
+        model = find_model(name)
+    except BrdfError:
+        return []
+    *given, current = values.split(",")
+    before = f"{name}:{','.join([*given, ''])}"
+    return [before + each for each in _settings(model, given, current)]
+
+
+def _settings(model: type[Brdf], given: list[str], current: str) -> list[str]:
+    """Return what may stand for the last ``key=value``, after those that are given."""
+    key, equals, value = current.partition("=")
+    if not equals:
+        taken = {each.partition("=")[0] for each in given}
+        names = [each.name for each in model.parameters if each.name not in taken]
+        return [f"{each}=" for each in names if each.startswith(key)]
+    known = next((each for each in model.parameters if each.name == key), None)
+    choices = () if known is None else (*known.choices, *known.names)
+    return [f"{key}={each}" for each in choices if each.startswith(value)]

@@ -64,6 +64,11 @@ def _typed() -> Iterator[str]:
             pending += value
 
 
+def wrong_usage(message: str) -> click.UsageError:
+    """Return the error of wrong usage of the running command, whose help it will name."""
+    return click.UsageError(message, click.get_current_context())
+
+
 def given_options() -> dict[str, str]:
     """Return the options given on the command line: flags by the names of their values."""
     context = click.get_current_context()
@@ -71,10 +76,29 @@ def given_options() -> dict[str, str]:
         param.name: param.opts[0]
         for param in context.command.params
         if param.name
-        and param.expose_value
         and isinstance(param, click.Option)
         and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE
     }
+
+
+def remember(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    """Keep the value of a flag for all that a command calls, as the callback of its option."""
+    ctx.meta[f"shrm.{param.name}"] = value
+
+
+def is_quiet() -> bool:
+    """Whether the running command prints errors only."""
+    return _remembered("quiet")
+
+
+def wants_json() -> bool:
+    """Whether the running command prints its results as JSON."""
+    return _remembered("as_json")
+
+
+def _remembered(name: str) -> bool:
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(f"shrm.{name}"))
 
 
 def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
@@ -93,9 +117,7 @@ def refuse_inapplicable(rules: Mapping[str, Applies]) -> None:
     for name, flag in given_options().items():
         rule = rules.get(name)
         if rule is not None and not rule.holds:
-            raise click.UsageError(
-                f"{flag} applies {rule.words}; leave it out", click.get_current_context()
-            )
+            raise wrong_usage(f"{flag} applies {rule.words}; leave it out")
 
 
 @contextmanager
@@ -129,7 +151,4 @@ def exclude(one: str, other: str) -> None:
     """
     given = given_options()
     if one in given and other in given:
-        raise click.UsageError(
-            f"{given[one]} and {given[other]} exclude each other; leave one out",
-            click.get_current_context(),
-        )
+        raise wrong_usage(f"{given[one]} and {given[other]} exclude each other; leave one out")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,30 +9,27 @@ import click
 from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import (
     conclude,
-    exact_option,
     make_read_options,
     optional_brdf_option,
-    probe_sampling_option,
-    read_options,
+    probe_options,
     reading_rules,
     report_options,
+    truth_options,
     warn,
 )
-from shrm_cli.cli.outputs import check_outputs
-from shrm_cli.cli.shading import f0_option, roughness_option
+from shrm_cli.cli.outputs import PAGES, check_outputs
+from shrm_cli.cli.shading import needs_surface, surface_of, surface_options
 from shrm_cli.cli.terminal import echo
-from shrm_cli.cli.types import STOPS, AzimuthElevation, Bytes
-from shrm_cli.cli.usage import Applies, exclude, refuse_inapplicable
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MAX_SOURCE_HEIGHT
+from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
+from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
+from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from shrm_cli.maps.base import Map
-    from shrm_cli.view.scene import Scene, Start
+    from shrm_cli.view.scene import Scene
 
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
 _TRUTH_SIZE = 192
-_SUFFIXES = (".html", ".htm")
 _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
 
 
@@ -53,12 +49,11 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     help="OBJ, PLY, STL, glTF or GLB to show the maps on, besides a sphere and a figure.",
 )  # fmt: skip
 @click.option(
-    "--view", "views", type=AzimuthElevation(), multiple=True, default=["0,0"],
+    "--view", "views", type=DIRECTION, multiple=True, default=["0,0"],
     help="First direction to the viewer, degrees: azimuth from +Z towards +X, elevation. Given "
     "several times, the truth is known of all of them.  [default: 0,0]",
 )  # fmt: skip
-@roughness_option
-@f0_option
+@surface_options
 @click.option(
     "--exposure", type=STOPS, metavar="EV",
     help="Stops at the beginning.  [default: what suits the first MAP]",
@@ -68,20 +63,15 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     "--truth-size", type=click.IntRange(16, 1024), metavar="N", default=_TRUTH_SIZE,
     show_default=True, help="Points of the truth along the edge of its picture.",
 )  # fmt: skip
-@click.option(
-    "--source-height", type=click.IntRange(2, MAX_SOURCE_HEIGHT), metavar="ROWS",
-    help="Rows that the probe is averaged down to for the truth.  [default: all]",
-)  # fmt: skip
-@exact_option
+@truth_options
 @click.option("--no-truth", is_flag=True, help="Compute no truth; the probe is shown all the same.")
 @click.option(
-    "--max-size", type=Bytes(), metavar="BYTES", default=str(_MAX_SIZE),
+    "--max-size", type=BYTES, metavar="BYTES", default=str(_MAX_SIZE),
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Print the page's address, but open no browser.")
-@probe_sampling_option
-@read_options
+@probe_options
 @report_options
 def view(
     maps: tuple[str, ...],
@@ -99,9 +89,6 @@ def view(
     no_truth: bool,
     max_size: int,
     no_open: bool,
-    sampling: str | None,
-    as_json: bool,
-    quiet: bool,
     **reading: Any,
 ) -> None:
     """Show each MAP in a browser: orbit, zoom, compare, read radiance under the mouse.
@@ -115,10 +102,13 @@ def view(
       shrm view probe.microfacet.shrm.exr --probe probe.exr
       shrm view a.shrm.exr a.splitsum.exr --mesh bunny.obj -o page.html
     """
-    from shrm_cli.files.whole import replacing
+    from shrm_cli.brdf.spec import parse_spec
+    from shrm_cli.files.whole import write_bytes
+    from shrm_cli.geometry.load import load_mesh
     from shrm_cli.maps.file import open_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.view.page import page
+    from shrm_cli.view.scene import Start, Truth, make_scene
 
     has_truth = probe is not None and not no_truth
     refuse_inapplicable({
@@ -130,27 +120,32 @@ def view(
         "as_json": Applies(output is not None, "with -o"),
     })  # fmt: skip
     exclude("no_truth", "brdf")
-    options = make_read_options(sampling, reading)
+    options = make_read_options(reading)
     light = None if probe is None else open_probe(probe, options)
     if output is not None:
         files = [*maps, *([mesh] if mesh else [])]
-        check_outputs([output], files=files, specs=[brdf], suffixes=_SUFFIXES)
+        check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
     opened = [open_map(path) for path in maps]
-    start = _start(opened, views, roughness, f0, exposure)
-    with progress_bar("integrating", quiet) as progress:
-        scene = _scene(
-            opened, maps, light, mesh, start, brdf, truth_size if has_truth else 0, source_height,
-            exact, max_size if output else None, progress,
-        )  # fmt: skip
+    refuse_inapplicable(needs_surface(opened))
+    surface = surface_of(roughness, f0, opened[0].info.chromaticities)
+    start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
+    with progress_bar("integrating") as progress:
+        own = None
+        if brdf is not None and light is not None:
+            own = parse_spec(brdf, primaries=light.chromaticities)
+        truth = Truth(own, truth_size if has_truth else 0, source_height, exact)
+        shape = None if mesh is None else load_mesh(mesh)
+        scene = make_scene(
+            opened, maps, light, shape, start, truth, max_size if output else None, progress
+        )
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += scene.remarks
     if output is None:
-        warn(warnings, quiet)
-        _serve(scene, no_open, quiet)
+        warn(warnings)
+        _serve(scene, no_open)
         return
     text = page(scene).encode("utf-8")
-    with replacing(output) as temporary:
-        Path(temporary).write_bytes(text)
+    write_bytes(output, text)
     result = {
         "file": output,
         "bytes": len(text),
@@ -158,53 +153,11 @@ def view(
         "views": [list(each) for each in views],
         "truths": len(scene.description["truths"]),
     }
-    lines = [f"{output}: {len(text) / 1e6:.3g} MB, opens in a browser without a network"]
-    conclude(result, lines, warnings, as_json, quiet)
+    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network"]
+    conclude(result, lines, warnings)
 
 
-def _start(
-    opened: list[Map],
-    views: tuple[tuple[float, float], ...],
-    roughness: float | None,
-    f0: str | None,
-    exposure: float | None,
-) -> Start:
-    """Return what is shown first; a surface applies to maps of light alone."""
-    from shrm_cli.render.shading import ggx_surface, reflectance
-    from shrm_cli.view.scene import Start
-
-    needs_surface = any(each.needs_surface for each in opened)
-    applies = Applies(needs_surface, "to split sums and SH exponentials, and no MAP is one")
-    refuse_inapplicable({"roughness": applies, "f0": applies})
-    color = None if f0 is None else reflectance(f0, opened[0].info.chromaticities)
-    surface = ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
-    return Start(views, exposure, surface.number("roughness"), surface.color("f0"))
-
-
-def _scene(
-    opened: list[Map],
-    names: tuple[str, ...],
-    light: Any,
-    mesh: str | None,
-    start: Start,
-    spec: str | None,
-    truth_size: int,
-    source_height: int | None,
-    exact: bool,
-    max_size: int | None,
-    progress: Any,
-) -> Scene:
-    from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.view.scene import Truth, make_scene
-
-    brdf = None if spec is None else parse_spec(spec, primaries=light.chromaticities)
-    truth = Truth(brdf, truth_size, source_height, exact)
-    shape = None if mesh is None else load_mesh(mesh)
-    return make_scene(opened, names, light, shape, start, truth, max_size, progress)
-
-
-def _serve(scene: Scene, no_open: bool, quiet: bool) -> None:
+def _serve(scene: Scene, no_open: bool) -> None:
     """Serve a page until the user interrupts."""
     import webbrowser
 
@@ -212,7 +165,7 @@ def _serve(scene: Scene, no_open: bool, quiet: bool) -> None:
 
     with PageServer(scene) as server:
         echo(server.url)
-        if not quiet:
+        if not is_quiet():
             echo("Ctrl-C ends it.", err=True)
         if not no_open:
             webbrowser.open(server.url)

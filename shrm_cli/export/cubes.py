@@ -1,22 +1,70 @@
-"""Cubes in KTX 2 files, as several engines read them."""
+"""From our cubes to those that an engine looks up, and to KTX 2 files, as engines read them.
+
+An engine looks up its cube at ``T d``, where d is the direction in world axes, and T is its own
+habit: it exchanges or mirrors axes. The graphics interface then finds face and texel as OpenGL
+defines it, faces +X -X +Y -Y +Z -Z, the first row on top. What is written is a permutation of
+texels, so that nothing is lost.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.engine import Package
-from shrm_cli.export.ktx2 import can_compress, ktx2_cube
+from shrm_cli.export.ktx import can_compress, ktx2_cube
 from shrm_cli.export.pixels import TexelFormat, encoded
-from shrm_cli.export.turning import to_lookup
 from shrm_cli.extras import install
+from shrm_cli.layouts import FACES
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-
-Array = NDArray[np.floating]
+from shrm_cli.sphere.cube import face_axes, turned_face
 
 DIFFUSE_SIZE = 64
 """Texels along an edge of a cube of E / pi, which is smooth."""
 _LARGE = f"not compressed, for want of the package zstandard: {install('export')}"
+
+
+def mirrored(*signs: int) -> Array:
+    """Return the matrix T that multiplies x, y and z by signs: shape (3, 3)."""
+    return np.diag(np.array(signs, dtype=float))
+
+
+WORLD = mirrored(1, 1, 1)
+"""Lookups at the world direction itself."""
+
+
+def to_lookup(cube: Array, lookup: ArrayLike = WORLD) -> Array:
+    """Return the faces that an engine must have so that it finds the light of a cube.
+
+    Parameters
+    ----------
+    cube : ndarray, shape (6N, N, ...)
+        An OpenEXR cube in world axes, sampled at texel centers.
+    lookup : array_like, shape (3, 3)
+        The matrix T of the engine, a permutation of the axes with signs.
+
+    Returns
+    -------
+    ndarray, shape (6, N, N, ...)
+        Faces in OpenGL's order and orientation, whose texel at the lookup direction c holds the
+        light from ``T^-1 c``.
+    """
+    back = np.asarray(lookup, dtype=float).T  # the inverse of a signed permutation
+    images = cube.reshape(6, -1, *cube.shape[1:])
+    result = np.empty_like(images)
+    for face, axes in enumerate(face_axes("gl")):
+        # The right, down and forward axes of the engine's face, seen from our world.
+        turned = axes @ back.T
+        source = _face_along(turned[2])
+        result[face] = turned_face(images[source], turned, source)
+    return result
+
+
+def _face_along(direction: Array) -> int:
+    """Return the index into `FACES` of the face whose middle lies in a direction."""
+    axis = int(np.argmax(np.abs(direction)))
+    return FACES.index(("+" if direction[axis] > 0 else "-") + "XYZ"[axis])
 
 
 def diffuse_cube(irradiance: Irradiance, size: int = DIFFUSE_SIZE) -> Array:
@@ -40,7 +88,7 @@ def ktx2_file(
         OpenEXR cubes in world axes.
     texels : TexelFormat
     lookup : ndarray, shape (3, 3)
-        How the engine looks its cubes up; see `shrm_cli.export.turning`.
+        How the engine looks its cubes up; see the top of this module.
     """
     packed = [
         encoded(to_lookup(cube, lookup), texels, f"level {k}") for k, cube in enumerate(levels)

@@ -11,16 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
+from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.splitsum.roughness import level_roughnesses
 from shrm_cli.records import record
 from shrm_cli.vocabulary import ENGINES, LevelMapping
-
-Array = NDArray[np.floating]
 
 
 @record
@@ -106,14 +104,7 @@ class Package:
 
     def add_bytes(self, name: str, data: bytes) -> None:
         """Add a file of some bytes."""
-
-        def write(path: Path) -> None:
-            from shrm_cli.files.whole import replacing
-
-            with replacing(path) as temporary:
-                temporary.write_bytes(data)
-
-        self.files.append(OutputFile(name, write))
+        self.files.append(OutputFile(name, lambda path: write_bytes(path, data)))
 
     def add_text(self, name: str, text: str) -> None:
         """Add a file of text, in UTF-8 and with Unix's ends of lines."""
@@ -124,22 +115,6 @@ class Package:
         warning = clip_warning(name, chosen, found)
         if warning is not None:
             self.warnings.append(warning)
-
-
-@record
-class Wishes:
-    """What the user asked for. What is None is the engine's to choose.
-
-    Attributes
-    ----------
-    size : int
-        Texels along an edge of level 0, or rows of a lat-long.
-    texels : TexelFormat, optional
-        The packed format; None for engines that have but one.
-    """
-
-    size: int
-    texels: TexelFormat | None = None
 
 
 class Engine(ABC):
@@ -156,8 +131,9 @@ class Engine(ABC):
         The names of the texel formats that it reads, the default first; empty where there is no
         choice.
     mapping : {"linear", "filament"}, optional
-        The `shrm_cli.maps.splitsum.roughness` law of its levels, for messages; None for a law of
-        its own.
+        The `shrm_cli.maps.splitsum.roughness` law of its levels; None for a law of its own.
+    least : int
+        Texels along an edge of its last level.
     wants_levels, wants_irradiance, wants_diffuse, wants_latlong : bool
         Which attributes of `Light` it is given: levels of a split sum, nine coefficients, the
         irradiance for cubes, the light as a lat-long.
@@ -175,6 +151,7 @@ class Engine(ABC):
     formats: ClassVar[tuple[str, ...]] = ()
     mapping: ClassVar[LevelMapping | None] = None
     lobes: ClassVar[tuple[str, ...]] = ("ggx",)
+    least: ClassVar[int] = 1
     wants_levels: ClassVar[bool] = True
     wants_irradiance: ClassVar[bool] = True
     wants_diffuse: ClassVar[bool] = False
@@ -191,14 +168,16 @@ class Engine(ABC):
         ArgumentError
             If the engine reads no such size.
         """
-        raise NotImplementedError(f"{self.name} has no levels")
+        return halving(size, self.least)
 
     def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
         """Return the perceptual roughness of each level, by which the engine looks it up."""
-        raise NotImplementedError(f"{self.name} has no levels")
+        if self.mapping is None:
+            raise NotImplementedError(f"{self.name} has a law of its own")
+        return level_roughnesses(len(sizes), self.mapping)
 
     @abstractmethod
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         """Make the files of an engine.
 
         Parameters
@@ -207,7 +186,8 @@ class Engine(ABC):
             All that the engine wants of it, as far as the source knows it. Where a split sum or
             an irradiance map is exported, the rest is missing; the engine leaves out the files
             that need it.
-        wishes : Wishes
+        texels : TexelFormat
+            Of cubes; RGBA16F for engines that leave no choice.
 
         Raises
         ------

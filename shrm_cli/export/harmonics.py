@@ -6,13 +6,12 @@ Every function takes L, shape (9, 3), in the axes of the engine; `in_axes` chang
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.rotation import transform_coefficients
-
-Array = NDArray[np.floating]
 
 # The factors of the harmonics: of 1, of x, y and z, of products, of 3 z^2 - 1, of x^2 - y^2.
 _CONSTANT, _LINEAR = np.sqrt(1 / (4 * np.pi)), np.sqrt(3 / (4 * np.pi))

@@ -4,18 +4,14 @@ Our lat-longs have +Z in the centre and +X in the left quarter. Engines have ano
 same world in their centre, so that whole columns are moved and nothing is interpolated.
 """
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Light, OutputFile, Package
-from shrm_cli.export.pixels import FORMATS, Clipped, clip_warning
+from shrm_cli.export.pixels import FORMATS, limited
 from shrm_cli.files.image import probe_attributes, write_image
-from shrm_cli.files.whole import replacing
-
-Array = NDArray[np.floating]
 
 _HALF = FORMATS["rgba16f"]
 """Engines keep lat-longs in halves; what is beyond them would become infinite there."""
@@ -44,36 +40,18 @@ def rolled(image: Array, degrees: int) -> Array:
     return np.roll(image, steps, axis=1)
 
 
-def clipped(image: Array) -> tuple[Array, Clipped]:
-    """Return a lat-long within half's range, and what was clipped."""
-    limited = np.clip(image, 0, _HALF.largest)
-    above = int(np.count_nonzero((image > _HALF.largest[0]).any(axis=-1)))
-    below = int(np.count_nonzero((image < 0).any(axis=-1)))
-    return limited, Clipped("the lat-long", above, below, float(image.max()), float(image.min()))
-
-
 def add_exr(made: Package, name: str, image: Array, light: Light) -> None:
     """Add an OpenEXR lat-long of halves to a package; it is refused where it is not finite."""
-    limited = _limited(made, name, image)
-
-    def write(path: Path) -> object:
-        return write_image(path, limited, "half", probe_attributes(light.chromaticities))
-
-    made.files.append(OutputFile(name, write))
+    within, attributes = _limited(made, name, image), probe_attributes(light.chromaticities)
+    made.files.append(OutputFile(name, lambda path: write_image(path, within, "half", attributes)))
 
 
 def add_radiance(made: Package, name: str, image: Array) -> None:
     """Add a Radiance file (`.hdr`), RGBE without run lengths, to a package."""
-    limited = _limited(made, name, image)
-    height, width = limited.shape[:2]
+    within = _limited(made, name, image)
+    height, width = within.shape[:2]
     header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
-    data = header + rgbe(limited).tobytes()
-
-    def write(path: Path) -> None:
-        with replacing(path) as temporary:
-            temporary.write_bytes(data)
-
-    made.files.append(OutputFile(name, write))
+    made.add_bytes(name, header + rgbe(within).tobytes())
 
 
 def rgbe(image: Array) -> NDArray[np.uint8]:
@@ -94,8 +72,6 @@ def rgbe(image: Array) -> NDArray[np.uint8]:
 def _limited(made: Package, name: str, image: Array) -> Array:
     if not np.isfinite(image).all():
         raise MapError(f"{name}: pixels are not finite; its light is beyond 32-bit floats, dim it")
-    limited, found = clipped(image)
-    warning = clip_warning(name, _HALF, [found])
-    if warning is not None:
-        made.warnings.append(warning)
-    return limited
+    within, clipped = limited(image, _HALF, "the lat-long")
+    made.tell_clipped(name, _HALF, [clipped])
+    return within

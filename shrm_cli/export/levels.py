@@ -7,25 +7,22 @@ law, and refused where they do not, with the command that makes the right ones.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.export.engine import Engine
 from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.sampling import CubeSampler
-
-Array = NDArray[np.floating]
 
 _SAME = 5e-4
 """Roughnesses that differ by this much are the same: files name them with few digits."""
 
 
 def levels_of_probe(
-    probe: Probe, engine: Engine, size: int, progress: Progress | None = None
+    probe: Probe, engine: Engine, size: int
 ) -> tuple[tuple[Array, ...], tuple[float, ...]]:
     """Make an engine's levels of a probe.
 
@@ -35,8 +32,6 @@ def levels_of_probe(
     engine : Engine
     size : int
         Texels along an edge of level 0.
-    progress : callable, optional
-        Called with the work done, and in all.
 
     Returns
     -------
@@ -51,7 +46,7 @@ def levels_of_probe(
     """
     sizes = engine.sizes(size)
     roughness = engine.roughness(sizes)
-    cubes, _ = make_levels(probe, roughness, size, progress=progress, sizes=sizes)
+    cubes, _ = make_levels(probe, roughness, size, sizes=sizes)
     return tuple(cubes), roughness
 
 

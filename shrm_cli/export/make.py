@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli import __release__
 from shrm_cli.brdf.environment.environment_brdf import environment_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
-from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.pixels import FORMATS
-from shrm_cli.export.readme import readme, readme_name
+from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.files.whole import keeping, together
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
@@ -24,17 +24,16 @@ from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
 from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
-from shrm_cli.progress import Progress
+from shrm_cli.progress import Progress, using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
-
-Array = NDArray[np.floating]
 
 DIFFUSE_ORDER = 64
 """The order of the irradiance that cubes are made of. What is beyond rounds off the edge where the
@@ -184,21 +183,36 @@ def export(
         If the source holds nothing that the engine reads, or does not fit it.
     """
     check(engine, asked)
-    light, told, warnings = gather(source, engine, asked, progress)
-    texels = FORMATS[asked.texels] if asked.texels else None
-    if texels is None and engine.formats:
-        texels = FORMATS[engine.formats[0]]
-    size = light.levels[0].shape[1] if light.levels else asked.size or engine.default_size
+    with using(progress):
+        light, told, warnings = gather(source, engine, asked)
+    texels = FORMATS[asked.texels or (engine.formats or ("rgba16f",))[0]]
     try:
-        made = engine.pack(light, Wishes(size, texels))
+        made = engine.pack(light, texels)
     except MapError as error:  # which names the level or the file that it was to be in
         raise MapError(f"{source.title}: {error}") from None
     if not made.files:
         raise MapError(f"{source.title}: nothing in it is what {engine.title} reads")
     made.told[:0] = told
     made.warnings[:0] = warnings
-    made.add_text(readme_name(light.name), readme(engine, light, made))
+    made.add_text(f"{light.name}_README.md", _readme(engine, light, made))
     return made
+
+
+def _readme(engine: Engine, light: Light, package: Package) -> str:
+    """Return the README: a line each of title, files, what was done, and loading, and the code.
+
+    File names stand in it without folders, so that the same light makes the same text anywhere.
+    """
+    files = ", ".join(code_span(file.name) for file in package.files)
+    told = "; ".join(package.told) or "nothing was turned or scaled"
+    lines = [
+        f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
+        f"Files: {files}.",
+        f"What was done: {told}.",
+        f"Load it in {engine.title}:",
+        *[f"    {line}" for line in package.loading],
+    ]
+    return "\n".join([*lines[:4], "", *lines[4:]]) + "\n"
 
 
 def check(engine: Engine, asked: Asked) -> None:
@@ -222,9 +236,7 @@ def check(engine: Engine, asked: Asked) -> None:
         engine.roughness(engine.sizes(asked.size))
 
 
-def gather(
-    source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
-) -> tuple[Light, list[str], list[str]]:
+def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[str], list[str]]:
     """Make the light that an engine wants, as far as the source knows it.
 
     Returns
@@ -253,22 +265,22 @@ def gather(
         light = replace(light, levels=levels, roughness=roughness, lobe=lobe)
     elif engine.wants_levels and source.probe is not None:
         size = asked.size or engine.default_size
-        levels, roughness = levels_of_probe(source.probe, engine, size, progress)
+        levels, roughness = levels_of_probe(source.probe, engine, size)
         light = replace(light, levels=levels, roughness=roughness)
     if engine.wants_irradiance or engine.wants_diffuse:
-        irradiance, diffuse, lines = _irradiance(source, itself, engine, asked, progress)
+        irradiance, diffuse, lines = _irradiance(source, itself, engine, asked)
         light = replace(light, irradiance=irradiance, diffuse=diffuse)
         warnings += lines
         told = [*told, *([] if irradiance is None else _windowed(irradiance.window))]
     if itself is not None:
-        light = _with_images(light, itself, engine, asked, progress)
+        light = _with_images(light, itself, engine, asked)
     if asked.table:
-        light = replace(light, table=environment_table(TABLE_SIZE, progress=progress))
+        light = replace(light, table=environment_table(TABLE_SIZE))
     return light, [*colors, *told], warnings
 
 
 def _irradiance(
-    source: Source, light: Probe | None, engine: Engine, asked: Asked, progress: Progress | None
+    source: Source, light: Probe | None, engine: Engine, asked: Asked
 ) -> tuple[Irradiance | None, Irradiance | None, list[str]]:
     """Return nine coefficients, those for cubes, and warnings; None where nothing is known."""
     if source.irradiance is not None:
@@ -280,10 +292,11 @@ def _irradiance(
     nine = diffuse = None
     warnings: list[str] = []
     if engine.wants_irradiance:
-        made = prefilter_irradiance(light, window=asked.window or "auto", progress=progress)
+        request = Request.of("irradiance", {"window": asked.window}, light)
+        made = prefilter_irradiance(light, request)
         nine, warnings = made.map, list(made.warnings)
     if engine.wants_diffuse:
-        coefficients = project(light, DIFFUSE_ORDER, progress).coefficients
+        coefficients = project(light, DIFFUSE_ORDER).coefficients
         known = provenance(light, Lambertian(), Orders(DIFFUSE_ORDER, 0, 0.0, 1.0))
         diffuse = Irradiance(coefficients, known)
     return cast(Irradiance | None, nine), diffuse, warnings
@@ -304,20 +317,18 @@ def _nine(irradiance: Irradiance) -> Irradiance:
     return replace(irradiance, coefficients=irradiance.coefficients[:count], window=Window())
 
 
-def _with_images(
-    light: Light, probe: Probe, engine: Engine, asked: Asked, progress: Progress | None
-) -> Light:
+def _with_images(light: Light, probe: Probe, engine: Engine, asked: Asked) -> Light:
     """Add the sharp cube and the lat-long that an engine wants."""
     edge = engine.default_skybox if asked.skybox is None else asked.skybox
     if asked.skybox is None:
         edge = min(edge, default_size(probe, Cube))
     if engine.takes_skybox and edge:
-        light = replace(light, skybox=to_grid(probe, Cube(edge), progress))
+        light = replace(light, skybox=to_grid(probe, Cube(edge)))
     if engine.wants_latlong:
         # Where there are levels, the size is theirs, and the lat-long is as fine as the light.
         rows = 0 if engine.wants_levels else asked.size or engine.default_size
         rows = rows or default_size(probe, LatLong)
-        light = replace(light, latlong=to_grid(probe, LatLong(rows), progress))
+        light = replace(light, latlong=to_grid(probe, LatLong(rows)))
     return light
 
 

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
 
-Array = NDArray[np.floating]
 Words = NDArray[np.unsignedinteger]
 
 
@@ -69,6 +69,15 @@ class Clipped:
     least: float
 
 
+def limited(image: Array, chosen: TexelFormat, what: str) -> tuple[Array, Clipped]:
+    """Return an image within the range of a format, and tell what was clipped."""
+    largest = np.array(chosen.largest)
+    above = int(np.count_nonzero((image > largest).any(axis=-1)))
+    below = int(np.count_nonzero((image < 0).any(axis=-1)))
+    clipped = Clipped(what, above, below, float(image.max()), float(image.min()))
+    return np.clip(image, 0, largest), clipped
+
+
 def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clipped]:
     """Encode an image, little-endian, and tell what was clipped.
 
@@ -95,12 +104,9 @@ def encoded(image: Array, chosen: TexelFormat, what: str) -> tuple[bytes, Clippe
         raise MapError(
             f"{what}: {broken} texels are not finite; its light is beyond 32-bit floats, dim it"
         )
-    largest = np.array(chosen.largest)
-    above = int(np.count_nonzero((image > largest).any(axis=-1)))
-    below = int(np.count_nonzero((image < 0).any(axis=-1)))
-    words = chosen.pack(np.clip(image, 0, largest))
-    little = words.astype(words.dtype.newbyteorder("<"), copy=False)
-    return little.tobytes(), Clipped(what, above, below, float(image.max()), float(image.min()))
+    within, clipped = limited(image, chosen, what)
+    words = chosen.pack(within)
+    return words.astype(words.dtype.newbyteorder("<"), copy=False).tobytes(), clipped
 
 
 def clip_warning(file: str, chosen: TexelFormat, found: Iterable[Clipped]) -> str | None:

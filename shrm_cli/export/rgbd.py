@@ -12,11 +12,10 @@ Babylon.js, ``helperFunctions``: ``toRGBD`` and ``fromRGBD``.
 import zlib
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.export.pixels import Clipped, TexelFormat, encoded
-
-Array = NDArray[np.floating]
 
 LARGEST = 255.0
 """The largest radiance that a pixel can hold."""
@@ -60,12 +59,6 @@ def _pack(radiance: Array) -> NDArray[np.uint8]:
 
 RGBD = TexelFormat("rgbd", "RGBD", (LARGEST,) * 3, 4, _pack)
 """The format; it is no choice of users, because its pixels lie in pictures."""
-
-
-def decode_rgbd(pixels: ArrayLike) -> Array:
-    """Return the linear radiance of pixels, shape (..., 3) from bytes of shape (..., 4)."""
-    pixels = np.asarray(pixels, dtype=np.float64) / 255
-    return np.asarray(pixels[..., :3] ** _GAMMA / pixels[..., 3:])
 
 
 def rgba_png(pixels: NDArray[np.uint8]) -> bytes:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
-from shrm_cli.export.ktx2 import ktx2_cube
+from shrm_cli.export.ktx import ktx2_cube
 from shrm_cli.export.pixels import FORMATS, TexelFormat
 from shrm_cli.files.png import write_png
 from shrm_cli.files.whole import replacing

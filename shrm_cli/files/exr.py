@@ -16,11 +16,9 @@ import OpenEXR
 from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import MOST_CHANNELS, ends_whole, excess
-from shrm_cli.files.noise import quiet
-from shrm_cli.files.openimageio import oiio
+from shrm_cli.files.exr_header import MOST_CHANNELS, SEAL, UNSEALED, ends_whole, excess, seal
+from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
-from shrm_cli.files.seal import SEAL, UNSEALED, seal
 from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.parallel import in_order
 
@@ -34,7 +32,7 @@ _ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
 def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) -> None:
     """Write an OpenEXR file, whole or not at all; see `files.parts.write_parts`.
 
-    It has a digest of itself, see `files.seal`.
+    It has a digest of itself, see `files.exr_header.seal`.
 
     Parameters
     ----------

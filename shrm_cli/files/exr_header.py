@@ -5,17 +5,23 @@ that time. This reads nothing but names and lengths, stops at a limit, and leave
 the libraries, which say what is wrong with them. Of files that were just written it tells whether
 the end is missing, which the library does not, and of any files whether `shrm` has made them.
 
+An attribute of the first header holds the SHA-256 digest of all other bytes of the file. A file
+that was cut off, or overwritten in part, by a full disk or a broken copy, does not fit its digest
+any more. Whether it does is told without decoding pixels, in the time that it takes to read it.
+
 References
 ----------
 "OpenEXR File Layout", Academy Software Foundation.
 """
 
+import hashlib
 import mmap
 import os
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Literal
 
 from shrm_cli.vocabulary import MAX_ORDER_P
 
@@ -46,6 +52,14 @@ _RECIPE = "shrm:recipe"
 """What pictures and made probes have."""
 _OF_PROBE = b'{"probe"'
 """How the recipe of a made probe begins."""
+SEAL = "shrm:digest"
+"""The name of the attribute."""
+UNSEALED = "0" * 64
+"""What it holds until the file is written whole."""
+Condition = Literal["intact", "other", "damaged", "unknown"]
+"""What `condition` finds of a file."""
+_NO_END = bytes(64)
+"""No file of compressed scan lines ends in so many zeros, which would have been compressed."""
 
 
 def excess(path: str | os.PathLike[str]) -> str:
@@ -252,3 +266,67 @@ def is_output(path: str | os.PathLike[str]) -> bool:
 def says_map(path: str | os.PathLike[str]) -> bool:
     """Return whether a file's first header says, as far as it goes, that the file is a map."""
     return not _OF_MAPS.isdisjoint(beginnings(path))
+
+
+def seal(path: str | os.PathLike[str]) -> None:
+    """Write the digest of a file into it, if its first header has a place for it.
+
+    Parameters
+    ----------
+    path : path-like
+        An OpenEXR file that was just written.
+    """
+    with open(path, "r+b") as stream, mmap.mmap(stream.fileno(), 0) as data:
+        place = _place(data)
+        if place is not None:
+            data[place : place + len(UNSEALED)] = _digest(data, place)
+
+
+def condition(path: str | os.PathLike[str]) -> Condition:
+    """Return in what condition a file is, by its digest.
+
+    Returns
+    -------
+    {"intact", "other", "damaged", "unknown"}
+        ``intact`` is a file as it was written. ``damaged`` is one whose end is missing or
+        overwritten. ``other`` is one whose bytes differ otherwise: somebody has edited it, or it
+        is damaged within. ``unknown`` is a file without a digest.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    if os.path.getsize(path) <= len(MAGIC):
+        return "unknown"
+    with (
+        open(path, "rb") as stream,
+        mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+    ):
+        place = _place(data)
+        if place is None:
+            return "unknown"
+        if data[place : place + len(UNSEALED)] == _digest(data, place):
+            return "intact"
+        has_no_end = data[-len(_NO_END) :] == _NO_END
+    return "damaged" if has_no_end or not ends_whole(path) else "other"
+
+
+def _place(data: mmap.mmap) -> int | None:
+    """Return where the digest lies, or None for a file without one."""
+    try:
+        for name, _, begin, size in header_attributes(data):
+            if name == SEAL.encode() and size == len(UNSEALED):
+                return begin
+    except (IndexError, struct.error, ValueError):
+        pass
+    return None
+
+
+def _digest(data: mmap.mmap, place: int) -> bytes:
+    """Return the digest of all bytes but those that hold it, in hexadecimal digits."""
+    digest = hashlib.sha256()
+    with memoryview(data) as view, view[:place] as before, view[place + len(UNSEALED) :] as behind:
+        digest.update(before)
+        digest.update(behind)
+    return digest.hexdigest().encode()

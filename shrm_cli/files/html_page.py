@@ -7,8 +7,17 @@ style than its own, which it names by their digests, and no way to the network.
 import base64
 import hashlib
 import html
+from functools import cache
+from importlib import resources
 
 from shrm_cli import __release__
+
+
+@cache
+def asset(folder: str, name: str) -> str:
+    """Return the text of a file in the folder ``assets`` of a folder of the package."""
+    found = resources.files(f"shrm_cli.{folder}").joinpath("assets", name)
+    return found.read_text(encoding="utf-8")
 
 
 def digest(text: str) -> str:

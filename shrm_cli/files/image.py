@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.files.parts import Part, choose_pixel_type, write_parts
+from shrm_cli.files.parts import Part, choose_storage, write_parts
 from shrm_cli.files.whole import together
 from shrm_cli.vocabulary import PixelType, Precision
 
@@ -71,7 +71,7 @@ def write_images(
     OutputError
         If a value is not finite, half would overflow, or a file cannot be written.
     """
-    chosen = choose_pixel_type(paths[0], images, precision)
+    chosen = choose_storage(paths[0], images, precision).pixel_type
     with together():
         for path, image in zip(paths, images, strict=True):
             write_image(path, image, chosen, attributes)

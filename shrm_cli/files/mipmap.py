@@ -12,7 +12,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.files.openimageio import oiio
-from shrm_cli.files.parts import choose_pixel_type
+from shrm_cli.files.parts import choose_storage
 from shrm_cli.files.whole import cut_off, replacing
 from shrm_cli.vocabulary import PixelType, Precision
 
@@ -49,7 +49,7 @@ def write_mipmap(
     OutputError
         If a value is not finite, half would overflow, or the file cannot be written.
     """
-    pixel_type = choose_pixel_type(path, levels, precision)
+    pixel_type = choose_storage(path, levels, precision).pixel_type
     with replacing(path) as temporary:
         temporary.touch()  # raises the system's error, which OpenImageIO would not report
         _write(temporary, levels, pixel_type, attributes or {})

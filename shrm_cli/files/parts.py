@@ -231,13 +231,6 @@ def write_chosen(
     _container(path).write(path, parts, pixel_type)
 
 
-def choose_pixel_type(
-    path: str | os.PathLike[str], planes: Iterable[Array], precision: Precision
-) -> PixelType:
-    """Choose the pixel type, ``"half"`` or ``"float"``, as `choose_storage` does."""
-    return choose_storage(path, planes, precision).pixel_type
-
-
 def choose_storage(
     path: str | os.PathLike[str],
     planes: Iterable[Array],

@@ -217,6 +217,12 @@ def replacing(target: str | os.PathLike[str]) -> Iterator[Path]:
             discard(temporary)
 
 
+def write_bytes(target: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file, whole or not at all; see `replacing`."""
+    with replacing(target) as temporary:
+        temporary.write_bytes(data)
+
+
 @contextlib.contextmanager
 def together() -> Iterator[None]:
     """Context manager within which files become their targets at its end, or none of them does.

@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.lights.search import brightness_of, typical_brightness
 from shrm_cli.probe.disc import Disc, radius_of
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize, to_azimuth_elevation
-
-Array = NDArray[np.floating]
 
 _SHAPE = 0.25
 """Pixels brighter than this part of the typical brightness tell a lamp's shape."""

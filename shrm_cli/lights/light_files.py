@@ -3,17 +3,14 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import OutputError
 from shrm_cli.files.image import probe_attributes, write_image
-from shrm_cli.files.whole import replacing
 from shrm_cli.lights.split import LampSplit
 from shrm_cli.probe.disc import Disc
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.vocabulary import PixelType, Precision
-
-Array = NDArray[np.floating]
 
 
 def write_residual(path: str, split: LampSplit, precision: Precision = "auto") -> PixelType:
@@ -98,12 +95,6 @@ def usd_text(split: LampSplit, residual: str) -> str:
             )
         )  # fmt: skip
     return "\n".join(parts) + "}\n"
-
-
-def write_text(path: str, text: str) -> None:
-    """Write a text file, whole or not at all, with the same line ends on every system."""
-    with replacing(path) as temporary:
-        temporary.write_bytes(text.encode())
 
 
 def relative_name(residual: str, path: str) -> str:

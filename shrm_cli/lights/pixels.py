@@ -7,11 +7,11 @@ space is near on the sphere.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.intp]
 
 _KEYS = 2**21

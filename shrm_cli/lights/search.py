@@ -7,12 +7,10 @@ that is allowed are not followed.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.lights.pixels import Indices, SpherePixels, clusters
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 _FLOOR = 2.0
 """The lowest level, over the mean brightness of an image whose brightest pixels are dimmed."""

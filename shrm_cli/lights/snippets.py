@@ -8,12 +8,10 @@ import json
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.lights.light_files import intensity_and_color, light_axes
 from shrm_cli.probe.disc import Disc
-
-Array = NDArray[np.floating]
 
 
 def snippet(engine: str, discs: Sequence[Disc]) -> str:

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.lights.lamp import Lamp, Light, clipping, disc_of
 from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.proof import Proof, irradiance_rms, light_coefficients, order_on, prove
@@ -26,8 +27,6 @@ from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
-
-Array = NDArray[np.floating]
 
 _MOST_DISCS = 16
 """Discs of a lamp, at most."""
@@ -93,6 +92,27 @@ class LampSplit:
     def residual_probe(self) -> Probe:
         """The residual as a probe in memory."""
         return _in_memory(self.probe, self.residual, np.eye(3))
+
+    @property
+    def clipped(self) -> list[str]:
+        """A line about each lamp that may be clipped."""
+        return [
+            f"lamp {number} may be clipped: {lamp.clipped}; its irradiance may be too low"
+            for number, lamp in enumerate(self.lamps, 1)
+            if lamp.clipped
+        ]
+
+    @property
+    def changed(self) -> list[str]:
+        """A line about the irradiance, if it changes more than is allowed."""
+        if self.proof.rms <= self.error:
+            return []
+        turned = not np.array_equal(self.probe.matrix, np.eye(3))
+        cure = "turning it resampled its pixels, do that later" if turned else "check it before use"
+        return [
+            f"residual and discs change the irradiance by {self.proof.rms:.3%} RMS, more than "
+            f"the {self.error:.3g} that `error` allows; {cure}"
+        ]
 
     @cached_property
     def proof(self) -> Proof:

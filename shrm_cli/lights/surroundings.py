@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.lights.pixels import Indices, SpherePixels, near
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
-
-Array = NDArray[np.floating]
 
 _GROWN = 2.3
 """Mean distances of pixels that a lamp is grown by: filters blur it, and leave dark rims."""

@@ -2,18 +2,21 @@
 
 A probe is read once, and projected once to each order, for all its maps. What goes wrong with one
 pair, or with one probe, leaves the others alone, as in `shrm batch`.
+
+A probe's exposure comes from its light alone, so that all materials share it. It is metered as
+photographers do with an incident-light meter: by a white, diffuse ball, which is lit by the whole
+probe. The luminance that a tenth of the ball's surface exceeds is shown as 80 % of white. It
+depends neither on the materials nor on the view, so that a turntable does not flicker.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.batch.work import error_line
 from shrm_cli.color import to_rec709
 from shrm_cli.files.picture import Picture
-from shrm_cli.lookdev.exposure import metered
 from shrm_cli.maps.base import Map
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.options import ReadOptions
@@ -23,10 +26,21 @@ from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, background_rows
-from shrm_cli.render.image import expose
+from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sphere import render_background, render_sphere
+from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.vocabulary import LUMINANCE
 
-Array = NDArray[np.floating]
+SHOWN = 0.8
+"""Linear grey, 1 being white, of the luminance that is metered: 231 of 255 in sRGB."""
+BRIGHTEST = 0.1
+"""The part of the ball's surface that is brighter than what is metered."""
+_TEXELS = 16
+"""Texels along an edge of the cube on which the ball is sampled; irradiance is smooth."""
+_STEP = 0.1
+"""Stops to which exposures are rounded, so that a label states them exactly."""
+_MOST = 32.0
+"""The most stops either way, as `shrm render --exposure` takes them."""
 
 
 @record
@@ -55,22 +69,14 @@ class Wanted:
 
 
 @record
-class Cell:
-    """A material under a probe: its map, or why there is none."""
-
-    map: Map | None
-    error: str = ""
-
-
-@record
 class Column:
     """A probe and its maps.
 
     Attributes
     ----------
     path : str
-    cells : tuple of Cell
-        One for each material.
+    cells : tuple of Map or str
+        For each material the map, or why there is none.
     surroundings : Probe, optional
         What is seen behind the spheres; None if the probe cannot be used.
     exposure : float
@@ -80,29 +86,54 @@ class Column:
     """
 
     path: str
-    cells: tuple[Cell, ...]
+    cells: tuple[Map | str, ...]
     surroundings: Probe | None = None
     exposure: float = 0.0
     warnings: tuple[str, ...] = ()
 
-    def tiles(self, viewer: Viewer, size: int) -> Iterator[Picture | None]:
+    def tiles(self, viewer: Viewer, size: int) -> Iterator[Picture | str]:
         """Draw the spheres before their surroundings.
 
         Yields
         ------
-        ndarray of float32, shape (size, size, 3), or None
-            Linear Rec.709, exposed; None where there is no map.
+        ndarray of float32, shape (size, size, 3), or str
+            Linear Rec.709, exposed; where there is no map, why.
         """
         behind = None
         if self.surroundings is not None:
             behind = render_background(self.surroundings, viewer, size)
         for cell in self.cells:
-            if cell.map is None:
-                yield None
+            if isinstance(cell, str):
+                yield cell
                 continue
-            drawn = expose(render_sphere(cell.map, viewer, size, behind), self.exposure)
-            matrix = to_rec709(cell.map.info.chromaticities)
+            drawn = expose(render_sphere(cell, viewer, size, behind), self.exposure)
+            matrix = to_rec709(cell.info.chromaticities)
             yield drawn if matrix is None else drawn @ matrix.T.astype(np.float32)
+
+
+def metered(probe: Probe) -> float:
+    """Return the exposure of a probe in stops, a multiple of a tenth; 0 if it is black.
+
+    Parameters
+    ----------
+    probe : Probe
+
+    Raises
+    ------
+    ProbeError
+        If the probe cannot be read.
+    """
+    ball = prefilter_with_facts(probe, "irradiance", {"window": "auto"}).map
+    normals = cube_directions(_TEXELS)
+    radiance = ball.radiance(normals, normals)  # of a white surface: its irradiance over pi
+    matrix = to_rec709(probe.chromaticities)
+    shown = radiance if matrix is None else radiance @ matrix.T
+    areas = np.tile(cube_solid_angles(_TEXELS, "center"), (6, 1))
+    (level,) = weighted_quantiles(shown @ LUMINANCE, areas, [1 - BRIGHTEST])
+    if not level > 0:
+        return 0.0
+    stops = round(float(np.log2(SHOWN / level)) / _STEP) * _STEP
+    return round(min(max(stops, -_MOST), _MOST), 6)
 
 
 def make_column(
@@ -130,8 +161,8 @@ def make_column(
         exposure = metered(probe) if wanted.exposure is None else wanted.exposure
         behind = coarse_probe(probe, background_rows(wanted.size))
     except Exception as error:  # whatever is wrong with one probe must not stop the others
-        return Column(path, (Cell(None, error_line(error)),) * count)
-    cells: list[Cell] = []
+        return Column(path, (error_line(error),) * count)
+    cells: list[Map | str] = []
     told: list[str] = []
     stages = Stages(progress, count)
     for spec in wanted.specs:
@@ -139,9 +170,9 @@ def make_column(
             given = {**wanted.arguments, "brdf": spec}
             made = prefilter_with_facts(probe, wanted.to, given, stages.within)
         except Exception as error:
-            cells.append(Cell(None, error_line(error)))
+            cells.append(error_line(error))
         else:
-            cells.append(Cell(made.map))
+            cells.append(made.map)
             told += [f"{spec}: {line}" for line in made.warnings]
         stages.done(len(cells), count)
     # What the pixels needed is known when they have been read.

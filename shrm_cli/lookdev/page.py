@@ -1,20 +1,25 @@
-"""The page of a sheet: one file, without a network, whose columns can be exposed anew."""
+"""The page of a sheet: one file, without a network, whose columns can be exposed anew.
+
+Short names of materials and probes stand beside its rows and columns, as on pictures of sheets.
+"""
 
 import base64
 import html
+from collections import Counter
 from collections.abc import Sequence
-from importlib import resources
 
 import numpy as np
-from numpy.typing import NDArray
 
-from shrm_cli.files.html_page import html_page
+from shrm_cli.brdf.spec import file_label, names_file
+from shrm_cli.brdf.sums import is_sum, term_texts
+from shrm_cli.files.html_page import asset, html_page
 from shrm_cli.files.picture import Picture
 from shrm_cli.lookdev.columns import Column
 from shrm_cli.maps.options import counted
+from shrm_cli.naming import probe_stem
 
-Array = NDArray[np.floating]
-
+_MOST = 24
+"""Characters of a short name; longer ones end in an ellipsis."""
 _STOPS = 8
 """Stops that a slider goes either way."""
 _HALF_MAX = 65504.0
@@ -46,8 +51,8 @@ def lookdev_page(
     str
         HTML, to be written as UTF-8.
     """
-    style = f":root {{ --cell: {size}px; }}\n{_asset('page.css')}"
-    script = _asset("page.js")
+    style = f":root {{ --cell: {size}px; }}\n" + asset("lookdev", "page.css")
+    script = asset("lookdev", "page.js")
     sections = [
         _section(column, head, sides, cells, size)
         for column, head, cells in zip(columns, heads, tiles, strict=True)
@@ -100,5 +105,35 @@ def _halves(picture: Picture) -> str:
     return base64.b64encode(limited.tobytes()).decode("ascii")
 
 
-def _asset(name: str) -> str:
-    return resources.files("shrm_cli.lookdev").joinpath("assets", name).read_text(encoding="utf-8")
+def material_names(specs: Sequence[str]) -> list[str]:
+    """Return a short name for each specification of a BRDF, and no two alike.
+
+    ``ggx:roughness=0.4,f0=gold`` is ``ggx 0.4 gold``, a measured file is its name without folder
+    and suffix, and ``0.9*lambertian+0.1*ggx`` is ``lambertian + ggx``. Where that is the same for
+    two of them, both keep all that they say.
+    """
+    return _told_apart([_short(spec) for spec in specs], [file_label(spec) for spec in specs])
+
+
+def probe_names(paths: Sequence[str]) -> list[str]:
+    """Return a short name for each probe: that of its file, with its folder where two are alike."""
+    return _told_apart([probe_stem(path) for path in paths], paths)
+
+
+def _told_apart(short: Sequence[str], full: Sequence[str]) -> list[str]:
+    counts = Counter(short)
+    return [name if counts[name] == 1 else text for name, text in zip(short, full, strict=True)]
+
+
+def _short(spec: str) -> str:
+    if is_sum(spec):
+        return _cut(" + ".join(_short(term).partition(" ")[0] for term in term_texts(spec)))
+    if names_file(spec):
+        return _cut(file_label(spec))
+    name, _, parameters = spec.partition(":")
+    values = [pair.partition("=")[2] or pair for pair in parameters.split(",") if pair]
+    return _cut(" ".join([name.strip(), *(value.strip() for value in values)]))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MOST else f"{text[: _MOST - 3]}..."

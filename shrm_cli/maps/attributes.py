@@ -31,13 +31,13 @@ from shrm_cli.vocabulary import (
 if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
 
-VERSION = 5
+VERSION = 6
 """The newest version of the format of files that this version of `shrm` reads.
 
 Compressed maps, sums of terms and other layouts than OpenEXR's cube are written as version 2, and
 irradiance, split sums and SH exponentials as version 3, principal functions as version 4, and
-product textures as version 5. All other maps are written as version 1,
-which earlier versions of `shrm` read too.
+product textures as version 5. Maps with lamps beside them are written as version 6. All other maps
+are written as version 1, which earlier versions of `shrm` read too.
 """
 
 COLORS = "RGB"
@@ -87,7 +87,7 @@ def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
         "shrm:center": reflection_map.center,
         "shrm:F": info.order_f,
         "shrm:P": order_p,
-        "shrm:epsilon": float(info.tolerance),
+        "shrm:epsilon": float(info.eps),
         "shrm:brdf_energy_captured": float(info.captured),
         "shrm:predicted_error": float(info.predicted_error),
         "shrm:brdf": json.dumps(info.brdf, sort_keys=True),

@@ -6,7 +6,7 @@ has these modules:
 ``options``
     The options of `shrm prefilter` that the representation obeys; this module loads no numpy.
 ``prefilter``
-    How the map is made: ``prefilter(probe, ...) -> Prefiltered``.
+    How the map is made: ``prefilter(probe, request) -> Prefiltered``.
 ``file``
     The layout of the map in a file: ``encode(map) -> list of Part``, ``decode(file) -> map``.
 ``report``
@@ -238,6 +238,11 @@ class Map(ABC):
         return f"a map of representation {self.representation}"
 
     @property
+    def stored(self) -> Map:
+        """The map whose cubes files hold: the map itself, unless lamps are beside it."""
+        return self
+
+    @property
     def is_exact_in_half(self) -> bool:
         """Whether half-precision floats represent every value of the map's cubes exactly."""
         return all(_is_exact(plane) for plane in self.planes())
@@ -265,7 +270,7 @@ class Map(ABC):
             "order_f": info.order_f,
             "order_p": info.order_p,
             "order_carried": info.order_carried,
-            "epsilon": info.tolerance,
+            "epsilon": info.eps,
             "brdf_energy_captured": info.captured,
             "predicted_error": info.predicted_error,
             "added_error": info.added_error,
@@ -478,15 +483,7 @@ def _is_exact(values: Array) -> bool:
 
 
 def _lost(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
-    """Return the relative RMS difference of two cubes at the texels of the first.
-
-    Parameters
-    ----------
-    before, after : ndarray, shape (6N, N, channels)
-        The cubes, whose sizes may differ.
-    old, new : {"center", "border"}
-        Their samplings.
-    """
+    """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
     from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
     from shrm_cli.sphere.sampling import CubeSampler
 

@@ -196,4 +196,4 @@ def carry(
         if known >= wanted or (is_known and made.estimated <= _UNKNOWN * made.error**2):
             return made
         further = min(2 * known, wanted)
-        coefficients = extended(brdf, coefficients, orders.tolerance, further, light.progress)
+        coefficients = extended(brdf, coefficients, orders.eps, further)

@@ -91,7 +91,7 @@ def store(
     if precision == "auto":
         precision = reflection_map.natural_precision
     parts = [arrangement.arranged(part) for part in reflection_map.encode()]
-    info = reflection_map.info
+    info = reflection_map.stored.info
     allowed = _ALLOWED * float(np.hypot(info.predicted_error, info.added_error))
     storage, parts = prepared(path, parts, precision, allowed)
     if storage.error:
@@ -122,7 +122,13 @@ def open_map(path: str | os.PathLike[str]) -> Map:
             f"{path}: a {name} map is never laid out as {attributes['layout']}; make it again"
         )
     found: Map = registry.module(name, "file").decode(file)
-    return found
+    if file.first.attribute("shrm:lamps") is None:
+        return found
+    # Few maps have lamps beside them; others are spared these modules.
+    from shrm_cli.maps.lamps.attribute import read_lamps
+    from shrm_cli.maps.lamps.map import LampMap
+
+    return LampMap(found, *read_lamps(file.first), path=os.fspath(path))
 
 
 @record

@@ -22,7 +22,7 @@ class MapInfo:
     order_f, order_p : int
         The orders F and P, inclusive, that the tolerance asks for. The map keeps no higher order
         of the view than P, but orders of the light up to `carried`.
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that the orders were allowed to miss (eps).
     captured : float
         The fraction of the BRDF's energy that the orders capture.
@@ -56,12 +56,12 @@ class MapInfo:
         used to choose sizes.
     options : dict
         The arguments that prefiltering was given, and how it read the probe under ``reading``; see
-        `shrm_cli.prefilter.options_of`.
+        `shrm_cli.maps.request.Request.record`.
     """
 
     order_f: int
     order_p: int
-    tolerance: float
+    eps: float
     captured: float
     predicted_error: float
     brdf: dict[str, Any] = field(default_factory=dict)

@@ -49,7 +49,12 @@ def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
 
 
 def examined(made: Prefiltered) -> Prefiltered:
-    """Record the negative share of a map that was just made, and warn of it where it is seen."""
+    """Record the negative share of a map that was just made, and warn of it where it is seen.
+
+    Where that was done, as the share decides which map is made, it is not done again.
+    """
+    if "negative_share" in made.further:
+        return made
     share = negative_share(made.map)
     # It stands behind the facts that are still to be found, so that JSON keeps its order.
     further = {**made.further, "negative_share": lambda: share}

@@ -7,6 +7,7 @@ This module and the module ``options`` in each representation's folder load no n
 import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
 from typing import Any
 
 from shrm_cli.errors import ArgumentError
@@ -54,6 +55,8 @@ class Option:
         Whether ``shrm convert`` takes the argument too.
     prints : bool
         Whether the argument only asks the command for more output, and does not change the map.
+    default : optional
+        The value where it is not given; None where that follows from something else.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Option:
     metavar: str = ""
     converts: bool = False
     prints: bool = False
+    default: Any = None
 
     def checked(self, value: object) -> Any:
         """Return a value as the makers of maps take it: numbers of numpy become Python's.
@@ -179,6 +183,11 @@ class Representation:
         The representation's own arguments.
     why_no_brdf : str
         Why the representation needs no BRDF; empty where it needs one.
+    own_defaults : mapping of str to value
+        Its defaults of shared arguments, where they are others than those in `SHARED`.
+    steps : tuple of mapping of str to value
+        The settings, from the coarsest on, of which an error that is asked for takes the first
+        that keeps it; empty where the maker itself chooses. See `shrm_cli.maps.attempts`.
     """
 
     name: str
@@ -186,6 +195,8 @@ class Representation:
     takes: frozenset[str]
     options: tuple[Option, ...] = ()
     why_no_brdf: str = ""
+    own_defaults: Mapping[str, Any] = field(default_factory=dict)
+    steps: tuple[dict[str, Any], ...] = ()
 
     @property
     def needs_brdf(self) -> bool:
@@ -197,6 +208,14 @@ class Representation:
         """All arguments of its making, shared ones and its own."""
         return self.takes | {option.name for option in self.options if not option.prints}
 
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """The values of arguments that are not given, where they follow from nothing else."""
+        shared = [SHARED[name] for name in sorted(self.takes & SHARED.keys())]
+        found = {option.name: option.default for option in (*shared, *self.options)}
+        found |= self.own_defaults
+        return {name: value for name, value in found.items() if value is not None}
+
 
 SHARED = {
     option.name: option
@@ -207,6 +226,7 @@ SHARED = {
             f"[default: {DEFAULT_EPS:g}]",
             "fraction",
             metavar="X",
+            default=DEFAULT_EPS,
         ),
         Option(
             "error",
@@ -236,6 +256,7 @@ SHARED = {
             "Where to prefilter explicit maps; angular takes minutes.  [default: frequency]",
             "choice",
             choices=DOMAINS,
+            default="frequency",
         ),
         Option(
             "source_height",
@@ -249,6 +270,7 @@ SHARED = {
             "Axes of the view in the map: the world's, or each texel's own.  [default: global]",
             "choice",
             choices=FRAMES,
+            default="global",
         ),
         Option(
             "size",
@@ -264,18 +286,23 @@ SHARED = {
             "bytes",
             metavar="BYTES",
         ),
-        Option("sampling", "Where the edge texels of the map lie.", "choice", choices=SAMPLINGS),
+        Option(
+            "sampling",
+            "Where the edge texels of the map lie.",
+            "choice",
+            choices=SAMPLINGS,
+            default="center",
+        ),
+        Option(
+            "sun",
+            "split: take the lamps out, as shrm sun does. The map is of what is left, and they are "
+            "beside it, integrated where it is used.",
+            "choice",
+            choices=("split",),
+        ),
     )
 }
 """The arguments that several representations share, by name."""
-
-DEFAULTS: dict[str, Any] = {
-    "eps": DEFAULT_EPS,
-    "domain": "frequency",
-    "frame": "global",
-    "sampling": "center",
-}
-"""The values of shared arguments that are not given, where they follow from nothing else."""
 
 SHADER = Option(
     "shader",
@@ -303,20 +330,22 @@ WINDOW = Option(
     "and leave nothing that is seen negative.  [default: auto]",
     "text",
     metavar="NAME[:WIDTH]",
+    default="auto",
 )
 """The argument of representations that hold the light as a short series."""
 
 CUBE_ARGUMENTS = frozenset(("size", "sampling"))
 """The arguments that representations which hold cubes share."""
 
-BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS - {"error", "seen"}
+BRDF_ARGUMENTS = frozenset(("brdf", *SHARED)) - CUBE_ARGUMENTS
 """The arguments that representations which are made for a BRDF share."""
 
 AUTOMATIC = Representation(
     AUTO,
     "the form that the picture needs",
-    frozenset(("brdf", "error", "seen", "center", "max_size")) | CUBE_ARGUMENTS,
+    frozenset(("brdf", "error", "seen", "center", "max_size", "sun")) | CUBE_ARGUMENTS,
     (SHADER, TEXTURES),
+    own_defaults={"max_size": DEFAULT_MAX_SIZE},
 )
 """What is asked for where the form is not: its arguments are those of every form that may be it."""
 
@@ -385,4 +414,4 @@ def listing(names: Sequence[str], word: str) -> str:
 
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun in the singular or the plural: ``1 level``, ``8 levels``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"

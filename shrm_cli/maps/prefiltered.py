@@ -15,6 +15,8 @@ from shrm_cli.records import record
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
+REMEDY = "take them out with `shrm sun` and prefilter its light file, dim them by `clamp`"
+"""What helps against lamps; `prefilter` says so in other words where it knows the lamps."""
 
 
 @record(eq=False)

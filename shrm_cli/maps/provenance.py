@@ -29,7 +29,7 @@ def provenance(probe: Probe, brdf: Brdf, orders: Orders) -> MapInfo:
     return MapInfo(
         orders.order_f,
         orders.order_p,
-        orders.tolerance,
+        orders.eps,
         orders.captured,
         0.0,
         record_of(brdf),

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from shrm_cli.maps.negative import negative_share
+from shrm_cli.maps.lobes_lit import keeping_light
+from shrm_cli.maps.negative import examined
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.prefiltered import REMEDY, Prefiltered
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Propose, least_wrong, rising
 from shrm_cli.vocabulary import NEGATIVE_SHARE
 
-if TYPE_CHECKING:
-    from shrm_cli.maps.prefiltered import Prefiltered
 
-
+@keeping_light()
 def kept_or_best(
     propose: Propose,
     goal: Goal,
@@ -49,8 +48,8 @@ def kept_or_best(
         other = None if dark else instead(candidate)
         if other is not None:
             return other
-        made = candidate.make()
-        share = negative_share(made.map)
+        made = examined(judged(candidate.make(), candidate))
+        share = made.further["negative_share"]()
         if share <= NEGATIVE_SHARE:
             return made
         dark.append((share, made))
@@ -60,8 +59,14 @@ def kept_or_best(
         least = policy.MISSED * min(share for share, _ in dark)
         return next(made for share, made in dark if share <= least)
     best = least_wrong(tried, goal)
-    made = best.make()
+    made = judged(best.make(), best)
     return replace(made, warnings=(*made.warnings, _missed(best, goal, max_size)))
+
+
+def judged(made: Prefiltered, candidate: Candidate[Prefiltered]) -> Prefiltered:
+    """Record the wrong share that a map was chosen by, so that no report computes it again."""
+    share = {"predicted_wrong_share": lambda: candidate.wrong_share}
+    return replace(made, further={**made.further, **share})
 
 
 def goal_text(goal: Goal) -> str:
@@ -77,6 +82,5 @@ def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
     return (
         f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
         f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the "
-        "most: take them out with `shrm sun` and prefilter its light file, dim them by "
-        f"`clamp`{more}"
+        f"most: {REMEDY}{more}"
     )

@@ -77,15 +77,22 @@ def total_error(error: float, filter_error: float) -> float:
     return float(np.linalg.norm([error, filter_error, HALF_ERROR]))
 
 
-def nothing_fits(size: int | None) -> ArgumentError:
-    """Return the error that refuses a number of bytes which not even a single cube fits into.
+def sizes_of(size: int | None) -> tuple[int, ...]:
+    """Return the sizes of cubes that are tried, which are one where it is given."""
+    return TRIED_SIZES if size is None else (size,)
+
+
+def nothing_fits(size: int | None, terms: int = 1) -> ArgumentError:
+    """Return the error that refuses a number of bytes which not even a cube a term fits into.
 
     Parameters
     ----------
     size : int, optional
         Texels along a face's edge, where they are given.
+    terms : int
+        The number of terms that need a cube each.
     """
-    least = stored_bytes(TRIED_SIZES[0] if size is None else size, 1)
+    least = stored_bytes(TRIED_SIZES[0] if size is None else size, terms)
     return ArgumentError("max_size", f"is too small: the least map takes {least:,} bytes")
 
 

@@ -1,13 +1,17 @@
 """The one search: of candidates that are known by bytes and errors, the fewest bytes that suffice.
 
 A form of maps offers its candidates in rows. In a row the cubes have one size, and each candidate
-has more of them than the one before it, and less error. So the first of a row that keeps an error
-is found by halving.
+has more of them than the one before it, and nearly always less error. So the first of a row that
+keeps an error is about where halving finds one. Those of somewhat fewer bytes are then looked at
+one by one, because what look-ups between texels blur may rise with a cube.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field
 from functools import cached_property
+from math import inf
+from operator import itemgetter
 from typing import Any, Generic, Protocol, TypeVar
 
 from shrm_cli.plan import policy
@@ -44,15 +48,32 @@ class Row(Generic[C]):
     bytes_of : callable
         Returns the most bytes that a candidate takes, by its index; it rises.
     candidate : callable
-        Returns a candidate by its index. Its error falls with the index.
+        Returns a candidate by its index. Its error mostly falls with the index.
     """
 
     count: int
     bytes_of: Callable[[int], int]
     candidate: Callable[[int], C]
 
+    def every(self) -> list[C]:
+        """Return all candidates."""
+        return [self.candidate(index) for index in range(self.count)]
 
-def fewest_bytes(rows: Iterable[Row[C]], error: float) -> tuple[C, bool] | None:
+    def below(self, most: float) -> int:
+        """Return the number of candidates that take fewer bytes than so many."""
+        return bisect_left(range(self.count), most, key=self.bytes_of)
+
+    def first(self, error: float, last: int) -> C:
+        """Find one that keeps an error, as the last one does, by halving."""
+        index = bisect_left(
+            range(last), True, key=lambda index: self.candidate(index).total_error <= error
+        )
+        return self.candidate(index)
+
+
+def fewest_bytes(
+    rows: Iterable[Row[C]], error: float, look_near: bool = True
+) -> tuple[C, bool] | None:
     """Find the candidate of the fewest bytes that keeps an error; else that of the least error.
 
     Parameters
@@ -60,6 +81,8 @@ def fewest_bytes(rows: Iterable[Row[C]], error: float) -> tuple[C, bool] | None:
     rows : iterable of Row
     error : float
         The total error that may be made.
+    look_near : bool
+        Whether to look past errors that rise with a cube.
 
     Returns
     -------
@@ -68,28 +91,41 @@ def fewest_bytes(rows: Iterable[Row[C]], error: float) -> tuple[C, bool] | None:
         Whether it keeps the error.
         None stands for both where the rows are empty.
     """
+    rows = list(rows)
     best: C | None = None
     found: C | None = None
     for row in rows:
-        last = row.count - 1
-        while found is not None and last >= 0 and row.bytes_of(last) >= found.bytes:
-            last -= 1
+        last = row.below(inf if found is None else found.bytes) - 1
         if last < 0:
             continue
         most = row.candidate(last)
         if best is None or most.total_error < best.total_error:
             best = most
-        if most.total_error > error:
-            continue
-        low, high = 0, last
-        while low < high:
-            middle = (low + high) // 2
-            is_met = row.candidate(middle).total_error <= error
-            low, high = (low, middle) if is_met else (middle + 1, high)
-        found = row.candidate(low)
+        if most.total_error <= error:
+            found = row.first(error, last)
+    while (
+        look_near
+        and found is not None
+        and (fewer := _first_near(rows, error, found.bytes)) is not None
+    ):
+        found = fewer
     if found is not None:
         return found, True
     return None if best is None else (best, False)
+
+
+def _first_near(rows: Iterable[Row[C]], error: float, most: int) -> C | None:
+    """Return the first that keeps an error of those that take somewhat fewer bytes than known."""
+    near: list[tuple[int, Row[C], int]] = []
+    for row in rows:
+        last = row.below(most) - 1
+        if last < 0 or row.candidate(last).total_error > policy.NEARLY_KEPT * error:
+            continue
+        first = min(row.below(policy.NEAR * most), last)
+        near += [(row.bytes_of(index), row, index) for index in range(first, last + 1)]
+    near.sort(key=itemgetter(0))
+    by_bytes = (row.candidate(index) for _, row, index in near)
+    return next((each for each in by_bytes if each.total_error <= error), None)
 
 
 def least_errors(rows: Iterable[Row[C]]) -> list[C]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from shrm_cli.errors import ProbeError
-from shrm_cli.files.noise import quiet
+from shrm_cli.files.openimageio import quiet
 from shrm_cli.records import record
 
 _COLORS = (("R", "G", "B"), ("RED", "GREEN", "BLUE"))

@@ -22,6 +22,7 @@ from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
 
@@ -129,7 +130,9 @@ class SumImage:
         """Yield first rows and pixels of one light after the other."""
         grid = LatLong(self.height)
         for term in self.terms:
-            yield 0, to_grid(term.probe, grid) * term.scale.astype(np.float32)
+            with using(None):
+                image = to_grid(term.probe, grid)
+            yield 0, image * term.scale.astype(np.float32)
         for disc in self.discs:
             for start, coverage in disc_rows(disc, self.height):
                 yield start, coverage[..., None] * disc.radiance

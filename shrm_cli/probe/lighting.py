@@ -1,24 +1,138 @@
-"""Probe -> Lighting: the spherical harmonic coefficients of the incident light."""
+"""Probe -> Lighting: the spherical harmonic coefficients of the incident light.
 
+Small lamps near the poles of a lat-long count by the solid angles of their pixels. The rule that
+integrates a lat-long is exact where the light is smooth, and pays for it near the poles: the first
+row weighs .873 of its solid angle, the second one 1.024 of it. No set of weights has both,
+exactness and areas. So the two are divided: what is smooth is integrated by the rule, and what
+stands out of it within the polar rows, such as a sun in the zenith, by areas.
+"""
+
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
-from shrm_cli.probe.lamps import PolarRows
 from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
+from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 
 if TYPE_CHECKING:
     from shrm_cli.probe.light_sum import LightSum
 
+_MOST_ROWS = 32
+"""Rows at each pole; farther away the rule and the areas differ by less than 1e-4."""
+_PART = 4
+"""These rows are no more than the height over this."""
+_STANDS_OUT = 4.0
+"""What is brighter than the mean of the polar rows without their lamps, times this, is a lamp.
+
+Smooth light is at most so bright that its waves are longer than the rows are high.
+"""
+_PASSES, _SETTLED = 16, 0.99
+"""The mean is taken anew, with lamps dimmed to the limit, until the limit falls by less than this.
+A lamp that raised its own limit would be smooth in part: a row of 32 lost .8 % of its light."""
 _ROWS_AT_ONCE = 16
 """The rows whose squares are summed at a time, which stay in the processor's cache."""
+
+
+@record(eq=False)
+class Lamps:
+    """What integrals over a block of polar rows must add for lamps.
+
+    Attributes
+    ----------
+    start : int
+        The first row.
+    excess : ndarray, shape (rows, width, 3)
+        Radiance of the lamps above the smooth light.
+    smooth : ndarray, shape (rows, width, 3)
+        Radiance of what is left.
+    ratios : ndarray, shape (rows, 1, 1)
+        What the solid angle is more than the weight of the rule, over that weight.
+    """
+
+    start: int
+    excess: Array
+    smooth: Array
+    ratios: Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.excess.shape[0], self.excess.shape[1]
+
+    @property
+    def light(self) -> Array:
+        """Radiance to be added to the pixels, with the rule's weights: (rows, width, 3)."""
+        return self.excess * self.ratios
+
+    @property
+    def squares(self) -> Array:
+        """The same of the squared radiance."""
+        return (self.excess**2 + 2 * self.excess * self.smooth) * self.ratios
+
+
+class PolarRows:
+    """Gathers the polar rows of an image, which arrives in blocks of rows.
+
+    Parameters
+    ----------
+    grid : Grid
+        Nothing is gathered, and there are no lamps, where weights are solid angles.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self._ratios = grid.area_ratios()
+        rows, width = grid.shape
+        self._count = 0 if self._ratios is None else min(rows // _PART, _MOST_ROWS)
+        self._starts = (0, rows - self._count)
+        self._caps = [np.zeros((self._count, width, 3), np.float32) for _ in self._starts]
+
+    def add(self, start: int, pixels: Array) -> None:
+        """Take in a block of rows, pixels of shape (rows, width, 3)."""
+        stop = start + len(pixels)
+        for first, cap in zip(self._starts, self._caps, strict=True):
+            low, high = max(start, first), min(stop, first + self._count)
+            if low < high:
+                cap[low - first : high - first] = pixels[low - start : high - start]
+
+    def lamps(self) -> Iterator[Lamps]:
+        """Yield the lamps at each pole, where there are any, after all rows were added."""
+        for start, cap in zip(self._starts, self._caps, strict=True):
+            if self._ratios is None or not cap.any():
+                continue
+            ratios, areas = (each[start : start + self._count] for each in self._ratios)
+            # Numpy takes several times as long for the maximum along an axis of three.
+            brightest = np.maximum(np.maximum(cap[..., 0], cap[..., 1]), cap[..., 2])
+            limit = _limit(brightest, areas / areas.sum())
+            if brightest.max() > limit:
+                most = np.maximum(brightest, max(limit, float(np.finfo(np.float32).tiny)))
+                excess = cap * (1 - limit / most)[..., None]
+                yield Lamps(start, excess, cap - excess, ratios[:, None, None])
+
+
+def _limit(brightest: Array, shares: Array) -> float:
+    """What is brighter is a lamp, of radiance (rows, width) in rows with shares of the area."""
+    limit = float(brightest.max())
+    for _ in range(_PASSES):
+        before = limit
+        limit = _STANDS_OUT * float(shares @ np.minimum(brightest, before).mean(axis=1))
+        if limit >= _SETTLED * before:
+            break
+    return limit
+
+
+def lamps_of(grid: Grid, image: Array) -> Iterator[Lamps]:
+    """Yield the lamps near the poles of a whole image, shape (rows, width, 3)."""
+    rows = PolarRows(grid)
+    rows.add(0, image)
+    return rows.lamps()
 
 
 @record(eq=False)
@@ -67,14 +181,10 @@ class Projection:
     Parameters
     ----------
     probe : Probe
-    progress : callable, optional
-        Called with the rows read and their number. Other work on a map of the light may take it
-        from the attribute of that name.
     """
 
-    def __init__(self, probe: Probe, progress: Progress | None = None) -> None:
+    def __init__(self, probe: Probe) -> None:
         self.probe = probe
-        self.progress = progress
         self._known: Lighting | None = None
 
     def to_order(self, order: int) -> Lighting:
@@ -86,11 +196,11 @@ class Projection:
             If the probe cannot be read.
         """
         if self._known is None or self._known.order < order:
-            self._known = project(self.probe, order, self.progress)
+            self._known = project(self.probe, order)
         return self._known
 
 
-def project(probe: Probe, order: int, progress: Progress | None = None) -> Lighting:
+def project(probe: Probe, order: int) -> Lighting:
     """Project a probe onto the spherical harmonics.
 
     Parameters
@@ -98,8 +208,6 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     probe : Probe
     order : int
         Largest degree.
-    progress : callable, optional
-        Called with the rows read and their number.
 
     Returns
     -------
@@ -119,28 +227,28 @@ def project(probe: Probe, order: int, progress: Progress | None = None) -> Light
     Ramamoorthi 2002, eq. 5.20 and 5.21.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-        found = _project(probe, order, progress)
+        found = _project(probe, order)
     refuse_overflow(probe.name, found.coefficients)
     return found
 
 
-def _project(probe: Probe, order: int, progress: Progress | None) -> Lighting:
+def _project(probe: Probe, order: int) -> Lighting:
     if type(probe) is Probe:
-        return _project_image(probe, order, progress)
+        return _project_image(probe, order)
     # Most runs have no other probes, and are spared the loading of these modules.
     from shrm_cli.probe.light_sum import LightSum
     from shrm_cli.probe.shared import SharedProbe
 
     if isinstance(probe, LightSum):
-        return _project_sum(probe, order, progress)
+        return _project_sum(probe, order)
     if isinstance(probe, SharedProbe):
         if order not in probe.kept:
-            probe.kept[order] = _project_image(probe, order, progress)
+            probe.kept[order] = _project_image(probe, order)
         return probe.kept[order]
-    return _project_image(probe, order, progress)
+    return _project_image(probe, order)
 
 
-def _project_image(probe: Probe, order: int, progress: Progress | None) -> Lighting:
+def _project_image(probe: Probe, order: int) -> Lighting:
     """Project the pixels of a probe."""
     energy = np.zeros(3)
     resolved = min(order, probe.grid.resolved_order)
@@ -150,8 +258,7 @@ def _project_image(probe: Probe, order: int, progress: Progress | None) -> Light
         energy += _squared(pixels, weights)
         analysis.add(start, pixels, weights)
         polar_rows.add(start, pixels)
-        if progress is not None:
-            progress(start + len(pixels), probe.height)
+        progress.report(start + len(pixels), probe.height)
     for lamps in polar_rows.lamps():
         weights = probe.grid.weights(lamps.start, lamps.start + len(lamps.excess))
         energy += np.einsum("ijc,ij->c", lamps.squares, np.broadcast_to(weights, lamps.shape))
@@ -164,14 +271,14 @@ def _project_image(probe: Probe, order: int, progress: Progress | None) -> Light
     return Lighting(result, energy)
 
 
-def _project_sum(light: "LightSum", order: int, progress: Progress | None) -> Lighting:
+def _project_sum(light: "LightSum", order: int) -> Lighting:
     """Project each light of a sum; only products of two lights are integrated over pixels."""
     from shrm_cli.probe.disc import disc_coefficients
 
     coefficients = disc_coefficients(light.discs, order)
     energy = sum((disc.energy for disc in light.discs), np.zeros(3))
     for term in light.terms:
-        part = project(term.probe, order, progress)
+        part = project(term.probe, order)
         coefficients += term.scale * part.coefficients
         energy += term.scale**2 * part.energy
     energy += light.image_of_sum.overlaps()

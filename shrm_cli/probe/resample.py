@@ -14,13 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.errors import ProbeError
 from shrm_cli.layouts import CUBES, Layout, default_orientation, grid_name
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.layout import arrange_faces
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.grid.base import Grid, grid_class
 from shrm_cli.vocabulary import Orientation, Sampling
 
@@ -99,7 +99,6 @@ def to_layout(
     orientation: Orientation | None = None,
     size: int | None = None,
     sampling: Sampling = "center",
-    progress: Progress | None = None,
 ) -> Array:
     """A probe as an image of any layout, in world axes.
 
@@ -114,8 +113,6 @@ def to_layout(
         Texels along an edge of a cube or of a cross's faces; height of the others. See
         `default_size`.
     sampling : {"center", "border"}
-    progress : callable, optional
-        As for `to_grid`.
 
     Returns
     -------
@@ -128,7 +125,7 @@ def to_layout(
     """
     kind = grid_class(grid_name(layout))
     size = default_size(probe, kind) if size is None else size
-    image = to_grid(probe, kind(size, sampling), progress)
+    image = to_grid(probe, kind(size, sampling))
     if layout not in CUBES:
         return image
     return arrange_faces(image, layout, orientation or default_orientation(layout))
@@ -144,7 +141,7 @@ def default_size(probe: Probe, kind: type[Grid]) -> int:
     return min(max(size, kind.smallest), kind.largest)
 
 
-def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Array:
+def to_grid(probe: Probe, target: Grid) -> Array:
     """A probe on a grid in world axes.
 
     Parameters
@@ -152,8 +149,6 @@ def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Arr
     probe : Probe
     target : Grid
         A cube is stacked, in OpenEXR's order and orientation.
-    progress : callable, optional
-        Called with the rows done and their number.
 
     Returns
     -------
@@ -184,11 +179,11 @@ def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Arr
     ratio = source.resolution / target.resolution
     parts = max(int(np.ceil(ratio)), 1)
     if ratio < _FINER:
-        return _sampled(whole, probe, target, parts, progress)
+        return _sampled(whole, probe, target, parts)
     image = source.reduced(whole, target, probe.matrix)
     if image is None:
         bright = _take_bright(whole, probe)
-        image = _sampled(whole, probe, target, parts, progress)
+        image = _sampled(whole, probe, target, parts)
         del whole  # large images would not leave room for their bright pixels
         if len(bright[0]):
             _add_bright(image, target, source, probe.matrix, *bright)
@@ -197,9 +192,7 @@ def to_grid(probe: Probe, target: Grid, progress: Progress | None = None) -> Arr
     return image
 
 
-def _sampled(
-    pixels: Array, probe: Probe, target: Grid, parts: int, progress: Progress | None
-) -> Array:
+def _sampled(pixels: Array, probe: Probe, target: Grid, parts: int) -> Array:
     """Filtered values of an image of the probe at the target's samples, or means of its parts."""
     look_up = probe.grid.sampler(pixels)
     height, width = target.shape
@@ -220,8 +213,7 @@ def _sampled(
             weight += density.reshape(*weight.shape, parts).sum(axis=2)
         mean = total / np.where(weight > 0, weight, 1)[..., None]
         image[rows] = np.maximum(mean, 0)  # a cubic filter overshoots
-        if progress is not None:
-            progress(start + len(rows), height)
+        progress.report(start + len(rows), height)
     used = target.used()
     if used is not None:
         image[~used] = 0

@@ -55,10 +55,11 @@ class SharedProbe(Probe):
 def shared(probe: Probe) -> Probe:
     """Return a probe to make several maps of.
 
-    A sum of lights, and a probe whose pixels are too many to hold, are returned as they are.
+    A sum of lights, and a probe whose pixels are too many to hold, are returned as they are, and so
+    is one that is shared.
     """
     size = sum(image.width * image.height for image in probe.images) * _PIXEL
-    if isinstance(probe, LightSum) or size > MOST_BYTES:
+    if isinstance(probe, LightSum | SharedProbe) or size > MOST_BYTES:
         return probe
     values = {each.name: getattr(probe, each.name) for each in fields(Probe)}
     held = tuple(HeldImage(image) for image in probe.images)

@@ -5,9 +5,10 @@ from typing import Literal
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.probe.lamps import lamps_of
+from shrm_cli.probe.lighting import lamps_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import LEAST_ROWS, coarse_probe, to_grid
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -129,7 +130,8 @@ def latlong_light(probe: Probe, height: int) -> Array:
         If the probe cannot be read.
     """
     grid = LatLong(height)
-    return _light(grid, to_grid(probe, grid))
+    with using(None):
+        return _light(grid, to_grid(probe, grid))
 
 
 def _light(grid: Grid, image: Array) -> Array:

@@ -8,12 +8,10 @@ probe, so that letters in a probe are not mirrored.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_azimuth_elevation, normalize
-
-Array = NDArray[np.floating]
 
 SPHERE_FILL = 0.9
 """Diameter of the sphere as a fraction of the picture's width."""
@@ -140,6 +138,11 @@ def in_world(viewer: Viewer, x: Array, y: Array, z: Array | float) -> Array:
     for axis, (right, up, direction) in enumerate(viewer.axes().T):
         result[..., axis] = right * x + up * y + direction * z
     return result
+
+
+def whole_coverage(size: int) -> Array:
+    """Return the fraction of each pixel of a picture that the sphere covers, shape (size, size)."""
+    return sphere_coverage(size, *pixel_centers(size, 0, size))
 
 
 def sphere_coverage(size: int, x: Array, y: Array) -> Array:

@@ -5,20 +5,18 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import mix_channels, to_rec709
 from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.render.camera import Viewer, pixel_centers, sphere_coverage
+from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.flip import FlipError, hdr_flip
 from shrm_cli.render.image import expose
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sheet import SheetLayout, arrange, draw_sheet
 from shrm_cli.render.sphere import ReflectionMap, render_sphere
-
-Array = NDArray[np.floating]
 
 
 @record
@@ -72,7 +70,7 @@ def measure(pictures: Picture, baselines: Picture) -> Difference:
         Over all views together.
     """
     size = pictures.shape[-2]
-    coverage = _coverage(size)
+    coverage = whole_coverage(size)
     seen = coverage > 0
     weights = coverage[seen][:, None]
     expected = baselines[..., seen, :].astype(float) / weights
@@ -133,7 +131,7 @@ class Comparison:
         ModuleNotFoundError
             If `flip_evaluator` is not installed.
         """
-        coverage = _coverage(self.baseline.shape[-2])
+        coverage = whole_coverage(self.baseline.shape[-2])
         matrix = to_rec709(self.primaries)
         pictures = self.others[other, view], self.baseline[view]
         if matrix is not None:
@@ -246,11 +244,6 @@ def compare_spheres(
                 progress(len(drawn), total)
     pictures = np.stack(drawn).reshape(1 + len(others), len(viewers), size, size, 3)
     return Comparison(viewers, pictures[0], pictures[1:], primaries)
-
-
-def _coverage(size: int) -> Array:
-    """Return the fraction of each pixel that the sphere covers, shape (size, size)."""
-    return sphere_coverage(size, *pixel_centers(size, 0, size))
 
 
 def _root_mean_square(values: Array, weights: Array) -> float:

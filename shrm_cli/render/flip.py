@@ -15,12 +15,11 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.records import record
 from shrm_cli.render.seen import spread_weights
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 _WHITE = 2.0**16
 """Largest value that FLIP is given, where the truth's greatest luminance is from 0.5 to 1.

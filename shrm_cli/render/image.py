@@ -1,5 +1,7 @@
 """The exposure of linear pictures, which makes them brighter or darker."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -39,9 +41,19 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
     values, shares = values[counts], shares[counts]
     if not shares.sum() > 0:
         return 0.0
-    order = np.argsort(values)
-    total = np.cumsum(shares[order])
-    bright = values[order[np.searchsorted(total, _BRIGHT * total[-1])]]
+    (bright,) = weighted_quantiles(values, shares, [_BRIGHT])
     if bright <= 0:
         return 0.0
     return float(np.clip(np.round(4 * np.log2(_SHOWN_AS / bright)) / 4, -_MOST_STOPS, _MOST_STOPS))
+
+
+def weighted_quantiles(
+    values: ArrayLike, weights: ArrayLike, fractions: Sequence[float]
+) -> list[float]:
+    """Return the least values up to which at least these fractions of the weight lie."""
+    found = np.ravel(values)
+    order = np.argsort(found, kind="stable")
+    weight = np.cumsum(np.ravel(weights)[order])
+    # The last one is the whole weight, which rounding must not leave out of reach.
+    places = np.searchsorted(weight, np.array(fractions) * weight[-1])
+    return [float(found[order[place]]) for place in places]

@@ -8,6 +8,7 @@ that miss the mesh show the background.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.files.picture import Picture
 from shrm_cli.geometry.normals import face_normals
 from shrm_cli.geometry.rays import Rays
@@ -20,7 +21,8 @@ from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
 from shrm_cli.render.vertex_colors import VertexColors
 
-Array = NDArray[np.floating]
+Reflectors = list[Reflector | VertexColors | None]
+"""One for each look of a stage; None for those that no triangle has."""
 
 _PIXELS_AT_ONCE = 2**16
 """The most pixels that are drawn at a time."""
@@ -82,7 +84,7 @@ class MeshSubject:
 
     def draw(
         self,
-        reflectors: "list[Reflector | VertexColors | None]",
+        reflectors: Reflectors,
         viewer: Viewer,
         background: Picture | None = None,
         progress: Progress | None = None,
@@ -168,7 +170,7 @@ class MeshSubject:
 
     def _sampled(
         self,
-        reflectors: "list[Reflector | VertexColors | None]",
+        reflectors: Reflectors,
         viewer: Viewer,
         x: Array,
         y: Array,
@@ -189,9 +191,7 @@ class MeshSubject:
             means[part] = values.reshape(-1, len(right), 3).mean(axis=1)
         return means
 
-    def _shaded(
-        self, reflectors: "list[Reflector | VertexColors | None]", viewer: Viewer, hits: _Hits
-    ) -> Array:
+    def _shaded(self, reflectors: Reflectors, viewer: Viewer, hits: _Hits) -> Array:
         """Return the radiance of points that rays meet, shape (n, 3)."""
         result = np.empty((len(hits.faces), 3))
         views = -hits.directions

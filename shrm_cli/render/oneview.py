@@ -6,19 +6,18 @@ direction is the normal N, which normal passes have, or the mirror direction R, 
 mirror looks an environment up by; for a constant view the one tells the other.
 """
 
-from typing import Protocol
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.base import Map
 from shrm_cli.progress import Progress
+from shrm_cli.render.sphere import ReflectionMap
 from shrm_cli.sphere.directions import bisector, normalize
 from shrm_cli.sphere.grid.latlong import latlong_points
 from shrm_cli.sphere.quadrature import nodes
 from shrm_cli.vocabulary import LOOKUPS, Lookup, Sampling
-
-Array = NDArray[np.floating]
 
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are looked up at a time."""
@@ -28,41 +27,18 @@ LEAST_COSINE = 1e-3
 value on the silhouette itself."""
 
 
-class Reflecting(Protocol):
-    """The part of a map that `one_view` needs."""
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return reflected radiance (..., 3) for unit vectors (..., 3) in world axes."""
-
-
-class Described(Protocol):
-    """The part of a map that `lookup_of` and `ignores_views` need."""
-
-    @property
-    def center(self) -> str: ...
-    @property
-    def info(self) -> "Ordered": ...
-
-
-class Ordered(Protocol):
-    """The part of a map's record that says to which order it depends on the view."""
-
-    @property
-    def order_p(self) -> int: ...
-
-
-def lookup_of(found: Described) -> Lookup:
+def lookup_of(found: Map) -> Lookup:
     """Return the direction over which a map varies least with the view: that of its own look-up."""
     return "normal" if found.center == "normal" else "reflection"
 
 
-def ignores_views(found: Described) -> bool:
+def ignores_views(found: Map) -> bool:
     """Whether what a map reflects depends on the normal alone, as that of a diffuse surface."""
     return found.center == "normal" and found.info.order_p == 0
 
 
 def one_view(
-    reflecting: Reflecting,
+    reflecting: ReflectionMap,
     view: ArrayLike,
     height: int,
     by: Lookup,
@@ -74,8 +50,7 @@ def one_view(
 
     Parameters
     ----------
-    reflecting : Reflecting
-        A map.
+    reflecting : ReflectionMap
     view : array_like, shape (3,)
         Unit vector V to the viewer, world axes; the same for all pixels.
     height : int

@@ -7,14 +7,13 @@ shorter edge of the picture. The surroundings behind a mesh are seen by the same
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.records import record
 from shrm_cli.render.camera import SPHERE_FILL, Viewer, in_world
 from shrm_cli.sphere.directions import normalize
-
-Array = NDArray[np.floating]
 
 DEFAULT_FOV = 35.0
 """Angle of view by default, degrees."""

@@ -5,15 +5,14 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.records import record
 from shrm_cli.render.shading import KnownMap
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

@@ -7,13 +7,13 @@ negative, which a screen shows as black.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
 from shrm_cli.records import record
+from shrm_cli.render.image import weighted_quantiles
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
-
-Array = NDArray[np.floating]
 
 
 @record
@@ -76,7 +76,7 @@ def seen_errors(picture: ArrayLike, truth: ArrayLike, weights: ArrayLike = 1.0) 
     # Where nothing is expected, no error is none, and any error is infinitely large.
     relative = np.where(errors > 0, np.inf, 0.0)
     np.divide(errors, scale, out=relative, where=scale > 0)
-    median, p95 = _quantiles(relative, shares, (0.5, 0.95))
+    median, p95 = weighted_quantiles(relative, shares, (0.5, 0.95))
     wrong, negative = (np.average(each, weights=shares) for each in (relative > WRONG, shown < 0))
     return SeenErrors(median, p95, float(wrong), float(negative))
 
@@ -97,12 +97,3 @@ def spread_weights(weights: ArrayLike, shape: tuple[int, ...]) -> Array:
     if not (spread > 0).any():
         raise ArgumentError("weights", "are all 0: no pixel counts")
     return spread
-
-
-def _quantiles(values: Array, weights: Array, fractions: tuple[float, ...]) -> list[float]:
-    """Return the least values up to which at least these fractions of the weight lie."""
-    order = np.argsort(values, kind="stable")
-    weight = np.cumsum(weights[order])
-    # The last one is the whole weight, which rounding must not leave out of reach.
-    places = np.searchsorted(weight, np.array(fractions) * weight[-1])
-    return [float(values[order[place]]) for place in places]

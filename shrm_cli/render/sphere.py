@@ -3,8 +3,10 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
+from shrm_cli.files.picture import Picture
 from shrm_cli.progress import Progress
 from shrm_cli.render.camera import (
     Viewer,
@@ -14,9 +16,6 @@ from shrm_cli.render.camera import (
     sphere_normals,
     sphere_radius,
 )
-
-Array = NDArray[np.floating]
-Picture = NDArray[np.float32]
 
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are drawn at a time."""

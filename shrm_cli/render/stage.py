@@ -6,6 +6,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, joined
@@ -16,8 +17,6 @@ from shrm_cli.records import record
 from shrm_cli.render.shading import ggx_surface, outside_range
 from shrm_cli.render.variation import Variation
 from shrm_cli.sphere.directions import horizontal_tangents
-
-Array = NDArray[np.floating]
 
 _DIELECTRIC = 0.04
 """Reflectance at normal incidence of glTF's materials that are no metals."""

@@ -3,28 +3,36 @@
 Kautz, Sloan and Snyder 2002, section 4 and figure 4, vary one parameter of their model so.
 """
 
-import os
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.probe.image_file import stored_image
 from shrm_cli.vocabulary import LUMINANCE
 
-Array = NDArray[np.floating]
-
 _MOST_PIXELS = 2**26
 """The most pixels of an image that is read, 8192 x 8192."""
 
 
-class Variation(Protocol):
-    """Where a parameter lies in its range, at points of a mesh."""
+class Variation:
+    """Where a parameter lies in its range, at points of a mesh: a brightness from 0 to 1.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W), optional
+        Its brightness counts over the texture coordinates, which it is repeated over; its first row
+        is at the top, where v is 1. By default that of the vertices' colours counts.
+    """
+
+    def __init__(self, image: ArrayLike | None = None) -> None:
+        self._image = None if image is None else np.asarray(image, dtype=np.float32)
 
     def shares(self, mesh: Mesh, faces: NDArray[np.int64], weights: Array) -> Array:
         """Return the shares of the way from the least value to the largest, shape (n,).
+
+        They are interpolated between vertices, or bilinearly between pixels.
 
         Parameters
         ----------
@@ -34,44 +42,9 @@ class Variation(Protocol):
         weights : ndarray, shape (n, 3)
             Their barycentric coordinates.
         """
-
-
-class OfVertices:
-    """The brightness of the vertices' colours, from 0 to 1."""
-
-    def shares(self, mesh: Mesh, faces: NDArray[np.int64], weights: Array) -> Array:
-        """Return the interpolated brightness; see `Variation.shares`."""
-        colors = _known(mesh, mesh.colors, "vertex colours")
-        brightness = (colors @ LUMINANCE)[:, None]
-        return mesh.interpolated(brightness, faces, weights)[:, 0]
-
-
-class OfImage:
-    """The brightness of an image over the texture coordinates, which it is repeated over.
-
-    Parameters
-    ----------
-    image : array_like, shape (H, W)
-        From 0 to 1; its first row is at the top, where v is 1.
-    """
-
-    def __init__(self, image: ArrayLike) -> None:
-        self._image = np.asarray(image, dtype=np.float32)
-
-    @classmethod
-    def read(cls, path: "str | os.PathLike[str]") -> "OfImage":
-        """Read an image whose numbers are taken as they are stored, integers as shares of their
-        largest.
-
-        Raises
-        ------
-        ProbeError
-            If it is no image that can be read, or is too large.
-        """
-        return cls(stored_image(path, _MOST_PIXELS) @ np.array(LUMINANCE, dtype=np.float32))
-
-    def shares(self, mesh: Mesh, faces: NDArray[np.int64], weights: Array) -> Array:
-        """Return the bilinearly filtered brightness; see `Variation.shares`."""
+        if self._image is None:
+            brightness = (_known(mesh, mesh.colors, "vertex colours") @ LUMINANCE)[:, None]
+            return mesh.interpolated(brightness, faces, weights)[:, 0]
         uvs = _known(mesh, mesh.uvs, "texture coordinates")
         u, v = mesh.interpolated(uvs, faces, weights).T
         height, width = self._image.shape
@@ -91,7 +64,8 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
     Parameters
     ----------
     follows : str
-        ``vertex``, or the path of an image.
+        ``vertex``, or the path of an image, whose numbers are taken as they are stored, integers as
+        shares of their largest.
     mesh : Mesh
 
     Raises
@@ -99,13 +73,14 @@ def open_variation(follows: str, mesh: Mesh) -> Variation:
     MeshError
         If the mesh has no colours, or no texture coordinates for an image.
     ProbeError
-        If the image cannot be read.
+        If the image cannot be read, or is too large.
     """
     if follows == "vertex":
         _known(mesh, mesh.colors, "vertex colours")
-        return OfVertices()
+        return Variation()
     _known(mesh, mesh.uvs, "texture coordinates")
-    return OfImage.read(follows)
+    image = stored_image(follows, _MOST_PIXELS)
+    return Variation(image @ np.array(LUMINANCE, dtype=np.float32))
 
 
 def _known(mesh: Mesh, values: Array | None, what: str) -> Array:

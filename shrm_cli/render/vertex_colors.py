@@ -1,8 +1,9 @@
 """Surfaces that are shaded at the vertices of their mesh, by its precomputed transfer."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import TransferError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.base import Map
@@ -13,8 +14,6 @@ from shrm_cli.sphere.directions import normalize
 from shrm_cli.transfer.bake import mesh_digest
 from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
 from shrm_cli.transfer.transfer import Transfer
-
-Array = NDArray[np.floating]
 
 _MIDDLE = 0.5
 """Where in its range a parameter is that nothing tells."""

@@ -9,24 +9,23 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError, ShrmError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.options import bytes_text, counted
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.render.camera import Viewer
+from shrm_cli.render.camera import Viewer, whole_coverage
 from shrm_cli.render.image import suitable_exposure
 from shrm_cli.render.shading import ggx_surface
 from shrm_cli.render.sphere import render_sphere
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, joined, tag, whole_page
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 SIZE = 96
 """Width and height of the pictures, pixels."""
@@ -194,8 +193,8 @@ def contact_page(
     head = tag("tr", tag("th", "Probe"), [tag("th", _heading(*each)) for each in columns])
     total = sum(each.bytes for each in contacts.maps)
     what = (
-        f"{words.counted(len(contacts.maps), 'map')} of {words.counted(len(rows), 'probe')}, "
-        f"{words.storage(total)}. Each "
+        f"{counted(len(contacts.maps), 'map')} of {counted(len(rows), 'probe')}, "
+        f"{bytes_text(total)}. Each "
         f"picture is a sphere seen from azimuth {_VIEWER.azimuth:g}\u00b0, elevation "
         f"{_VIEWER.elevation:g}\u00b0, at one exposure a row; the number in percent is the "
         "predicted RMS error of the reflected light."
@@ -224,7 +223,7 @@ def _line(
 ) -> Html:
     """Return the row of a probe; its pictures share an exposure."""
     drawn = np.array([each.picture for maps in cells.values() for each in maps])
-    inside = pictures.coverage(SIZE) == 1
+    inside = whole_coverage(SIZE) == 1
     stops = suitable_exposure(drawn[:, inside] @ np.array(LUMINANCE))
     heading = tag(
         "th", words.base_name(probe[0]), Html("<br>"), tag("span.quiet", words.stops(stops))
@@ -239,7 +238,7 @@ def _cell(each: Thumbnail, stops: float, folder: Path) -> Html:
     orders = f"F {each.info.order_f}" + (f", P {each.info.order_p}" if each.info.order_p else "")
     error = math.hypot(each.info.predicted_error, each.info.added_error)
     return tag(
-        "a.map", picture, tag("span", f"{words.storage(each.bytes)}, {words.percent(error)}"),
+        "a.map", picture, tag("span", f"{bytes_text(each.bytes)}, {words.percent(error)}"),
         tag("span", orders), href=_link(each.file, folder), title=words.base_name(each.file),
     )  # fmt: skip
 

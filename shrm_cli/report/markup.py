@@ -5,11 +5,9 @@ Nor does any of it let anybody in: a page is sent to others, with the command th
 
 import html
 from collections.abc import Iterable, Sequence
-from functools import cache
-from importlib import resources
 
 from shrm_cli.addresses import shown
-from shrm_cli.files.html_page import html_page
+from shrm_cli.files.html_page import asset, html_page
 
 _VOID = {"img"}
 
@@ -95,11 +93,6 @@ def _escaped(text: str) -> str:
     return html.escape(shown(text))
 
 
-@cache
-def _asset(name: str) -> str:
-    return resources.files("shrm_cli.report").joinpath("assets", name).read_text(encoding="utf-8")
-
-
 def whole_page(title: str, *parts: Part, framed: tuple[str, str] = ("", "")) -> str:
     """Return a page, which holds all that it needs and reaches no network.
 
@@ -111,4 +104,4 @@ def whole_page(title: str, *parts: Part, framed: tuple[str, str] = ("", "")) -> 
     framed : tuple of (str, str)
         As `html_page` takes it.
     """
-    return html_page(title, tag("main", *parts), _asset("page.css"), framed=framed)
+    return html_page(title, tag("main", *parts), asset("report", "page.css"), framed=framed)

@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
+from shrm_cli.maps.options import bytes_text
+from shrm_cli.render.camera import whole_coverage
 from shrm_cli.render.flip import FlipError
 from shrm_cli.render.image import suitable_exposure
 from shrm_cli.report import pictures, words
 from shrm_cli.report.markup import Html, Part, facts, figure, joined, table, tag
 from shrm_cli.report.measure import Made, Material
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
-
-Array = NDArray[np.floating]
 
 _SCALES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Ends of the scale of differences; the least is taken that 95 % of the pixels are within."""
@@ -25,7 +26,7 @@ def exposure_of(material: Material) -> float:
     """Return the exposure that suits the truth of a material in all views."""
     assert material.comparison is not None
     truth = material.comparison.baseline
-    inside = pictures.coverage(truth.shape[-2]) == 1
+    inside = whole_coverage(truth.shape[-2]) == 1
     return suitable_exposure(truth[:, inside] @ np.array(LUMINANCE))
 
 
@@ -89,7 +90,7 @@ def number_cells(material: Material, index: int) -> list[Part]:
         words.percent(found["wrong_share"]),
         words.percent(found["negative_share"]),
         "\u2013" if flip is None else f"{flip:.3f}",
-        words.storage(made.summary["bytes"]),
+        bytes_text(made.summary["bytes"]),
         words.duration(made.seconds),
     ]
 
@@ -193,7 +194,7 @@ def _sphere(colors: NDArray[np.uint8], text: str) -> Html:
 
 def _relative(found: Array, truth: Array) -> Array:
     """Return the signed relative difference of the luminance, as `seen_errors` measures it."""
-    weights = pictures.coverage(len(truth))
+    weights = whole_coverage(len(truth))
     shown, true = (pictures.unmultiplied(each) @ np.array(LUMINANCE) for each in (found, truth))
     floor = SEEN_FLOOR * max(float(np.average(true, weights=weights)), 0.0)
     scale = np.maximum(true, floor)
@@ -202,7 +203,7 @@ def _relative(found: Array, truth: Array) -> Array:
 
 def _end(differences: Sequence[Array]) -> float:
     """Return the end of a scale that 95 % of the pixels of spheres are within."""
-    inside = pictures.coverage(len(differences[0])) > 0
+    inside = whole_coverage(len(differences[0])) > 0
     values = np.abs([each[inside] for each in differences])
     most = float(np.quantile(np.nan_to_num(values, nan=np.inf), 0.95))
     return next((each for each in _SCALES if most <= each), _SCALES[-1])
@@ -210,7 +211,7 @@ def _end(differences: Sequence[Array]) -> float:
 
 def _has_lights(truths: Array, stops: float) -> bool:
     """Whether a hundredth of the spheres is white at an exposure."""
-    inside = pictures.coverage(truths.shape[-2]) == 1
+    inside = whole_coverage(truths.shape[-2]) == 1
     return bool(np.mean(truths[:, inside].max(axis=-1) * 2.0**stops > 1) > 0.01)
 
 

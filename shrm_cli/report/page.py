@@ -10,6 +10,7 @@ from shrm_cli import __version__
 from shrm_cli.analysis.probe_statistics import ProbeStatistics
 from shrm_cli.errors import ArgumentError, MapError, OutputError, ShrmError
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.options import bytes_text
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.report import words
@@ -120,8 +121,8 @@ def report_page(
     remarks: list[str] = []
     if len(first) + sum(map(len, parts)) > look.max_bytes:
         raise OutputError(
-            f"the page would take {words.storage(len(first) + sum(map(len, parts)))}, more than "
-            f"{words.storage(look.max_bytes)}; raise `max_page`, or give fewer `brdf` or a smaller "
+            f"the page would take {bytes_text(len(first) + sum(map(len, parts)))}, more than "
+            f"{bytes_text(look.max_bytes)}; raise `max_page`, or give fewer `brdf` or a smaller "
             "`picture_size`"
         )
     room = look.max_bytes - len(first) - sum(map(len, parts)) - _OWN
@@ -204,14 +205,9 @@ def _view(
     truth = Truth(material.brdf, min(plan.size, _TRUTH_SIZE), plan.rows, plan.exact)
     limit = int((room - _OWN) / _MARKUP)
     try:
-        fitting = _fitting(material, limit - _SKY)
+        maps, files, change = _fitting(material, limit - _SKY)
         scene = make_scene(
-            fitting.maps,
-            fitting.files,
-            measured.probe,
-            start=Start(**given),
-            truth=truth,
-            max_size=limit,
+            maps, files, measured.probe, start=Start(**given), truth=truth, max_size=limit
         )
         text = view_page(scene)
     except ShrmError as error:
@@ -221,23 +217,14 @@ def _view(
         title=f"Interactive view of {material.spec}",
     )  # fmt: skip
     note: Html | str = ""
-    if fitting.note:
-        remarks.append(f"the view of {material.spec} {fitting.note}; raise `max_page` to have all")
-        note = tag("p.quiet", f"So that the page stays small, this view {fitting.note}.")
+    if change:
+        remarks.append(f"the view of {material.spec} {change}; raise `max_page` to have all")
+        note = tag("p.quiet", f"So that the page stays small, this view {change}.")
     return joined(tag("h3.view-heading", "To turn and compare"), tag("div.view", frame), note)
 
 
-@record
-class _Fitting:
-    """The maps that a view has room for, their files, and what was done to them, if anything."""
-
-    maps: list[Map]
-    files: list[str]
-    note: str
-
-
-def _fitting(material: Material, limit: int) -> _Fitting:
-    """Make the maps of a material as small as a view needs them.
+def _fitting(material: Material, limit: int) -> tuple[list[Map], list[str], str]:
+    """Return the maps that a view has room for, their files, and what was done to them.
 
     Maps get half as many texels along an edge, again and again; where that is not enough, those
     whose sizes are fixed are left out, as split sums are.
@@ -254,7 +241,7 @@ def _fitting(material: Material, limit: int) -> _Fitting:
         for halved in _HALVED:
             try:
                 make_scene(maps, files, max_size=limit)
-                return _Fitting(maps, files, _what_is_smaller(halved, material.maps, group))
+                return maps, files, _what_is_smaller(halved, material.maps, group)
             except MapError:
                 if group is groups[-1] and halved == _HALVED[-1]:
                     raise

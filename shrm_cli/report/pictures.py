@@ -5,12 +5,12 @@ import base64
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.color import to_rec709
 from shrm_cli.files.png import encode_srgb, png_bytes
-from shrm_cli.render.camera import pixel_centers, sphere_coverage
+from shrm_cli.render.camera import whole_coverage
 from shrm_cli.report.markup import Html, tag
 
-Array = NDArray[np.floating]
 Bytes = NDArray[np.uint8]
 
 _SHOULDER = 0.7
@@ -78,20 +78,15 @@ def _exposed(pixels: ArrayLike, exposure: float, primaries: tuple[float, ...] | 
     return values if matrix is None else values @ matrix.T
 
 
-def coverage(size: int) -> Array:
-    """Return the part of each pixel of a sphere's picture that the sphere covers, (S, S)."""
-    return sphere_coverage(size, *pixel_centers(size, 0, size))
-
-
 def unmultiplied(picture: Array) -> Array:
     """Return a sphere's picture (S, S, 3) divided by its coverage; 0 beside the sphere."""
-    part = coverage(len(picture))[..., None]
+    part = whole_coverage(len(picture))[..., None]
     return np.divide(picture, part, out=np.zeros(picture.shape), where=part > 0)
 
 
 def on_sphere(colors: Bytes) -> Bytes:
     """Add the coverage of a sphere to its colours (S, S, 3), so that the page shows beside it."""
-    return np.concatenate([colors, _eight_bits(coverage(len(colors)))[..., None]], axis=-1)
+    return np.concatenate([colors, _eight_bits(whole_coverage(len(colors)))[..., None]], axis=-1)
 
 
 def image(pixels: Bytes, text: str, of_class: str = "") -> Html:

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.analysis.probe_statistics import ProbeStatistics
+from shrm_cli.arrays import Array
 from shrm_cli.color import xyz_matrix
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.probe.lighting import project
@@ -19,8 +19,6 @@ from shrm_cli.report.words import base_name
 from shrm_cli.sphere.directions import to_azimuth_elevation
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
-
-Array = NDArray[np.floating]
 
 _ROWS, _SMOOTH_ROWS = 288, 96
 """Rows of the pictures of the probe, and of those of smooth light."""

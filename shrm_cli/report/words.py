@@ -22,23 +22,6 @@ def known_percent(value: float | None) -> str:
     return "\u2013" if value is None else percent(value)
 
 
-def storage(count: int) -> str:
-    """Return an amount of bytes in a readable unit."""
-    for unit, size in (("MB", 10**6), ("kB", 10**3)):
-        if count >= size:
-            return (
-                f"{count / size:.3g} {unit}"
-                if count < 1000 * size
-                else f"{count / size:,.0f} {unit}"
-            )
-    return f"{count} B"
-
-
-def counted(count: int, what: str) -> str:
-    """Return how many there are of something."""
-    return f"{count:,} {what}" + ("" if count == 1 else "s")
-
-
 def duration(seconds: float) -> str:
     """Return a time with two or three digits."""
     if seconds < 0.0995:

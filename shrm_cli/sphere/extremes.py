@@ -53,14 +53,7 @@ def series_values(series: Array, directions: Array) -> Array:
 
 
 def degree_values(series: Array, directions: Array) -> Array:
-    """Evaluate each degree of real series in some directions.
-
-    Parameters
-    ----------
-    series : ndarray, shape ((order+1)^2, maps)
-        Each column is a series, index l(l+1)+m.
-    directions : ndarray, shape (n, 3)
-        Unit directions, in the axes of the series.
+    """Evaluate each degree of real series in some directions, as `series_values` takes them.
 
     Returns
     -------

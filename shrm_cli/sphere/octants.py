@@ -42,22 +42,9 @@ def is_small(order: int, size: int) -> bool:
 
 
 def synthesize(coefficients: Array, size: int, sampling: Sampling, dtype: type) -> Array:
-    """Values of real spherical harmonic series at the texels of a cube.
+    """Values of real series, of an order that `is_small`, at the texels of a cube.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape ((order+1)^2, maps)
-        One series a column, index l(l+1)+m, of an order that `is_small`.
-    size : int
-        Texels along a face's edge.
-    sampling : {"center", "border"}
-    dtype : float32 or float64
-        Precision of the products and of the result.
-
-    Returns
-    -------
-    ndarray, shape (maps, 6 size, size)
-        Planes in OpenEXR's face order and orientation.
+    Parameters and result are those of `shrm_cli.sphere.synthesis.synthesize_cube`.
     """
     order, maps = order_of(len(coefficients)), coefficients.shape[1]
     kept = kept_order(order)

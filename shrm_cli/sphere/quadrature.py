@@ -5,6 +5,8 @@ sampled at its center. With ``border`` pixel 0 and pixel n-1 lie on the two ends
 OpenEXR defines its environment maps.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,8 +83,9 @@ def longitude_weights(width: int, sampling: Sampling = "center") -> Array:
     return weights
 
 
+@lru_cache(maxsize=32)
 def gauss_legendre(count: int) -> tuple[Array, Array]:
-    """Nodes in (-1, 1), ascending, and weights of the rule exact to degree 2 count - 1.
+    """Nodes in (-1, 1), ascending, and weights of the rule exact to degree 2 count - 1; read-only.
 
     References
     ----------
@@ -92,7 +95,10 @@ def gauss_legendre(count: int) -> tuple[Array, Array]:
     k = np.arange(1, count)
     beside = k / np.sqrt(4.0 * k**2 - 1)
     values, vectors = np.linalg.eigh(np.diag(beside, -1) + np.diag(beside, 1))
-    return values, 2 * vectors[0] ** 2
+    weights = 2 * vectors[0] ** 2
+    for each in (values, weights):
+        each.setflags(write=False)
+    return values, weights
 
 
 def spiral_directions(count: int) -> Array:

@@ -81,7 +81,11 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
         if not path.is_file():
             raise TransferError(f"{path}: no such file; name a transfer that shrm transfer wrote")
         with npz.opened(path) as archive:
-            arrays = {name: _array(archive, name) for name in _DIMENSIONS if name in archive.names}
+            arrays = {
+                name: archive.numbers(name, dimensions)
+                for name, dimensions in _DIMENSIONS.items()
+                if name in archive.names
+            }
             facts = _facts(parse_json(archive.text("settings")))
         if "vectors" not in arrays or "albedo" not in arrays:
             raise ValueError("not a transfer")
@@ -100,10 +104,6 @@ def is_transfer(path: str | os.PathLike[str]) -> bool:
             return {"vectors", "albedo", "settings"} <= archive.names
     except (ValueError, OSError):
         return False
-
-
-def _array(archive: npz.Archive, name: str) -> Array:
-    return archive.numbers(name, _DIMENSIONS[name])
 
 
 def _check(arrays: dict[str, Array]) -> None:

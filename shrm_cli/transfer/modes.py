@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.sphere.parabolic import parabolic_directions
 from shrm_cli.sphere.rotation import rotate_each_into_frame, rotate_into_frames
-from shrm_cli.transfer.shading import Product, fitted
+from shrm_cli.transfer.shading import Product, arriving_light, fitted
 
 TOLERANCE = 1e-3
 """Relative RMS error of the product function that leaving out functions of the view may cause."""
@@ -247,13 +247,7 @@ class General:
         if self._matrices is None:
             light = fitted(lighting, self._count)
             return np.moveaxis(rotate_into_frames(light, self._own_frames), -1, 0)
-        vertices, size, _, channels = self._matrices.shape
-        light = fitted(lighting, size).astype(np.float32)
-        if channels == 3:
-            found = np.einsum("vijc,jc->vic", self._matrices, light)
-        else:
-            found = (self._matrices.reshape(-1, size) @ light).reshape(vertices, size, 3)
-        return found[:, : self._count]
+        return arriving_light(self._matrices, lighting)[:, : self._count]
 
     def products(self, views: ArrayLike) -> Array:
         """Return the product function at the views, shape (v, n, 3)."""

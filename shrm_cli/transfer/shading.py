@@ -64,30 +64,20 @@ def diffuse_colors(
     return irradiance * np.asarray(transfer.albedo if albedo is None else albedo) / np.pi
 
 
-def arriving_light(transfer: Transfer, lighting: ArrayLike, part: slice = slice(None)) -> Array:
+def arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
     """Return coefficients of the radiance that arrives at vertices, in their frames.
 
     Parameters
     ----------
-    transfer : Transfer
-        With matrices.
+    matrices : ndarray, shape (k, n, n, 1 or 3)
+        The transfer matrices of these vertices.
     lighting : array_like, shape (m, 3)
         As `diffuse_colors` takes it.
-    part : slice
-        Which vertices; all by default.
 
     Returns
     -------
     ndarray, shape (k, n, 3)
-
-    Raises
-    ------
-    TransferError
-        If the transfer has no matrices.
     """
-    transfer.check_glossy()
-    assert transfer.matrices is not None
-    matrices = transfer.matrices[part]
     count, size, _, channels = matrices.shape
     light = fitted(lighting, size).astype(matrices.dtype)
     if channels == 1:
@@ -122,13 +112,15 @@ def glossy_colors(
     TransferError
         If the transfer has no matrices.
     """
+    transfer.check_glossy()
+    assert transfer.matrices is not None
+    assert transfer.frames is not None
     count = len(transfer.vectors)
     views = np.broadcast_to(np.asarray(views, dtype=float), (count, 3))
     result = np.zeros((count, 3))
     for start in range(0, count, _VERTICES_AT_ONCE):
         part = slice(start, start + _VERTICES_AT_ONCE)
-        arriving = arriving_light(transfer, lighting, part)
-        assert transfer.frames is not None
+        arriving = arriving_light(transfer.matrices[part], lighting)
         local = np.einsum("vij,vj->vi", transfer.frames[part], views[part])
         facing = local[:, 2] > 0
         values = product.values(local[facing])

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.geometry.mesh import Mesh, make_mesh
 
-Array = NDArray[np.floating]
 Field = Callable[[Array], Array]
 
 _CELLS = 56

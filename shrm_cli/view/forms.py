@@ -10,7 +10,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.maps.shader.code import look_up_code
-from shrm_cli.maps.shader.packing import pack
+from shrm_cli.maps.shader.file import pack
 from shrm_cli.render.shading import takes_f0
 from shrm_cli.view.blocks import Blocks
 

@@ -2,11 +2,9 @@
 
 import json
 from collections.abc import Sequence
-from functools import cache
-from importlib import resources
 from typing import Any
 
-from shrm_cli.files.html_page import digest, html_page
+from shrm_cli.files.html_page import asset, digest, html_page
 from shrm_cli.records import record
 from shrm_cli.view.scene import Scene
 
@@ -37,14 +35,9 @@ class Section:
     script: str
 
 
-@cache
-def _asset(name: str) -> str:
-    return resources.files("shrm_cli.view").joinpath("assets", name).read_text(encoding="utf-8")
-
-
 def _script() -> str:
     """Return all scripts as one function, which leaves nothing but `window.shrm` behind."""
-    code = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
+    code = "\n".join(asset("view", f"{name}.js") for name in SCRIPTS)
     return f'(function () {{\n"use strict";\n\n{code}}})();\n'
 
 
@@ -64,9 +57,9 @@ def section(scene: Scene, urls: Sequence[str] | None = None) -> Section:
     data = [f'<script type="application/json" class="shrm-scene">{embedded(described)}</script>']
     for block in scene.blocks.encoded() if urls is None else []:
         data.append(f'<script type="text/plain" class="shrm-block">{block}</script>')
-    start, end = _asset("body.html").rsplit("</div>", 1)
+    start, end = asset("view", "body.html").rsplit("</div>", 1)
     body = "\n".join([start.rstrip(), *data, f"</div>{end}"])
-    return Section(_asset("page.css"), body, _script())
+    return Section(asset("view", "page.css"), body, _script())
 
 
 def sources() -> tuple[str, str]:
@@ -74,7 +67,7 @@ def sources() -> tuple[str, str]:
 
     Pages within a page obey its policy besides their own.
     """
-    return digest(_script()), digest(_FULL + _asset("page.css"))
+    return digest(_script()), digest(_FULL + asset("view", "page.css"))
 
 
 def page(scene: Scene, urls: Sequence[str] | None = None) -> str:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
-from shrm_cli.brdf.metals import METALS
+from shrm_cli.brdf.vectors import METALS
 from shrm_cli.color import REC709, mix_channels, title_of, to_rec709
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.geometry.mesh import Mesh
@@ -20,12 +21,12 @@ from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reference import Reference
+from shrm_cli.render.camera import Viewer, sphere_normals
 from shrm_cli.render.shading import reflectance
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.forms import described_map
 from shrm_cli.view.shapes import described_shapes
-from shrm_cli.view.truth import truth_facts, truth_pictures
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
 
 SKY_ROWS = 512
@@ -36,6 +37,11 @@ MOST_VIEWS = 8
 """The most views that the truth is computed for."""
 TRUTH_SIZE = 192
 """Pixels along the edge of a picture of the truth, where no other number is asked for."""
+
+
+_INSIDE = 0.25
+"""Points on the silhouette are moved inside by half this part of the distance between two of
+them, because BRDFs have no value there."""
 
 
 @record
@@ -205,8 +211,7 @@ def _add_truth(
             scene.remarks.append(f"no truth: {error}")
             return
     source = Reference(probe, brdf, truth.rows, exact=truth.exact)
-    spec = spec_of(record_of(brdf))
-    pictures = truth_pictures(source, start.views, truth.size, progress)
+    pictures = _truth_pictures(source, start.views, truth.size, progress)
     matrix = to_rec709(probe.chromaticities)
     for view, picture in zip(start.views, pictures, strict=True):
         if matrix is not None:
@@ -219,8 +224,62 @@ def _add_truth(
                 "picture": scene.blocks.texture(picture, "the truth", is_half=False),
             }
         )
-    name = Path(probe.name).name
-    scene.description["truth_facts"] = truth_facts(name, spec, truth.size, source)
+    scene.description["truth_facts"] = [
+        ("what", f"integral over the probe, {source.statement}"),
+        ("BRDF", spec_of(record_of(brdf))),
+        ("probe", f"{Path(probe.name).name}, {source.source.pixels:,} pixels"),
+        ("picture", f"{truth.size} \u00d7 {truth.size} points on the sphere"),
+    ]
+
+
+def _truth_pictures(
+    source: Reference,
+    views: Sequence[tuple[float, float]],
+    size: int,
+    progress: Progress | None = None,
+) -> list[Array]:
+    """Integrate what a distant viewer sees on a sphere.
+
+    The points of a picture are at equal angles between the normal and the view: a point as far from
+    the middle as a share s of half the picture's width is seen at ``sin(s pi / 2)`` radii from the
+    centre of the sphere. They are close together at the silhouette, where reflections are, too.
+
+    Parameters
+    ----------
+    source : Reference
+    views : sequence of (float, float)
+        Azimuth and elevation of each viewer, degrees.
+    size : int
+        Pixels along the square around the sphere.
+    progress : callable, optional
+        Called with the points done and the points of all pictures.
+
+    Returns
+    -------
+    list of ndarray of float32, shape (size, size, 3)
+        Linear radiance, rows from the highest. Pixels beside the silhouette hold what is on it, so
+        that pictures can be interpolated; others off the sphere are 0.
+    """
+    across = (np.arange(size) + 0.5) * (2 / size) - 1
+    x, y = np.meshgrid(across, -across)
+    share = np.hypot(x, y)  # of a right angle between the normal and the view
+    needed = share < 1 + 3 / size
+    x, y, share = x[needed], y[needed], share[needed]
+    radius = np.sin(np.minimum(share, 1 - _INSIDE / size) * np.pi / 2) / np.maximum(share, 1e-9)
+    x, y = x * radius, y * radius
+    pictures: list[Array] = []
+
+    def counted(done: int, total: int) -> None:
+        if progress is not None:
+            progress(len(pictures) * total + done, len(views) * total)
+
+    source.progress = counted
+    for azimuth, elevation in views:
+        viewer = Viewer(azimuth, elevation)
+        picture = np.zeros((size, size, 3), dtype=np.float32)
+        picture[needed] = source.radiance(sphere_normals(viewer, x, y), viewer.direction)
+        pictures.append(picture)
+    return pictures
 
 
 def _add_sky(scene: Scene, probe: Probe, max_size: int | None) -> None:

@@ -4,16 +4,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.view.blocks import Blocks
 from shrm_cli.view.figure import figure
-
-Array = NDArray[np.floating]
 
 _AZIMUTHS, _ELEVATIONS = range(0, 360, 30), (-60, -30, 0, 30, 60)
 """Where a mesh is looked at from, to find how far away the camera has to stand, degrees."""

@@ -56,7 +56,7 @@ def test_captured_energy_of_phong(exponent):
     np.testing.assert_allclose(grid.captured[:, 0], np.cumsum(energies) / total, atol=1e-9)
     assert grid.captured.shape == (33, 1)
     for orders in grid.orders:
-        least = np.argmax(np.cumsum(energies) / total >= 1 - orders.tolerance)
+        least = np.argmax(np.cumsum(energies) / total >= 1 - orders.eps)
         assert (orders.order_f, orders.order_p) == (least, 0)
 
 
@@ -200,7 +200,7 @@ def test_estimates_are_conservative_on_real_probes(real_probes, name, spec):
     np.testing.assert_allclose(curve.estimate_minimum[high], curve.estimate_brdf[high], atol=0.01)
     for orders in grid.orders:
         if orders.order_p <= curve.order_p:
-            assert curve.accuracy[orders.order_f] >= 1 - orders.tolerance
+            assert curve.accuracy[orders.order_f] >= 1 - orders.eps
 
 
 def test_curves_of_black_light_and_of_a_black_brdf():

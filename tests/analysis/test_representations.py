@@ -16,12 +16,13 @@ from shrm_cli.errors import ShrmWarning
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.explicit.prefilter import prefilter_explicit
 from shrm_cli.maps.file import save
-from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
+from shrm_cli.maps.request import Request
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.shading import ggx_surface
 from tests.brute_force import latlong_samples
+from tests.makers import prefilter_split_sum
 from tests.oracles import latlong_pixels
 
 pytestmark = pytest.mark.slow
@@ -134,7 +135,7 @@ def maps(name, probe):
             return [
                 prefilter(probe, each, to=name, eps=TOLERANCE, max_size=SMALL) for each in surfaces
             ]
-    return [prefilter_explicit(probe, each, TOLERANCE, name).map for each in surfaces]
+    return [prefilter_explicit(probe, Request(name, each, TOLERANCE)).map for each in surfaces]
 
 
 @pytest.mark.parametrize("name", ["shrm", "principal", "cabral", "splitsum"])

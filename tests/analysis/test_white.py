@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.analysis.white import blackbody_distance, chromaticity, color_temperature
+from shrm_cli.analysis.probe_statistics import blackbody_distance, chromaticity, color_temperature
 from shrm_cli.color import REC709, title_of, xyz_matrix
 
 colour = pytest.importorskip("colour", reason="no colour-science")

@@ -1,6 +1,7 @@
 """What workers do: the same bytes as `prefilter` makes, and a record of each job."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,13 @@ import pytest
 from shrm_cli.batch import work
 from shrm_cli.batch.entry import Entry
 from shrm_cli.maps.file import open_map, save
-from shrm_cli.maps.options import DEFAULTS
+from shrm_cli.maps.options import SHARED
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe import image_file
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.shared import HeldImage, shared
+from shrm_cli.vocabulary import DEFAULT_EPS
 from tests.batch.helpers import Here, edit, forget, records_of, statuses, write_probes
 from tests.cli.helpers import noise, write_exr
 
@@ -144,8 +146,8 @@ def test_what_another_probe_or_version_made_is_made_again(made, probe, monkeypat
 
 def test_another_default_makes_other_maps(made, monkeypatch):
     """The default tolerance is recorded like one that is given."""
-    assert again(made, arguments={"eps": DEFAULTS["eps"]}) == dict.fromkeys(made.to, "skipped")
-    monkeypatch.setitem(DEFAULTS, "eps", 0.07)
+    assert again(made, arguments={"eps": DEFAULT_EPS}) == dict.fromkeys(made.to, "skipped")
+    monkeypatch.setitem(SHARED, "eps", replace(SHARED["eps"], default=0.07))
     found = {record["to"]: record for record in records_of(made, only_looks=True)}
     why = "it was made with other options (`eps` 0.03 there, 0.07 here)"
     assert found["shrm"]["why"] == why

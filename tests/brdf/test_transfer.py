@@ -18,6 +18,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import BrdfError
 from shrm_cli.memo import Memo
+from shrm_cli.progress import using
 from tests import ggx
 
 
@@ -195,13 +196,8 @@ def test_zonal_functions_do_not_depend_on_the_view():
 
 def test_progress_goes_on_and_stays_below_the_whole():
     calls = []
-    compute_transfer(
-        parse_spec("ggx:roughness=0.3"),
-        32,
-        4,
-        1e-4,
-        lambda done, total: calls.append((done, total)),
-    )
+    with using(lambda done, total: calls.append((done, total))):
+        compute_transfer(parse_spec("ggx:roughness=0.3"), 32, 4, 1e-4)
     done = [part / whole for part, whole in calls]
     assert len(done) > 5
     assert done == sorted(done)

@@ -9,8 +9,8 @@ import shrm_cli as shrm
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.terms import Wanted
 from shrm_cli.maps.principal.wrong_share import predicted_wrong_share
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.plan import policy
@@ -31,9 +31,9 @@ def light(seed, lamp):
 
 def every_form(probe, spec):
     """(bytes, function that tells error and share) of principal maps and SHRMs, one by one."""
-    projection = Projection(probe, None)
-    asked = Wanted(0.03, policy.LEAST_ERROR, None, LIMIT, None)
-    proposals = Proposals(projection, parse_spec(spec), asked)
+    projection = Projection(probe)
+    asked = Request("principal", parse_spec(spec), error=policy.LEAST_ERROR, max_size=LIMIT)
+    proposals = Proposals(projection, asked)
     (planner,) = proposals.planners
 
     def principal(counts, size):
@@ -88,11 +88,8 @@ def test_sums_share_their_bytes_among_terms_best():
     spec = "0.5*oren-nayar+0.5*ggx:roughness=0.5"
     probe = light(4, 8)
     (choice,) = shrm.choose(probe, spec)
-    proposals = Proposals(
-        Projection(probe, None),
-        parse_spec(spec),
-        Wanted(0.03, policy.LEAST_ERROR, None, LIMIT, None),
-    )
+    asked = Request("principal", parse_spec(spec), error=policy.LEAST_ERROR, max_size=LIMIT)
+    proposals = Proposals(Projection(probe), asked)
     planners = proposals.planners
     base = proposals.propose()
     strengths = np.sqrt([each.whole for each in planners])

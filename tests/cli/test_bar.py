@@ -13,8 +13,8 @@ from tests.cli.helpers import Terminal, environment, run
 WORK = """
 import sys, time
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.files.noise import caught, last_noise
-with progress_bar("working", False) as progress:
+from shrm_cli.files.openimageio import caught, last_noise
+with progress_bar("working") as progress:
     {work}
 sys.stderr.write(f"over; {{last_noise()}}")
 """
@@ -89,7 +89,7 @@ def test_bars_never_fall(monkeypatch, tmp_path, command):
     seen = []
 
     class Bar:
-        def __init__(self, label, quiet):
+        def __init__(self, label):
             assert label
 
         def __enter__(self):
@@ -108,7 +108,7 @@ def test_bars_never_fall(monkeypatch, tmp_path, command):
 def test_what_is_announced_commands_no_terminal(monkeypatch):
     stream = Terminal()
     monkeypatch.setattr(sys, "stderr", stream)
-    announce(["\x1b]0;pwned\x07.exr: 2 pictures"], False)
+    announce(["\x1b]0;pwned\x07.exr: 2 pictures"])
     assert stream.getvalue() == "\\x1b]0;pwned\\x07.exr: 2 pictures\n"
     monkeypatch.setattr(sys, "stderr", None)
-    announce(["nobody sees it"], False)
+    announce(["nobody sees it"])

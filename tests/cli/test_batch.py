@@ -130,7 +130,7 @@ def test_a_manifest(folder):
     result = run("batch", "bake.toml", "--jobs", "1")
     assert (result.code, result.err) == (0, "")
     assert len(list((folder / "out").iterdir())) == 6
-    assert open_map("out/p0.shrm.exr").info.tolerance == pytest.approx(0.2)
+    assert open_map("out/p0.shrm.exr").info.eps == pytest.approx(0.2)
     assert_refused(run("batch", "bake.toml", "--eps", "0.1"), 2, "--eps", "manifest")
     assert_refused(run("batch", "bake.toml", "probes/p0.exr"), 2, "nothing beside it")
 
@@ -352,7 +352,7 @@ def test_what_cannot_be_asked_for(folder, arguments, code, said):
 
 @pytest.mark.slow
 def test_lines_tell_the_progress_where_there_is_no_terminal(folder, monkeypatch):
-    monkeypatch.setattr("shrm_cli.cli.ticker._EVERY", 0.0)
+    monkeypatch.setattr("shrm_cli.cli.bar._EVERY", 0.0)
     result = run(*IRRADIANCE, "--jobs", "1")
     assert re.search(r"baking: 3 of 5, [\d.]+ a second, \d+ s left", result.err)
     assert run(*IRRADIANCE, "--jobs", "1", "--quiet").err == ""

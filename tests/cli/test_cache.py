@@ -35,14 +35,14 @@ def test_info(folder):
         "limit": 256 * 2**20,
     }
     text = done("cache", "info")
-    assert text == f"{folder}: 2 entries, {size(folder) / 1024:.1f} kB, at most 256 MB\n"
+    assert text == f"{folder}: 2 entries, {size(folder) / 1000:.3g} kB, at most 268 MB\n"
 
 
 def test_clear(folder):
     expected = size(folder)
-    assert done("cache", "clear") == f"{folder}: 2 entries, {expected / 1024:.1f} kB removed\n"
+    assert done("cache", "clear") == f"{folder}: 2 entries, {expected / 1000:.3g} kB removed\n"
     assert not folder.exists()
-    assert "0 entries, 0.0 kB" in done("cache", "info")
+    assert "0 entries, 0 bytes" in done("cache", "info")
     assert json.loads(done("cache", "clear", "--json")) == {
         "folder": str(folder),
         "removed": 0,

@@ -13,9 +13,7 @@ from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.render.camera import Viewer, sphere_coverage
 from shrm_cli.render.sphere import render_sphere
@@ -32,6 +30,7 @@ from tests.cli.helpers import (
     snapshot,
     write_exr,
 )
+from tests.makers import prefilter_irradiance, prefilter_split_sum
 from tests.oracles import latlong_pixels
 from tests.render.materials import furnace
 
@@ -434,8 +433,7 @@ def test_progress_of_the_truth(folder, monkeypatch):
     bars = {}
 
     class Bar:
-        def __init__(self, label, quiet):
-            assert not quiet
+        def __init__(self, label):
             self.seen = bars.setdefault(label, [])
 
         def __enter__(self):

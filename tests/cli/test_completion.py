@@ -3,7 +3,7 @@
 import pytest
 
 from shrm_cli.brdf.library import model_names
-from shrm_cli.brdf.metals import METALS
+from shrm_cli.brdf.vectors import METALS
 from tests.cli.helpers import process
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.lookdev.sheet import Grid
+from shrm_cli.render.sheet import Grid
 from tests import oracles
 from tests.cli.helpers import assert_refused, done, polynomial_light, run, write_exr
 

@@ -302,9 +302,8 @@ def test_rows_are_counted_for_the_progress_bar(folder, monkeypatch):
     seen = []
 
     class Bar:
-        def __init__(self, label, quiet):
+        def __init__(self, label):
             assert label
-            assert not quiet
 
         def __enter__(self):
             return lambda done, total: seen.append((done, total))

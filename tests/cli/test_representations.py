@@ -2,7 +2,7 @@
 
 import json
 import sys
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 import OpenImageIO as oiio
@@ -28,7 +28,11 @@ TWO = [*QUICK, "--roughness", "0.6..1", "--steps", 2]
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Current folder with a smooth probe and a map; split sums of two levels are quick."""
-    quick = partial(splitsum.prefilter, levels=(0.5, 1.0), size=16)
+    make = splitsum.prefilter
+
+    def quick(probe, request):
+        return make(probe, replace(request, size=16, own={**request.own, "levels": (0.5, 1.0)}))
+
     monkeypatch.setattr(splitsum, "prefilter", quick)
     directions = latlong_pixels(32, 16)
     write_exr(tmp_path / "room.exr", polynomial_light(directions).astype(np.float32))
@@ -249,7 +253,7 @@ def test_progress(folder, only_shrm, monkeypatch):
     seen = []
 
     class Bar:
-        def __init__(self, label, quiet):
+        def __init__(self, label):
             assert label
 
         def __enter__(self):
@@ -360,9 +364,9 @@ def test_memory_is_in_the_json_and_limits_maps(folder, only_shrm, monkeypatch):
     sizes = []
     make = shrm.prefilter
 
-    def note(*arguments, **options):
-        sizes.append(options["max_size"])
-        return make(*arguments, **options)
+    def note(probe, request):
+        sizes.append(request.max_size)
+        return make(probe, request)
 
     monkeypatch.setattr(shrm, "prefilter", note)
     limit = most["estimated_memory"] // 2

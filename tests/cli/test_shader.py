@@ -8,7 +8,7 @@ import pytest
 
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.shader.code import look_up_code
-from shrm_cli.maps.shader.packing import pack
+from shrm_cli.maps.shader.file import pack
 from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
 
 FORMS = {

@@ -43,7 +43,7 @@ def written(name):
 def test_a_page_is_one_file_without_addresses(folder):
     shown = ["glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth"]
     out = done("view", *shown, "-o", "a.html")
-    assert re.match(r"a\.html: .* MB, opens in a browser without a network", out)
+    assert re.match(r"a\.html: .* kB, opens in a browser without a network", out)
     text, scene = written("a.html")
     assert not re.search(r"https?:|[\"'(]//|\bsrc=|@import|url\(", text)
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
@@ -119,7 +119,7 @@ def test_a_page_that_is_too_large_is_refused_before_the_truth(folder, monkeypatc
     def fail(*_):
         raise AssertionError("the truth was computed")
 
-    monkeypatch.setattr("shrm_cli.view.scene.truth_pictures", fail)
+    monkeypatch.setattr("shrm_cli.view.scene._truth_pictures", fail)
     arguments = ["glossy.exr", "--probe", "probe.exr", "-o", "a.html", "--max-size", "10"]
     assert_refused(run("view", *arguments), 1, "more than 10 bytes", "--max-size")
     assert not (folder / "a.html").exists()

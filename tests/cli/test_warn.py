@@ -1,9 +1,17 @@
 """Warnings speak of flags where the library's speak of arguments."""
 
-from shrm_cli.cli.options import warn
+import click
+
+from shrm_cli.cli.options import output_options, warn
+
+
+@click.command()
+@output_options
+def shake():
+    warn(["a.exr: see `clamp`"])
 
 
 def test_in_warnings(capsys):
-    warn(["a.exr: see `clamp`"], quiet=False)
-    warn(["a.exr: see `size`"], quiet=True)
+    shake.main([], standalone_mode=False)
+    shake.main(["--quiet"], standalone_mode=False)
     assert capsys.readouterr().err == "Warning: a.exr: see --clamp\n"

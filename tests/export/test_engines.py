@@ -14,15 +14,15 @@ import pytest
 
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export import engine as engines
-from shrm_cli.export import ktx2, make
+from shrm_cli.export import ktx, make
 from shrm_cli.export.make import Asked, Source, export, write
-from shrm_cli.maps.irradiance.prefilter import prefilter as irradiance_of
-from shrm_cli.maps.splitsum.prefilter import prefilter as split_sum_of
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import ENGINES
 from tests.brute_force import latlong_samples, unit
 from tests.export.readers import look_up, read_ktx1, read_ktx2
 from tests.ggx import lobe, moments
+from tests.makers import prefilter_irradiance as irradiance_of
+from tests.makers import prefilter_split_sum as split_sum_of
 
 HEIGHT = 64
 LAMP = np.array([0.48, 0.6, -0.64])
@@ -370,7 +370,7 @@ def test_what_an_engine_has_not_is_refused(probe, name, asked, argument):
 
 def test_ktx2_without_zstandard_is_larger_and_says_so(probe, tmp_path, monkeypatch):
     exported(probe, "bevy", tmp_path, size=32)
-    monkeypatch.setattr(ktx2, "find_spec", lambda name: None)
+    monkeypatch.setattr(ktx, "find_spec", lambda name: None)
     made = exported(probe, "bevy", tmp_path / "plain", size=32)
     assert sum("not compressed" in line for line in made.told) == 1
     for name in ("sky_specular.ktx2", "sky_diffuse.ktx2"):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from shrm_cli.export.harmonics import filament, in_axes, three, unity, unreal
-from shrm_cli.maps.irradiance.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from tests.brute_force import latlong_samples, unit
+from tests.makers import prefilter_irradiance as prefilter
 
 HEIGHT = 64
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from shrm_cli.export.ktx1 import ktx1_cube
-from shrm_cli.export.ktx2 import ktx2_cube
+from shrm_cli.export.ktx import ktx1_cube, ktx2_cube
 from shrm_cli.export.pixels import FORMATS, encoded
 from tests.export.readers import read_ktx1, read_ktx2
 

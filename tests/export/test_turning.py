@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from shrm_cli.export.cubes import WORLD, mirrored, to_lookup
 from shrm_cli.export.latlong import rgbe, rolled
-from shrm_cli.export.turning import WORLD, mirrored, to_lookup
 from tests.brute_force import latlong_samples, unit
 from tests.export.readers import look_up
 

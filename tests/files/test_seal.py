@@ -6,8 +6,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from shrm_cli.files.exr_header import condition
 from shrm_cli.files.parts import Part, write_parts
-from shrm_cli.files.seal import condition
 from tests.cli.helpers import noise, write_exr
 
 

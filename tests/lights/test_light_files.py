@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import OutputError
+from shrm_cli.files.whole import write_bytes
 from shrm_cli.lights.light_files import (
     light_file_text,
     relative_name,
     usd_text,
     write_residual,
-    write_text,
 )
 from shrm_cli.lights.snippets import snippet
 from shrm_cli.lights.split import split_lamps
@@ -41,7 +41,7 @@ def latlong():
 def test_a_light_file_is_the_probe_again(split, tmp_path):
     """Its coefficients against those of the probe, from pixels; precision is that of halves."""
     write_residual(str(tmp_path / "rest.exr"), split)
-    write_text(str(tmp_path / "sun.toml"), light_file_text(split, "rest.exr"))
+    write_bytes(str(tmp_path / "sun.toml"), light_file_text(split, "rest.exr").encode())
     whole = open_probe(tmp_path / "sun.toml")
     assert len(whole.discs) == 1
     assert whole.terms[0].probe.grid == split.probe.grid
@@ -55,7 +55,7 @@ def test_border_sampled_residuals_are_tagged(tmp_path):
     for layout, pixels in (("latlong", image[:31, :62]), ("angular", rooms.bare("angular"))):
         found = split_lamps(Probe.from_array(pixels, layout, sampling="border"))
         write_residual(str(tmp_path / "rest.exr"), found)
-        write_text(str(tmp_path / "sun.toml"), light_file_text(found, "rest.exr"))
+        write_bytes(str(tmp_path / "sun.toml"), light_file_text(found, "rest.exr").encode())
         assert open_probe(tmp_path / "sun.toml").terms[0].probe.grid == found.probe.grid
 
 

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
-from shrm_cli.brdf.environment.lobe_moments import LobeMoments
+from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo, LobeMoments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
-from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import Probe
+from tests.makers import prefilter_exponential
 from tests.paper.extent import Extent
 from tests.paper.glossy_truth import Light, Sphere, light_of, mirror_means, reflect, sphere
 from tests.paper.split_sum import PaperSplitSum, source_of

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe, open_probe
+from tests.makers import prefilter_irradiance
 
 Array = NDArray[np.floating]
 

@@ -97,7 +97,7 @@ def principal(default: Map) -> tuple[str, dict[str, Any]]:
 def same_bytes(default: Map) -> tuple[str, dict[str, Any]]:
     """The best principal map of the default's bytes, whatever the number of its cubes."""
     size = 2 * sum(plane.size for plane in default.planes())
-    return "principal", {"eps": _STRICTER * default.info.tolerance, "max_size": size}
+    return "principal", {"eps": _STRICTER * default.info.eps, "max_size": size}
 
 
 AFTER, BEFORE, VIEW_ALONE = "after", "before", "P alone"
@@ -116,7 +116,7 @@ def ways(brdf: Brdf) -> dict[str, Way]:
 def _by_hand(default: Map, order_f: int) -> dict[str, Any]:
     info = default.info
     # A tolerance that the orders cannot meet would have them searched for in vain.
-    eps = max(info.tolerance, 1 - 0.99 * info.captured)
+    eps = max(info.eps, 1 - 0.99 * info.captured)
     return {"order_f": order_f, "order_p": info.order_p, "size": default.size, "eps": eps}
 
 

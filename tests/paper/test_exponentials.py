@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.maps.she.prefilter import prefilter as prefilter_exponential
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.quadrature import spiral_directions
 from tests.conftest import ROOT
+from tests.makers import prefilter_exponential
 from tests.paper import exponentials
 from tests.paper.glossy_truth import Light, Sphere, light_of, mirror_means, reflect, sphere
 from tests.paper.irradiance import latlong_pixels

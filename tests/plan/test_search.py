@@ -54,6 +54,7 @@ def test_it_finds_what_trying_everything_finds(table, error):
     every = [pair for sizes, errors in table for pair in zip(sizes, errors, strict=True)]
     kept = [pair for pair in every if pair[1] <= error / 40]
     found = fewest_bytes((row(*each) for each in table), error / 40)
+    assert found == fewest_bytes((row(*each) for each in table), error / 40, look_near=False)
     if not every:
         assert found is None
     elif kept:
@@ -65,6 +66,8 @@ def test_it_finds_what_trying_everything_finds(table, error):
         assert found[0].total_error == min(each for _, each in every)
     lasts = [errors[-1] for _, errors in table if errors]
     assert [each.total_error for each in least_errors(row(*each) for each in table)] == lasts
+    listed = [each.total_error for pair in table for each in row(*pair).every()]
+    assert listed == [each for _, errors in table for each in errors]
 
 
 def test_candidates_of_more_bytes_are_not_looked_at():
@@ -72,6 +75,54 @@ def test_candidates_of_more_bytes_are_not_looked_at():
     rows = [row([1, 2, 3], [0.3, 0.2, 0.1]), row([2, 4, 8], [0.25, 0.1, 0.05], asked)]
     assert fewest_bytes(rows, 0.25)[0].bytes == 2
     assert asked == []
+
+
+@st.composite
+def uneven_tables(draw):
+    """Rows with rising bytes, and errors that may rise, too."""
+    found = []
+    for count in draw(st.lists(st.integers(1, 12), min_size=1, max_size=4)):
+        sizes = sorted(draw(st.sets(st.integers(1, 90), min_size=count, max_size=count)))
+        found.append((sizes, draw(st.lists(st.integers(1, 40), min_size=count, max_size=count))))
+    return found
+
+
+@given(uneven_tables(), st.integers(1, 40))
+def test_errors_may_rise_with_a_cube(table, error):
+    """Nothing near takes fewer bytes, in any row whose largest such candidate is nearly good."""
+    found, is_met = fewest_bytes([row(*each) for each in table], error)
+    if not is_met:
+        assert found.total_error == min(errors[-1] for _, errors in table) > error
+        return
+    assert found.total_error <= error
+    for sizes, errors in table:
+        fewer = [pair for pair in zip(sizes, errors, strict=True) if pair[0] < found.bytes]
+        if fewer and fewer[-1][1] <= policy.NEARLY_KEPT * error:
+            near = [pair for pair in fewer if pair[0] >= policy.NEAR * found.bytes]
+            assert all(pair[1] > error for pair in [*near, fewer[-1]])
+
+
+@pytest.mark.parametrize(
+    ("sizes", "errors", "expected"),
+    [
+        ([60, 80, 100], [10, 11, 9], 60),
+        ([59, 80, 100], [10, 11, 9], 100),  # of far fewer bytes
+        ([80, 90, 100], [10, 15, 9], 80),
+        ([80, 90, 100], [10, 15.1, 9], 100),  # the others are far from good
+        ([20, 25, 41, 42, 68, 69, 100], [10, 12, 10, 12, 10, 12, 9], 41),  # again and again
+    ],
+)
+def test_what_is_looked_at_one_by_one(sizes, errors, expected):
+    """Halving finds 100 in all of them."""
+    assert fewest_bytes([row(sizes, errors)], 10)[0].bytes == expected
+    assert fewest_bytes([row(sizes, errors)], 10, look_near=False)[0].bytes == 100
+
+
+def test_only_those_up_to_the_first_good_one_are_looked_at():
+    asked = []
+    found, _ = fewest_bytes([row([62, 64, 66, 80, 100], [10, 9, 12, 11, 9], asked)], 10)
+    assert found.bytes == 62
+    assert set(asked) == {62, 66, 80, 100}
 
 
 def shares(wrong):

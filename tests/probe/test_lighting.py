@@ -9,6 +9,7 @@ from shrm_cli.probe import blocks
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.progress import using
 from tests import oracles
 from tests.probe import scenes
 
@@ -288,7 +289,8 @@ def test_fine_waves_are_resolved(tmp_path, layout, size, degree, sampling):
 def test_progress_is_reported(tmp_path):
     path = scenes.write(tmp_path / "probe.exr", np.ones((64, 128, 3)))
     calls = []
-    project(open_probe(path), 2, lambda done, total: calls.append((done, total)))
+    with using(lambda done, total: calls.append((done, total))):
+        project(open_probe(path), 2)
     assert calls[-1] == (64, 64)
 
 

@@ -12,6 +12,7 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.probe import resample
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.progress import using
 from shrm_cli.sphere.grid.angular import Angular
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
@@ -415,9 +416,8 @@ def test_blocks_of_rows_change_nothing(tmp_path, monkeypatch, rng):
     expected = [resample.to_layout(probe, layout, size=12) for layout in GRIDS]
     monkeypatch.setattr(resample, "_SAMPLES_AT_ONCE", 100)
     for layout, whole in zip(GRIDS, expected, strict=True):
-        found = resample.to_layout(
-            probe, layout, size=12, progress=lambda rows, all_rows: done.append((rows, all_rows))
-        )
+        with using(lambda rows, all_rows: done.append((rows, all_rows))):
+            found = resample.to_layout(probe, layout, size=12)
         np.testing.assert_allclose(found, whole, rtol=1e-6)
     assert done[-1] == (12, 12)
     assert len(done) == 12 + 18 + 12

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.errors import MeshError, ProbeError
 from shrm_cli.geometry.mesh import make_mesh
-from shrm_cli.render.variation import OfImage, OfVertices, open_variation
+from shrm_cli.render.variation import Variation, open_variation
 from tests.cli.helpers import assert_refused, done, read_exr, run, write_exr
 from tests.probe import scenes
 
@@ -33,7 +33,7 @@ def test_vertices_are_interpolated():
     colors = np.array([[0.0, 0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 0]])
     mesh = quad(colors=colors)
     weights = np.array([[0.2, 0.5, 0.3], [1.0, 0, 0], [0, 0.25, 0.75]])
-    found = OfVertices().shares(mesh, np.array([0, 1, 1]), weights)
+    found = Variation().shares(mesh, np.array([0, 1, 1]), weights)
     np.testing.assert_allclose(found, [0.8, 0.0, 0.25], atol=1e-6)
 
 
@@ -45,7 +45,7 @@ def test_an_image_is_read_bilinearly_and_its_top_is_at_v_1():
               (0.5, 0.5): 0.4375, (0.0, 0.75): 0.5}  # fmt: skip
     for (u, v), expected in places.items():
         face, weights = (0, [1 - u, u - v, v]) if u >= v else (1, [1 - v, u, v - u])
-        found = OfImage(image).shares(mesh, np.array([face]), np.array([weights]))
+        found = Variation(image).shares(mesh, np.array([face]), np.array([weights]))
         assert found[0] == pytest.approx(expected), (u, v)
 
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.export.cubes import diffuse_cube
-from shrm_cli.export.engine import Wishes, engine
+from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, gather
+from shrm_cli.export.pixels import FORMATS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
 from tests.web import ball
@@ -84,7 +85,7 @@ def exported(folder, name, probe, size):
     """Write what `shrm export --for NAME` writes of a probe; returns its light and its package."""
     chosen = engine(name)
     light, _, _ = gather(Source("light", "light.exr", probe=probe), chosen, Asked(size=size))
-    package = chosen.pack(light, Wishes(size))
+    package = chosen.pack(light, FORMATS[(chosen.formats or ("rgba16f",))[0]])
     folder.mkdir(parents=True, exist_ok=True)
     for file in package.files:
         file.write(folder / file.name)
@@ -249,7 +250,7 @@ def directx(browser, folder, address, probe, size):
     page = Page(browser, address, "babylon.bundle.js")
     page.call("start", 16, True, VIEW)
     page.call("environment", f"{address}/directx/light.dds")
-    from shrm_cli.export.turning import to_lookup
+    from shrm_cli.export.cubes import to_lookup
 
     worst = 0.0
     for k, level in enumerate(light.levels):

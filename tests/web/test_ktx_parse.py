@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from shrm_cli.export.ktx2 import ktx2_cube
+from shrm_cli.export.ktx import ktx2_cube
 from shrm_cli.export.pixels import FORMATS, encoded
 from tests.web.browser import MODULES
 

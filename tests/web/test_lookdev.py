@@ -3,7 +3,7 @@
 import numpy as np
 import OpenImageIO as oiio
 
-from shrm_cli.lookdev.sheet import Grid
+from shrm_cli.render.sheet import Grid
 from tests import oracles
 from tests.cli.helpers import done, polynomial_light, write_exr
 

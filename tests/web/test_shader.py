@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.maps.shader.code import look_up_code
-from shrm_cli.maps.shader.packing import pack
+from shrm_cli.maps.shader.file import pack
 from tests.maps.shader import cases
 
 DRAW = Path(__file__).with_name("draw.js").read_text()

@@ -5,12 +5,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.environment.lobe import MaterialLobe
 from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
 from shrm_cli.brdf.vectors import GRAZING
-from shrm_cli.progress import Progress
 
 _NODES = 12, 384
 """The fewest nodes over the slope of the half vector, in each half, and the most; over its azimuth
@@ -94,7 +94,7 @@ def _integral(brdf: Brdf, width: float, view: Array, count: int) -> Array:
     return np.asarray(np.einsum("pnxc,pnx->nc", values, solid_angles))
 
 
-def albedo_table(brdf: Brdf, size: int, progress: Progress | None = None) -> Array:
+def albedo_table(brdf: Brdf, size: int) -> Array:
     """Compute the directional albedo of a BRDF for every roughness.
 
     Parameters
@@ -103,8 +103,6 @@ def albedo_table(brdf: Brdf, size: int, progress: Progress | None = None) -> Arr
     size : int
         The number of rows, over the perceptual roughness, and of columns, over N.V. Both are
         sampled at texel centers, ``(k + 0.5) / size``. The first row is the smoothest.
-    progress : callable, optional
-        Called with rows done and rows in all.
 
     Returns
     -------
@@ -124,8 +122,7 @@ def albedo_table(brdf: Brdf, size: int, progress: Progress | None = None) -> Arr
         is_same = last is not None and last.values == material.values
         table[row] = table[row - 1] if is_same else material_albedo(material, centers)
         last = material
-        if progress is not None:
-            progress(row + 1, size)
+        progress.report(row + 1, size)
     return table
 
 

@@ -12,7 +12,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Value
 from shrm_cli.brdf.half_angles import from_half_angles, half_angles
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import check_file, file_values
+from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
 from shrm_cli.errors import BrdfError
 from shrm_cli.files.whole import replacing
 
@@ -76,11 +76,8 @@ class Merl(MeasuredBrdf):
             If it cannot be read, or is not a whole MERL file.
         """
         path = check_file(path)
-        try:
-            with open(path, "rb") as stream:
-                cells = _read_cells(stream, path)
-        except OSError as error:
-            raise BrdfError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+        with readable(path, "copy it again") as stream:
+            cells = _read_cells(stream, path)
         return cls(_pulled(cells)[..., :3], file_values(path))
 
     def above(self, light: Array, view: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.measured import MeasuredBrdf
-from shrm_cli.brdf.measured.reading.file import check_file, file_values
+from shrm_cli.brdf.measured.reading.file import check_file, file_values, readable
 from shrm_cli.brdf.measured.reading.rgl_warp import Grid, Slices, Warp
 from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb
 from shrm_cli.brdf.measured.reading.tensor_file import MAGIC, TensorFile, damaged
@@ -141,11 +141,8 @@ def _unit(theta: Array) -> Array:
 
 def _refuse_others(path: Path) -> None:
     """Refuse files that are no tensor files, such as Zemax's text files of the same suffix."""
-    try:
-        with open(path, "rb") as stream:
-            head = stream.read(_HEAD)
-    except OSError as error:
-        raise BrdfError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+    with readable(path, "copy it again") as stream:
+        head = stream.read(_HEAD)
     if head.startswith(MAGIC):
         return
     if any(word in head for word in _ZEMAX_WORDS):

@@ -6,9 +6,9 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Parameter, Value, scaled
-from shrm_cli.brdf.metals import METALS
 from shrm_cli.brdf.vectors import (
     GRAZING,
+    METALS,
     above_horizon,
     colored,
     cosines,

@@ -4,8 +4,14 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Parameter, scaled
-from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
-from shrm_cli.brdf.vectors import GRAZING, above_horizon, cosines, half_vector, schlick
+from shrm_cli.brdf.vectors import (
+    GRAZING,
+    NORMAL_REFLECTANCE,
+    above_horizon,
+    cosines,
+    half_vector,
+    schlick,
+)
 
 
 class CookTorrance(Brdf):

@@ -7,8 +7,14 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Parameter, Value, scaled
-from shrm_cli.brdf.metals import NORMAL_REFLECTANCE
-from shrm_cli.brdf.vectors import Half, above_horizon, cosines, half_vector, schlick
+from shrm_cli.brdf.vectors import (
+    NORMAL_REFLECTANCE,
+    Half,
+    above_horizon,
+    cosines,
+    half_vector,
+    schlick,
+)
 from shrm_cli.errors import BrdfError
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 

@@ -4,9 +4,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, Parameter
-from shrm_cli.brdf.metals import METALS
 from shrm_cli.brdf.models.blinn_phong import normalization
-from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector, power
+from shrm_cli.brdf.vectors import METALS, above_horizon, cosines, half_vector, power
 from shrm_cli.sphere.quadrature import gauss_legendre
 
 _NODES = 32

@@ -4,8 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Parameter, Value
-from shrm_cli.brdf.metals import METALS
-from shrm_cli.brdf.vectors import GRAZING, above_horizon, colored
+from shrm_cli.brdf.vectors import GRAZING, METALS, above_horizon, colored
 
 
 class Ward(Brdf):

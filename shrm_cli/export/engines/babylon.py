@@ -1,31 +1,36 @@
 """Babylon.js: one file ``.env`` with the levels as RGBD pictures, and polynomials of irradiance.
 
+A file ``.env`` is a mark of eight bytes, JSON in ASCII, a zero byte, and the pictures: for each
+level the six faces +X -X +Y -Y +Z -Z, from the largest level down to that of one texel.
+
 Level k holds ggx_alpha ``2^(k / 0.8) / size``, level 0 the light itself; every level is there down
 to one texel. Scenes look cubes up at (x, y, -z) where they are right-handed.
 
 References
 ----------
-Babylon.js, ``Misc/environmentTextureTools``, ``Maths/sphericalPolynomial`` and the shaders
-``pbrIBLFunctions`` and ``harmonicsFunctions``.
+Babylon.js, ``Misc/environmentTextureTools`` (``GetEnvInfo``, ``CreateEnvTextureAsync``),
+``Maths/sphericalPolynomial`` and the shaders ``pbrIBLFunctions`` and ``harmonicsFunctions``.
 """
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.export.babylon_env import LOD_SCALE, env_file
-from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.cubes import mirrored, to_lookup
+from shrm_cli.export.engine import Engine, Light, Package, halving
 from shrm_cli.export.harmonics import babylon, in_axes
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.rgbd import RGBD, rgbd_pictures
-from shrm_cli.export.turning import mirrored, to_lookup
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
-Array = NDArray[np.floating]
-
+_MARK = bytes([0x86, 0x16, 0x87, 0x96, 0xF6, 0xD6, 0x96, 0x36])
+LOD_SCALE = 0.8
+"""How many levels further twice the ggx_alpha lies: level k holds ``2^(k / 0.8) / size``."""
 LOOKUP = mirrored(1, 1, -1)
 """Where a right-handed scene looks up a world direction."""
 
@@ -47,7 +52,7 @@ class Babylon(Engine):
             raise ArgumentError("size", f"{sizes[0]} makes its second level too sharp; give 512")
         return (0.0, *(min(math.sqrt(alpha), 1.0) for alpha in alphas))
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         coefficients = light.nine()
         polynomials = None
@@ -64,7 +69,7 @@ class Babylon(Engine):
             *(rgbd_pictures(cube, f"level {k}") for k, cube in enumerate(cubes)), strict=True
         )
         made.tell_clipped(name, RGBD, clipped)
-        made.add_bytes(name, env_file(levels, polynomials))
+        made.add_bytes(name, _env_file(levels, polynomials))
         made.told += [
             "axes: right-handed scenes look up (x, y, -z), so the cube and the polynomials are "
             "mirrored in z; in a left-handed scene the light of (x, y, z) comes from (x, y, -z)",
@@ -77,6 +82,36 @@ class Babylon(Engine):
             f"  BABYLON.CubeTexture.CreateFromPrefilteredData({string(uri(name))}, scene);",
         ]
         return made
+
+
+def _env_file(
+    levels: Sequence[Sequence[bytes]], irradiance: Mapping[str, Sequence[float]] | None
+) -> bytes:
+    """Return the bytes of a file.
+
+    Parameters
+    ----------
+    levels : sequence of sequence of bytes
+        PNG pictures of the six faces of each level, from `rgbd.rgbd_pictures`. The last has one
+        texel, each other one twice as many along an edge as the next.
+    irradiance : mapping of str to sequence of 3 float, optional
+        RGB of the polynomials x, y, z, xx, yy, zz, yz, zx and xy. Without it Babylon.js makes its
+        own from the pictures.
+    """
+    pictures = [picture for level in levels for picture in level]
+    places, position = [], 0
+    for picture in pictures:
+        places.append({"length": len(picture), "position": position})
+        position += len(picture)
+    head: dict[str, object] = {
+        "version": 2,
+        "width": 2 ** (len(levels) - 1),
+        "imageType": "image/png",
+        "specular": {"mipmaps": places, "lodGenerationScale": LOD_SCALE},
+    }
+    if irradiance is not None:
+        head["irradiance"] = {name: list(values) for name, values in irradiance.items()}
+    return _MARK + json.dumps(head, allow_nan=False).encode("ascii") + b"\0" + b"".join(pictures)
 
 
 def _halved(faces: Array) -> Array:

@@ -8,19 +8,11 @@ References
 Bevy, crates/bevy_pbr/src/light_probe/environment_map.wgsl.
 """
 
-from collections.abc import Sequence
-from typing import ClassVar
-
-from shrm_cli.export.cubes import diffuse_cube, ktx2_file
-from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
-from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file, mirrored
+from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
-from shrm_cli.export.turning import mirrored
-from shrm_cli.maps.splitsum.roughness import level_roughnesses
-from shrm_cli.vocabulary import LevelMapping
 
-_LEAST = 8
-"""Texels along an edge of the last level: fewer would not show a lobe of roughness 1."""
 _LOOKUP = mirrored(1, 1, -1)
 
 
@@ -30,18 +22,13 @@ class Bevy(Engine):
     name = "bevy"
     title = "Bevy"
     formats = ("rgb9e5", "rgba16f")
-    mapping: ClassVar[LevelMapping | None] = "linear"
+    mapping = "linear"
     wants_irradiance = False
     wants_diffuse = True
+    least = 8
+    """Texels along an edge of the last level: fewer would not show a lobe of roughness 1."""
 
-    def sizes(self, size: int) -> tuple[int, ...]:
-        return halving(size, _LEAST)
-
-    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
-        return level_roughnesses(len(sizes), "linear")
-
-    def pack(self, light: Light, wishes: Wishes) -> Package:
-        texels = wishes.texels or FORMATS[self.formats[0]]
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.levels:
             ktx2_file(made, f"{light.name}_specular.ktx2", light.levels, texels, _LOOKUP)

@@ -5,7 +5,8 @@ import json
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.arrays import Array
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import (
     babylon,
     ext_lights_image_based,
@@ -13,6 +14,7 @@ from shrm_cli.export.harmonics import (
     irradiance_over_pi,
     three,
 )
+from shrm_cli.export.pixels import TexelFormat
 
 _BASIS = (
     "real orthonormal spherical harmonics without Condon-Shortley phase, index l(l+1)+m: 1, y, z, "
@@ -52,6 +54,23 @@ def coefficients_json(coefficients: ArrayLike) -> str:
     return json.dumps(record, indent=1, allow_nan=False) + "\n"
 
 
+def add_coefficients(made: Package, name: str, values: Array, meaning: str, axes: str) -> None:
+    """Add coefficients, shape (9, 3), to a package: a list for each channel.
+
+    Parameters
+    ----------
+    made : Package
+    name : str
+        The name of the file.
+    values : ndarray, shape (9, 3)
+    meaning, axes : str
+        What the numbers are, and the axes that they are in, for people.
+    """
+    red, green, blue = (values[:, channel].tolist() for channel in range(3))
+    found = {"meaning": meaning, "axes": axes, "red": red, "green": green, "blue": blue}
+    made.add_text(name, json.dumps(found, indent=1) + "\n")
+
+
 class Coefficients(Engine):
     """Programs of one's own."""
 
@@ -59,7 +78,7 @@ class Coefficients(Engine):
     title = "JSON of nine coefficients"
     wants_levels = False
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         coefficients = light.nine()
         if coefficients is not None:

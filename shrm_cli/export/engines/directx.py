@@ -5,15 +5,13 @@ DirectX itself has no law of levels; they are those of glTF's sampler, linear in
 
 from collections.abc import Sequence
 
+from shrm_cli.export.cubes import to_lookup
 from shrm_cli.export.dds import dds_cube
-from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import coefficients_json
-from shrm_cli.export.pixels import FORMATS, encoded
+from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.quoting import string
-from shrm_cli.export.turning import to_lookup
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
-
-_LEAST = 8
 
 
 class DirectX(Engine):
@@ -23,17 +21,14 @@ class DirectX(Engine):
     title = "DirectX (DDS)"
     formats = ("rgba16f", "rgb9e5", "r11g11b10")
     mapping = "linear"
-
-    def sizes(self, size: int) -> tuple[int, ...]:
-        return halving(size, _LEAST)
+    least = 8
 
     def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
         return (0.0,) if len(sizes) == 1 else level_roughnesses(len(sizes), "linear")
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.levels:
-            texels = wishes.texels or FORMATS[self.formats[0]]
             name = f"{light.name}.dds"
             data, clipped = zip(
                 *(

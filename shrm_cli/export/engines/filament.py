@@ -9,24 +9,15 @@ Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and shaders/src/light_
 """
 
 from collections.abc import Sequence
-from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.arrays import Array
+from shrm_cli.export.cubes import to_lookup
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import filament
-from shrm_cli.export.ktx1 import ktx1_cube
-from shrm_cli.export.pixels import FORMATS, TexelFormat, encoded
+from shrm_cli.export.ktx import ktx1_cube
+from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.export.quoting import comment
-from shrm_cli.export.turning import to_lookup
-from shrm_cli.maps.splitsum.roughness import level_roughnesses
-from shrm_cli.vocabulary import LevelMapping
 
-Array = NDArray[np.floating]
-
-_LEAST = 16
-"""Texels along an edge of the last level, as cmgen has them: 256 makes five levels."""
 _NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
 
 
@@ -36,18 +27,13 @@ class Filament(Engine):
     name = "filament"
     title = "Filament"
     formats = ("r11g11b10", "rgba16f")
-    mapping: ClassVar[LevelMapping | None] = "filament"
+    mapping = "filament"
     default_skybox = 512
     takes_skybox = True
+    least = 16
+    """Texels along an edge of the last level, as cmgen has them: 256 makes five levels."""
 
-    def sizes(self, size: int) -> tuple[int, ...]:
-        return halving(size, _LEAST)
-
-    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
-        return level_roughnesses(len(sizes), "filament")
-
-    def pack(self, light: Light, wishes: Wishes) -> Package:
-        texels = wishes.texels or FORMATS[self.formats[0]]
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         nine = light.nine()
         metadata = {}

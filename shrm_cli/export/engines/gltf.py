@@ -13,16 +13,15 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.cubes import mirrored, to_lookup
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import ext_lights_image_based, in_axes
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.rgbd import RGBD, rgbd_pictures
-from shrm_cli.export.turning import mirrored, to_lookup
 
 LOOKUP = mirrored(1, 1, -1)
 """Where a right-handed scene of Babylon.js looks up a world direction."""
-_LEAST = 16
-"""Texels along an edge of the last level, as the extension's text has it."""
 _EXTENSION = "EXT_lights_image_based"
 
 
@@ -31,15 +30,14 @@ class Gltf(Engine):
 
     name = "gltf"
     title = "glTF EXT_lights_image_based"
-
-    def sizes(self, size: int) -> tuple[int, ...]:
-        return halving(size, _LEAST)
+    least = 16
+    """Texels along an edge of the last level, as the extension's text has it."""
 
     def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
         steps = max(len(sizes) - 1, 1)
         return (0.0, *(sizes[0] ** ((k / steps - 1) / 2) for k in range(1, len(sizes))))
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         coefficients = light.nine()
         if not light.levels or coefficients is None:  # the extension asks for both

@@ -9,23 +9,14 @@ References
 @khronosgroup/gltf-viewer 1.1, `_loadEnvironmentFromPanorama`, `iblSampler`, `ibl.glsl`.
 """
 
-from collections.abc import Sequence
-from typing import ClassVar
-
 import numpy as np
 
-from shrm_cli.export.cubes import diffuse_cube, ktx2_file
-from shrm_cli.export.engine import Engine, Light, OutputFile, Package, Wishes, halving
+from shrm_cli.export.cubes import WORLD, diffuse_cube, ktx2_file
+from shrm_cli.export.engine import Engine, Light, OutputFile, Package
 from shrm_cli.export.latlong import add_radiance
-from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.turning import WORLD
 from shrm_cli.files.png import write_png
-from shrm_cli.maps.splitsum.roughness import level_roughnesses
-from shrm_cli.vocabulary import LevelMapping
-
-_LEAST = 16
-"""Texels along an edge of the last level: the viewer leaves out the four smallest mips of 256."""
 
 
 class GltfSampleViewer(Engine):
@@ -34,21 +25,16 @@ class GltfSampleViewer(Engine):
     name = "gltf-sample-viewer"
     title = "glTF-Sample-Viewer"
     formats = ("rgba16f", "rgb9e5", "r11g11b10")
-    mapping: ClassVar[LevelMapping | None] = "linear"
+    mapping = "linear"
     wants_irradiance = False
     wants_diffuse = True
     wants_latlong = True
     takes_table = True
     lobes = ("ggx", "charlie")
+    least = 16
+    """Texels along an edge of the last level: the viewer leaves out the smallest mips of 256."""
 
-    def sizes(self, size: int) -> tuple[int, ...]:
-        return halving(size, _LEAST)
-
-    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
-        return level_roughnesses(len(sizes), "linear")
-
-    def pack(self, light: Light, wishes: Wishes) -> Package:
-        texels = wishes.texels or FORMATS[self.formats[0]]
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.latlong is not None:
             name = f"{light.name}.hdr"

@@ -8,8 +8,9 @@ References
 Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl.
 """
 
-from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.latlong import add_exr
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
 
 
@@ -23,7 +24,7 @@ class Godot(Engine):
     wants_irradiance = False
     wants_latlong = True
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.latlong is not None:
             name = f"{light.name}_panorama.exr"

@@ -14,20 +14,15 @@ three.js, PMREMGenerator.js, WebGLTextures.js (`uploadCubeTexture`), WebGLMateri
 (`envMapRotation`), envmap_physical_pars_fragment.glsl.js, LightProbe.js.
 """
 
-from collections.abc import Sequence
 from importlib.resources import files
 
-from shrm_cli.export.cubes import diffuse_cube, ktx2_file
-from shrm_cli.export.engine import Engine, Light, Package, Wishes, halving
+from shrm_cli.export.cubes import diffuse_cube, ktx2_file, mirrored
+from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import coefficients_json
-from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.export.turning import mirrored
-from shrm_cli.maps.splitsum.roughness import level_roughnesses
 
 LOOKUP = mirrored(-1, 1, 1)
-_LEAST = 8
-"""Texels along an edge of the last level, as PMREMGenerator makes it."""
 LOADER = "shrm-environment.js"
 """The module that loads the files; it lies beside this one."""
 
@@ -39,19 +34,15 @@ class Three(Engine):
     title = "three.js"
     mapping = "filament"
     wants_diffuse = True
+    least = 8
+    """Texels along an edge of the last level, as PMREMGenerator makes it."""
 
-    def sizes(self, size: int) -> tuple[int, ...]:
-        return halving(size, _LEAST)
-
-    def roughness(self, sizes: Sequence[int]) -> tuple[float, ...]:
-        return level_roughnesses(len(sizes), "filament")
-
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         script = files(__package__).joinpath(LOADER).read_bytes()
         made.add_bytes(LOADER, script)
         if light.levels:
-            self._add_cube(made, light)
+            self._add_cube(made, light, texels)
         coefficients = light.nine()
         if coefficients is not None:
             name = f"{light.name}_sh.json"
@@ -66,13 +57,13 @@ class Three(Engine):
             ]
         return made
 
-    def _add_cube(self, made: Package, light: Light) -> None:
+    def _add_cube(self, made: Package, light: Light, texels: TexelFormat) -> None:
         name = f"{light.name}.ktx2"
         levels = list(light.levels)
         if light.diffuse is not None:
             levels[-1] = diffuse_cube(light.diffuse, levels[-1].shape[1])
             made.told.append("the last level is E / pi, because diffuse surfaces take it")
-        ktx2_file(made, name, levels, FORMATS["rgba16f"], LOOKUP)
+        ktx2_file(made, name, levels, texels, LOOKUP)
         made.told += [
             "axes: three.js looks a cube of a file up at (-x, y, z), so the cube is mirrored in x",
             "levels: roughness 1 - sqrt(1 - k / (K - 1))",

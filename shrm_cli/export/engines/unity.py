@@ -8,12 +8,13 @@ References
 `SHCoefficients` of Unity's package com.unity.render-pipelines.core; Skybox-Panoramic.shader.
 """
 
-from shrm_cli.export.coefficients import add_coefficients
-from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.cubes import mirrored
+from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unity
 from shrm_cli.export.latlong import add_exr
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
-from shrm_cli.export.turning import mirrored
 
 _AXES = mirrored(-1, 1, 1)
 
@@ -27,7 +28,7 @@ class Unity(Engine):
     wants_levels = False
     wants_latlong = True
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.latlong is not None:
             add_exr(made, f"{light.name}_latlong.exr", light.latlong, light)

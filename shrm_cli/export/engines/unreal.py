@@ -11,10 +11,11 @@ References
 
 import numpy as np
 
-from shrm_cli.export.coefficients import add_coefficients
-from shrm_cli.export.engine import Engine, Light, Package, Wishes
+from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engines.coefficients import add_coefficients
 from shrm_cli.export.harmonics import in_axes, unreal
 from shrm_cli.export.latlong import add_exr, rolled
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
 
 _AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
@@ -29,7 +30,7 @@ class Unreal(Engine):
     wants_levels = False
     wants_latlong = True
 
-    def pack(self, light: Light, wishes: Wishes) -> Package:
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
         if light.latlong is not None:
             name = f"{light.name}_longlat.exr"

@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.sphere.harmonics import real_harmonics
 
 _COUNT = 12
 """The number of vertices of an icosahedron."""
@@ -79,10 +78,6 @@ class Cabral(ExplicitMap):
     def view_weights(cls, count: int) -> Array:
         # The vertices are a spherical 5-design: equal weights are exact to degree 5.
         return np.full(_COUNT, 4 * np.pi / _COUNT)
-
-    @classmethod
-    def basis(cls, order_p: int, count: int) -> Array:
-        return real_harmonics(order_p, VERTICES)
 
     @classmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:

@@ -129,12 +129,12 @@ class ExplicitMap(Map):
         """Return the weights of the samples in an integral over the view, shape (K,)."""
 
     @classmethod
-    @abstractmethod
     def basis(cls, order_p: int, count: int) -> Array:
         """Return the harmonics of the view at the samples, shape (K, (P+1)^2).
 
         Harmonics that the map cannot hold are zero.
         """
+        return real_harmonics(order_p, cls.sample_views(count))
 
     @classmethod
     @abstractmethod

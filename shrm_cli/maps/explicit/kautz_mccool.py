@@ -7,7 +7,6 @@ import numpy as np
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.sphere.directions import from_angles
-from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import colatitude_weights
 
 
@@ -75,9 +74,8 @@ class KautzMcCool(ExplicitMap):
 
     @classmethod
     def basis(cls, order_p: int, count: int) -> Array:
-        harmonics = real_harmonics(order_p, cls.sample_views(count))
         zonal = [q == 0 for p in range(order_p + 1) for q in range(-p, p + 1)]
-        return harmonics * np.array(zonal)
+        return super().basis(order_p, count) * np.array(zonal)
 
     @classmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:

@@ -10,7 +10,6 @@ import numpy as np
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.sphere.directions import from_angles, to_angles
-from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
 
 
@@ -54,10 +53,6 @@ class LightField(ExplicitMap):
     def view_weights(cls, count: int) -> Array:
         rows = colatitude_weights(isqrt(count)) * (2 * np.pi / isqrt(count))
         return np.repeat(rows, isqrt(count))
-
-    @classmethod
-    def basis(cls, order_p: int, count: int) -> Array:
-        return real_harmonics(order_p, cls.sample_views(count))
 
     @classmethod
     def blend(cls, centers: Array, views: Array, count: int) -> tuple[Indices, Array]:

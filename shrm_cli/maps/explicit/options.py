@@ -35,9 +35,15 @@ _VIEWS = Option(
 _TITLES = {"cabral": "Cabral", "kautz-mccool": "Kautz-McCool", "lightfield": "light field"}
 _OWN = {"kautz-mccool": (_SLICES,), "lightfield": (_VIEWS,)}
 
+_STEPS = tuple({"eps": eps} for eps in (0.3, 0.1, 0.03, 0.01, 0.003))
+
 DESCRIPTIONS = {
     name: Representation(
-        name, _TITLES.get(name, name), _TAKES, (*_OWN.get(name, ()), SHADER, TEXTURES)
+        name,
+        _TITLES.get(name, name),
+        _TAKES,
+        (*_OWN.get(name, ()), SHADER, TEXTURES),
+        steps=_STEPS,
     )
     for name, module in REPRESENTATIONS.items()
     if module.startswith("explicit.")

@@ -5,12 +5,12 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array
 from shrm_cli.maps.explicit.explicit import ExplicitMap
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shrm.summed import SummedShrm
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import to_angles
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -62,7 +62,6 @@ def tabulate(
     size: int,
     view_count: int,
     sampling: Sampling = "center",
-    progress: Progress | None = None,
 ) -> Kind:
     """Make an explicit map of a given kind, by one integral for each texel of each image.
 
@@ -76,8 +75,6 @@ def tabulate(
         Texels along a face's edge.
     view_count : int
         Samples along an axis of the view.
-    progress : callable, optional
-        Called with the number of images that are done, and of all images.
 
     Raises
     ------
@@ -94,8 +91,7 @@ def tabulate(
         else:
             image = integral.central_radiance(texels, view)
         images[index] = np.moveaxis(image, -1, 0)
-        if progress is not None:
-            progress(index + 1, count)
+        progress.report(index + 1, count)
     return kind(images.transpose(0, 2, 3, 1), center, info, sampling)
 
 

@@ -9,18 +9,21 @@ FORM = Option(
     "choice",
     choices=("sh", "zh3", "zh3-channel", "zh3-hallucinated"),
     converts=True,
+    default="sh",
 )
 
 DESCRIPTIONS = {
     "irradiance": Representation(
         "irradiance",
         "irradiance",
-        CUBE_ARGUMENTS | {"order_f"},
+        CUBE_ARGUMENTS | {"order_f", "error"},
         (
             WINDOW,
             FORM,
             SHADER,
         ),
         why_no_brdf="irradiance is that of a white Lambertian surface",
+        own_defaults={"order_f": 2},  # nine coefficients
+        steps=tuple({"order_f": order} for order in (1, 2, 4, 6, 8)),  # cosines lack odd degrees
     )
 }

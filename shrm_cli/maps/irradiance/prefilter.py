@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.models.lambertian import Lambertian
-from shrm_cli.errors import OrderError
 from shrm_cli.maps.irradiance.irradiance import (
-    POLYNOMIAL_ORDER,
     Irradiance,
     irradiance_energies,
     lambert_factors,
@@ -21,12 +19,12 @@ from shrm_cli.maps.irradiance.irradiance import (
 from shrm_cli.maps.irradiance.window import make_window, parse_window
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
-from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F
 
 Array = NDArray[np.floating]
 
@@ -36,33 +34,16 @@ _LAST_DEGREES = 16
 """The mean power of this many last degrees tells how the light goes on beyond them."""
 
 
-def prefilter(
-    probe: Probe,
-    order_f: int = POLYNOMIAL_ORDER,
-    window: str = "auto",
-    form: str = "sh",
-    size: int | None = None,
-    sampling: Sampling = "center",
-    progress: Progress | None = None,
-) -> Prefiltered:
-    """Make the irradiance map of a probe.
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
+    """Make the irradiance map of a probe, to the degree `order_f`; 2 makes nine coefficients.
 
     Parameters
     ----------
     probe : Probe
-    order_f : int
-        The largest degree to keep; 2 makes nine coefficients.
-    window : str
-        A window's name, or ``NAME:WIDTH``, as `make_window` takes it. The default ``auto`` changes
-        nothing where nothing is negative.
-    form : {"sh", "zh3", "zh3-channel", "zh3-hallucinated"}
-        Which numbers are kept of degree 2, as `in_form` has it.
-    size : int, optional
-        Texels along a face's edge of the cube; the order decides by default.
-    sampling : {"center", "border"}
-        Where the samples of the cube lie.
-    progress : callable, optional
-        Called with the number of rows read, and of all rows.
+    request : Request
+        Its own options are ``window``, as `make_window` takes it, and ``form``, as `in_form` does:
+        which numbers are kept of degree 2. The window ``auto`` changes nothing where nothing is
+        negative.
 
     Returns
     -------
@@ -71,26 +52,25 @@ def prefilter(
 
     Raises
     ------
-    OrderError
-        If the order is outside 0 .. 512.
     MapError
         If the window is unknown, or the cube is too large.
     ProbeError
         If the probe cannot be read, or its light is beyond 32-bit floats.
     """
-    if not 0 <= order_f <= MAX_ORDER_F:
-        raise OrderError(f"order F = {order_f} is outside 0 .. {MAX_ORDER_F}")
+    order_f = request.order_f
+    assert order_f is not None  # it has a default
+    window, form = request.own["window"], request.own["form"]
     parse_window(window)
-    size = choose_size(order_f) if size is None else size
+    size = choose_size(order_f) if request.size is None else request.size
     check_size(order_f, 0, size)
     high = min(max(_HIGH_ORDER, 2 * order_f), MAX_ORDER_F)
-    lighting = project(probe, high, progress)
+    lighting = project(probe, high)
     captured = _captured(order_f)
     orders = Orders(order_f, 0, max(1 - captured, 0.0), captured)
     info = replace(
         provenance(probe, Lambertian(), orders), predicted_error=_missing(lighting, order_f)
     )
-    whole = Irradiance(lighting.coefficients[: (order_f + 1) ** 2], info, size, sampling)
+    whole = Irradiance(lighting.coefficients[: (order_f + 1) ** 2], info, size, request.sampling)
     if form == "sh":
         return _windowed(whole, window)
     from shrm_cli.maps.irradiance.zh3 import form_errors, in_form  # most maps need no form

@@ -8,7 +8,7 @@ from shrm_cli.maps.options import (
     Option,
     Representation,
 )
-from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
+from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_PRINCIPAL_MAPS
 
 DESCRIPTIONS = {
     "principal": Representation(
@@ -29,9 +29,11 @@ DESCRIPTIONS = {
                 "divide",
                 "principal: divide by the directional albedo, which the file then holds.",
                 "switch",
+                default=False,
             ),
             SHADER,
             TEXTURES,
         ),
+        own_defaults={"max_size": DEFAULT_MAX_SIZE},
     )
 }

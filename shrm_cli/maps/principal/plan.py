@@ -15,11 +15,12 @@ from shrm_cli.maps.size import (
     furthest_order,
     most_cubes,
     nothing_fits,
+    sizes_of,
     stored_bytes,
     supported_order,
     total_error,
 )
-from shrm_cli.plan.policy import NEARLY_AS_GOOD
+from shrm_cli.plan import policy
 from shrm_cli.plan.search import Row, fewest_bytes, least_errors
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
@@ -218,7 +219,7 @@ class Planner:
         mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
         return rms / mean if mean > 0 else np.zeros_like(rms)
 
-    def for_tolerance(self, tolerance: float) -> tuple[Counts, int, float]:
+    def for_tolerance(self, eps: float) -> tuple[Counts, int, float]:
         """Find the least functions, and then the least order F, that miss a part of the energy.
 
         It is the BRDF's own energy, as for SHRMs, and not that of the reflected light.
@@ -231,13 +232,13 @@ class Planner:
             The part of the energy that both capture.
         """
         total = max(self.spectrum.total_energy, 1e-300)
-        goal = (1 - tolerance) * total
+        goal = (1 - eps) * total
         for counts in self.choices:
             by_degree = self.spectrum.captured(counts)
             if by_degree[-1] >= goal:
                 break
         else:
-            goal = (1 - tolerance) * by_degree[-1]
+            goal = (1 - eps) * by_degree[-1]
         order = int(np.argmax(by_degree >= goal))
         return counts, order, float(by_degree[order] / total)
 
@@ -264,7 +265,7 @@ class Planner:
         forms = least_errors(self.rows(max_size, sizes))
         least = min(form.total_error for form in forms)
         # Light that is no number has no error that is one, and is refused elsewhere.
-        good = [form for form in forms if not form.total_error > NEARLY_AS_GOOD * least]
+        good = [form for form in forms if not form.total_error > policy.NEARLY_AS_GOOD * least]
         return min(good, key=lambda form: form.cubes)
 
     def rows(self, max_size: int, sizes: Sequence[int]) -> Iterator[Row[Form]]:
@@ -276,35 +277,26 @@ class Planner:
     def _form_at(self, size: int, index: int) -> Form:
         return self.form(self.choices[index], size)
 
-    def within_error(
-        self, error: float, max_size: int, size: int | None = None
-    ) -> tuple[Form, bool]:
-        """Find the form of the fewest bytes with a total error; else the best one that fits.
-
-        Parameters
-        ----------
-        error : float
-            The relative RMS error of the reflected light that may be made by all causes.
-        max_size : int
-            The most bytes.
-        size : int, optional
-            Texels along a face's edge, where they are given.
-
-        Returns
-        -------
-        form : Form
-        is_met : bool
-            Whether its error is at most the one that was asked for.
+    def best_fitting(self, max_size: int, size: int | None) -> Form:
+        """Return the form of the least error of all that fit into a number of bytes.
 
         Raises
         ------
         ArgumentError
             If no map fits.
         """
-        found = fewest_bytes(self.rows(max_size, TRIED_SIZES if size is None else (size,)), error)
-        if found is None:
+        forms = least_errors(self.rows(max_size, sizes_of(size)))
+        if not forms:
             raise nothing_fits(size)
-        return found
+        return min(forms, key=lambda form: form.total_error)
+
+    def nearly_best(self, max_size: int, size: int | None) -> Form:
+        """Return a form of few bytes whose error is nearly that of the `best_fitting`."""
+        error = policy.NEARLY_BEST * self.best_fitting(max_size, size).total_error
+        # What a tolerance makes stays as it is, byte for byte, so that nothing near is looked at.
+        found = fewest_bytes(self.rows(max_size, sizes_of(size)), error, look_near=False)
+        assert found is not None
+        return found[0]
 
 
 def _bytes_at(size: int, index: int) -> int:

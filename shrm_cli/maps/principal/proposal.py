@@ -10,21 +10,23 @@ from numpy.typing import NDArray
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.joint import brightness, joint_error
+from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.principal.plan import Planner
+from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
+from shrm_cli.maps.principal.sharing import Sharing
 from shrm_cli.maps.principal.terms import (
     Term,
     Wanted,
     planned,
     planner_of,
-    shared_error,
     shared_maps,
+    term_of,
     terms_of,
 )
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import total_error
 from shrm_cli.orders import Orders
@@ -48,8 +50,6 @@ class Proposal:
     Attributes
     ----------
     terms : tuple of Term
-    wanted : tuple of Wanted
-        What was asked of each term.
     info : MapInfo
         The record of the map, with its errors.
     sampling : {"center", "border"}
@@ -58,7 +58,6 @@ class Proposal:
     """
 
     terms: tuple[Term, ...]
-    wanted: tuple[Wanted, ...]
     info: MapInfo
     sampling: Sampling
     notes: Notes
@@ -106,30 +105,16 @@ class Proposals:
     Parameters
     ----------
     light : Projection
-    brdf : Brdf
-    asked : Wanted
+    request : Request
         What is asked of the whole map.
-    center : str, optional
-        As `shrm_cli.prefilter.prefilter` takes it.
-    sampling : {"center", "border"}
-    divide : bool
-        Whether to divide by the directional albedo.
     """
 
-    def __init__(
-        self,
-        light: Projection,
-        brdf: Brdf,
-        asked: Wanted,
-        center: str | None = None,
-        sampling: Sampling = "center",
-        divide: bool = False,
-    ) -> None:
-        self.light, self.brdf, self.asked = light, brdf, asked
-        self.sampling, self.divide = sampling, divide
-        self.parts, self.notes = terms_of(brdf, center, divide)
+    def __init__(self, light: Projection, request: Request) -> None:
+        self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
+        self.sampling, self.divide = request.sampling, request.own.get("divide", False)
+        self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
         self.planners: list[Planner] = []
-        self._know(asked.error)
+        self._know(request.error)
 
     def _know(self, error: float | None) -> None:
         """Factorize the terms as far as an error of the light needs it."""
@@ -144,6 +129,11 @@ class Proposals:
     def broad(self) -> int:
         """The number of terms that share the bytes; those of a single cube take next to nothing."""
         return max(sum(len(planner.choices) > 1 for planner in self.planners), 1)
+
+    @property
+    def sharing(self) -> Sharing:
+        """What the terms may share their bytes by, as far as the planners know now."""
+        return Sharing(self.planners, self._coherence)
 
     @cached_property
     def _coherence(self) -> float:
@@ -161,15 +151,24 @@ class Proposals:
             error = self.asked.error
         else:
             self._know(error)
-        each = replace(self.asked, error=error, max_size=self.asked.max_size // self.broad)
-        wanted = [each for _ in self.parts]
         if error is not None:
-            wanted = shared_error(self.planners, wanted, error * self._coherence)
+            found, is_met = self.sharing.kept(error, self.asked.max_size, self.asked.size)
+            return self.proposal(found.forms, is_met)
+        each = replace(self.asked, max_size=self.asked.max_size // self.broad)
+        wanted = [each for _ in self.parts]
         if self.asked.maps is not None:
             wanted = shared_maps(self.planners, wanted, self.asked.maps)
-        terms = [planned(*each) for each in zip(self.parts, self.planners, wanted, strict=True)]
-        info = _info(self.light.probe, self.brdf, terms, self.asked.tolerance, self._coherence)
-        return Proposal(tuple(terms), tuple(wanted), info, self.sampling, self.notes)
+        triples = zip(self.parts, self.planners, wanted, strict=True)
+        return self._of([planned(*each) for each in triples])
+
+    def proposal(self, forms: Sequence[Form], is_met: bool = True) -> Proposal:
+        """Return the map of a form of each term, whose errors are exact."""
+        triples = zip(self.parts, self.planners, forms, strict=True)
+        return self._of([term_of(*each, self.asked.eps, is_met) for each in triples])
+
+    def _of(self, terms: Sequence[Term]) -> Proposal:
+        info = _info(self.light.probe, self.brdf, terms, self.asked.eps, self.sharing)
+        return Proposal(tuple(terms), info, self.sampling, self.notes)
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         """Return the map of the fewest bytes that keeps an error, or the best one that fits."""
@@ -226,19 +225,14 @@ def _coherence(parts: Sequence[Brdf], planners: Sequence[Planner], sampling: Sam
     return together / separate if separate > 0 else 1.0
 
 
-def _info(
-    probe: Probe, brdf: Brdf, terms: Sequence[Term], tolerance: float, coherence: float
-) -> MapInfo:
+def _info(probe: Probe, brdf: Brdf, terms: Sequence[Term], eps: float, sharing: Sharing) -> MapInfo:
     """Return the record of the map, with the errors of the terms combined."""
-    strengths = np.sqrt([term.energy for term in terms])
-    whole = float(strengths.sum()) * coherence
     energies = np.array([term.planner.spectrum.transfer.total_energy.sum() for term in terms])
     captured = energies @ [term.captured for term in terms] / max(energies.sum(), 1e-300)
     order_p = max(len(term.form.counts) - 1 for term in terms)
-    orders = Orders(max(term.order_f for term in terms), order_p, tolerance, float(captured))
+    orders = Orders(max(term.order_f for term in terms), order_p, eps, float(captured))
+    error, filter_error = sharing.errors([term.form for term in terms])
     return replace(
-        provenance(probe, brdf, orders),
-        predicted_error=joint_error(strengths, [term.form.error for term in terms], whole),
-        filter_error=joint_error(strengths, [term.form.filter_error for term in terms], whole),
+        provenance(probe, brdf, orders), predicted_error=error, filter_error=filter_error,
         carried=max(term.form.carried for term in terms),
-    )
+    )  # fmt: skip

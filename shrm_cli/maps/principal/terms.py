@@ -1,12 +1,10 @@
 """What each term of a BRDF's map gets: transfer functions to sufficient orders, and a form.
 
-A diffuse term needs a single cube, and a glossy one many. They share what is asked of their sum.
+Forms are chosen here from tolerances and numbers of cubes, and from errors in `sharing`.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
@@ -18,12 +16,12 @@ from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import Notes
 from shrm_cli.maps.size import TRIED_SIZES, choose_size, supported_order
 from shrm_cli.orders import octaves_to_come
-from shrm_cli.plan.policy import NEARLY_BEST
+from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.reflected import energies_beyond, own_energies_beyond, weighted_power
 from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
@@ -36,17 +34,6 @@ _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _MOST_OCTAVES = 2
 """The most doublings at once for a measured BRDF, whose noise makes the estimate too large."""
-_FAIRLY = 1.25
-"""How many times the known degrees a map may support that is compared with a smaller one."""
-_LEAST_BYTES = 2**17
-"""Bytes that a map may have whatever the tolerance is. Broad lobes need so few texels that only a
-handful of functions would be left, and dark places a third wrong."""
-_TRIES = 3
-"""How often a form is sought that keeps an error."""
-_CHEAP = 0.25
-"""The part of the error that goes to terms of a single cube."""
-_LARGEST_ERROR = 0.99
-"""The largest error that a term may have."""
 _SHARP = 0.05
 """The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
 _FIRST_Q = 6
@@ -61,11 +48,17 @@ _PART_BEYOND = 0.1
 class Wanted:
     """What is asked of the map of one term."""
 
-    tolerance: float
+    eps: float
     error: float | None
     maps: int | None
     max_size: int
     size: int | None
+
+    @classmethod
+    def of(cls, request: Request) -> "Wanted":
+        """Return what is asked of the map of a single term."""
+        maps = request.own.get("maps")
+        return cls(request.eps, request.error, maps, request.allowed, request.size)
 
 
 @record
@@ -78,11 +71,6 @@ class Term:
     captured: float
     order_f: int
     is_met: bool
-
-    @property
-    def energy(self) -> float:
-        """The energy of the reflected light."""
-        return self.planner.whole
 
 
 def terms_of(brdf: Brdf, center: str | None, divide: bool) -> tuple[list[Brdf], Notes]:
@@ -101,29 +89,6 @@ def terms_of(brdf: Brdf, center: str | None, divide: bool) -> tuple[list[Brdf], 
         return found, ()
     centers = " and ".join(dict.fromkeys(term.center for term in found))
     return found, (("centre", f"{centers}, about which its lobes gather"),)
-
-
-def shared_error(
-    planners: Sequence[Planner], wanted: Sequence[Wanted], error: float
-) -> list[Wanted]:
-    """Share an error of the sum among its terms, whose errors are taken as independent.
-
-    Terms that need a single cube cost next to nothing, and get a small share.
-    """
-    strengths = np.sqrt([planner.whole for planner in planners])
-    whole = max(float(strengths.sum()), 1e-300)
-    is_cheap = np.array([len(planner.choices) == 1 for planner in planners])
-    if is_cheap.all():
-        is_cheap[:] = False
-    cheap, dear = int(is_cheap.sum()), int((~is_cheap).sum())
-    parts = np.where(is_cheap, _CHEAP / np.sqrt(max(cheap, 1)), np.sqrt((1 - _CHEAP**2) / dear))
-    if not cheap:
-        parts = np.full(len(planners), 1 / np.sqrt(dear))
-    shares = error * parts * whole / np.maximum(strengths, 1e-3 * whole)
-    return [
-        replace(each, error=float(min(share, _LARGEST_ERROR)))
-        for each, share in zip(wanted, shares, strict=True)
-    ]
 
 
 def shared_maps(planners: Sequence[Planner], wanted: Sequence[Wanted], maps: int) -> list[Wanted]:
@@ -163,8 +128,8 @@ def planner_of(
     """
     most_q = 0 if brdf.zonal else MAX_Q
     order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
-    tolerance, error = want.tolerance, want.error
-    limit = tolerance / 5 if error is None else _PART_BEYOND * error**2
+    eps, error = want.eps, want.error
+    limit = eps / 5 if error is None else _PART_BEYOND * error**2
     if known is not None:
         if max(_unknown_light(known)) <= limit:
             return known
@@ -177,7 +142,7 @@ def planner_of(
         return Planner(spectrum, lighting, sampling)
 
     while True:
-        transfer = _transfer(brdf, order, max_q, light.progress)
+        transfer = _transfer(brdf, order, max_q)
         # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
         above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
@@ -228,7 +193,7 @@ def _simplest(planner: Planner, want: Wanted) -> Form:
 
     The texels are chosen by F, and the bytes may be any number.
     """
-    counts, order_f, _ = planner.for_tolerance(want.tolerance)
+    counts, order_f, _ = planner.for_tolerance(want.eps)
     return planner.form(counts, choose_size(order_f) if want.size is None else want.size)
 
 
@@ -242,12 +207,10 @@ def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
     simplest = _simplest(planner, want)
     known = planner.spectrum.transfer.order_f
     if simplest.bytes > want.max_size or not _is_captured(planner, simplest, known, want):
-        best, _ = planner.within_error(0.0, want.max_size, want.size)
-        form, _ = planner.within_error(NEARLY_BEST * best.total_error, want.max_size, want.size)
-        return form, False
+        return planner.nearly_best(want.max_size, want.size), False
     if want.size is not None:
         return simplest, True
-    room = min(max(simplest.bytes, _LEAST_BYTES), want.max_size)
+    room = min(max(simplest.bytes, policy.LEAST_BYTES), want.max_size)
     form = planner.best_within(room, simplest.size)
     # Its fewer texels may end before the order F, beyond which this light may have nothing.
     order = min(supported_order(form.size), known)
@@ -256,7 +219,7 @@ def _tolerated(planner: Planner, want: Wanted) -> tuple[Form, bool]:
 
 def _is_captured(planner: Planner, form: Form, order: int, want: Wanted) -> bool:
     """Tell whether the functions of a form miss no more of the BRDF up to an order than asked."""
-    return planner.captured(form.counts, order) >= 1 - want.tolerance
+    return planner.captured(form.counts, order) >= 1 - want.eps
 
 
 def _fills_budget(planner: Planner, want: Wanted) -> bool:
@@ -268,10 +231,10 @@ def _fills_budget(planner: Planner, want: Wanted) -> bool:
     """
     if _simplest(planner, want).bytes <= want.max_size:
         return False
-    best, _ = planner.within_error(0.0, want.max_size, want.size)
+    best = planner.best_fitting(want.max_size, want.size)
     larger = [texels for texels in TRIED_SIZES if texels > best.size]
     rival = larger[0] if larger and want.size is None else best.size
-    return supported_order(rival) <= _FAIRLY * planner.spectrum.transfer.order_f
+    return supported_order(rival) <= policy.FAIRLY * planner.spectrum.transfer.order_f
 
 
 def _own_unknown(transfer: TransferFunctions) -> tuple[float, float]:
@@ -288,35 +251,24 @@ def _unknown_light(planner: Planner) -> tuple[float, float]:
     return above / whole, aside / whole
 
 
-def _transfer(brdf: Brdf, order: int, max_q: int, progress: Progress | None) -> TransferFunctions:
+def _transfer(brdf: Brdf, order: int, max_q: int) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
     accuracy = _ACCURACY[brdf.is_measured]
-    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer, progress)
+    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer)
 
 
 def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:
-    """Choose the form of a term's map."""
-    _, order_f, _ = planner.for_tolerance(want.tolerance)
-    is_met = True
-    if want.error is not None:
-        form, is_met = kept_form(planner, want.error, want)
-    elif want.maps is not None:
-        form = planner.with_maps(want.maps, _simplest(planner, want).size)
+    """Choose the form of a term's map from a number of cubes or a tolerance."""
+    if want.maps is not None:
+        form, is_met = planner.with_maps(want.maps, _simplest(planner, want).size), True
     else:
         form, is_met = _tolerated(planner, want)
     form = planner.form(form.counts, form.size, is_exact=True)
-    order_f = min(order_f, supported_order(form.size))
+    return term_of(brdf, planner, form, want.eps, is_met)
+
+
+def term_of(brdf: Brdf, planner: Planner, form: Form, eps: float, is_met: bool = True) -> Term:
+    """Return a term with a form, and what this keeps of the BRDF."""
+    _, order_f, _ = planner.for_tolerance(eps)
     captured = planner.captured(form.counts, form.carried)
-    return Term(brdf, planner, form, captured, order_f, is_met)
-
-
-def kept_form(planner: Planner, error: float, want: Wanted) -> tuple[Form, bool]:
-    """Find the least form that keeps an error with its tables, too, which the search leaves out."""
-    allowed = error
-    for _ in range(_TRIES):
-        form, is_met = planner.within_error(allowed, want.max_size, want.size)
-        found = planner.form(form.counts, form.size, is_exact=True).total_error
-        if not is_met or found <= error:
-            break
-        allowed *= 0.999 * error / found
-    return form, is_met
+    return Term(brdf, planner, form, captured, min(order_f, supported_order(form.size)), is_met)

@@ -12,7 +12,7 @@ DESCRIPTIONS = {
     "product": Representation(
         "product",
         "product texture",
-        frozenset(("brdf",)),
+        frozenset(("brdf", "error")),
         (
             Option(
                 "order",
@@ -20,6 +20,7 @@ DESCRIPTIONS = {
                 f"[default: {DEFAULT_PRODUCT_ORDER}]",
                 "integer",
                 limits=(0, MAX_PRODUCT_ORDER),
+                default=DEFAULT_PRODUCT_ORDER,
             ),
             Option(
                 "texels",
@@ -27,8 +28,10 @@ DESCRIPTIONS = {
                 f"[default: {DEFAULT_PRODUCT_SIZE}]",
                 "integer",
                 limits=(8, MAX_PRODUCT_SIZE),
+                default=DEFAULT_PRODUCT_SIZE,
             ),
             WINDOW,
         ),
+        steps=tuple({"order": order} for order in (2, 4, 6, 8, 10, 14)),
     )
 }

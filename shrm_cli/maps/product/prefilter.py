@@ -18,11 +18,12 @@ from shrm_cli.maps.product.table import product_table
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.product.window import product_window
 from shrm_cli.maps.provenance import provenance, record_of
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress, Stages
+from shrm_cli.progress import Stages, current, using
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
 
@@ -45,7 +46,6 @@ def product_texture(
     brdf: Brdf,
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
-    progress: Progress | None = None,
 ) -> Prefiltered:
     """Make the product texture of a BRDF, without any light.
 
@@ -57,8 +57,6 @@ def product_texture(
         The largest degree of the harmonics.
     texels : int
         Texels along an edge of the parabolic map of the views.
-    progress : callable, optional
-        Called with the work done and the work in all.
 
     Returns
     -------
@@ -74,7 +72,7 @@ def product_texture(
     MapError
         If the texture would be too large.
     """
-    return _texture(brdf, order, texels, order, progress)[0]
+    return _texture(brdf, order, texels, order)[0]
 
 
 def varying_values(
@@ -128,14 +126,13 @@ def varying_texture(
     values: Sequence[float],
     order: int = DEFAULT_PRODUCT_ORDER,
     texels: int = DEFAULT_PRODUCT_SIZE,
-    progress: Progress | None = None,
     step_error: float = 0.0,
 ) -> Prefiltered:
     """Make product textures of a BRDF for several values of one of its parameters, without light.
 
     Parameters
     ----------
-    brdf, order, texels, progress
+    brdf, order, texels
         As `product_texture` takes them.
     parameter : str
         The name of a parameter that is a number or a colour.
@@ -154,10 +151,11 @@ def varying_texture(
     """
     _check_size(order, texels, len(values))
     each = [_with_value(brdf, parameter, value) for value in values]
-    stages = Stages(progress, len(each))
+    stages = Stages(current(), len(each))
     made = []
     for index, one in enumerate(each):
-        made.append(product_texture(one, order, texels, stages.within))
+        with using(stages.within):
+            made.append(product_texture(one, order, texels))
         stages.done(index + 1, len(each))
     textures = [one.map for one in made if isinstance(one.map, ProductTexture)]
     varying = VaryingProduct.of(textures, parameter, values, step_error)
@@ -175,25 +173,17 @@ def _with_value(brdf: Brdf, parameter: str, value: float) -> Brdf:
     return type(brdf)(**{**brdf.values, parameter: value})
 
 
-def prefilter(
-    probe: Probe,
-    brdf: Brdf,
-    order: int = DEFAULT_PRODUCT_ORDER,
-    texels: int = DEFAULT_PRODUCT_SIZE,
-    window: str = "auto",
-    progress: Progress | None = None,
-) -> Prefiltered:
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Make the product texture of a BRDF that holds the light of a probe.
 
     Parameters
     ----------
     probe : Probe
-    brdf, order, texels, progress
-        As `product_texture` takes them.
-    window : str
-        A window's name, or ``NAME:WIDTH``, as `product_window` takes it. Of so few orders a lamp
-        may make black spots, which the eye minds more than the blur: ``auto`` blurs the light as
-        little as leaves no reflected light negative, and not at all where none is.
+    request : Request
+        Its own options are ``order`` and ``texels``, as `product_texture` takes them, and
+        ``window``, as `product_window` does. Of so few orders a lamp may make black spots, which
+        the eye minds more than the blur: ``auto`` blurs the light as little as leaves no reflected
+        light negative, and not at all where none is.
 
     Returns
     -------
@@ -211,17 +201,20 @@ def prefilter(
     ProbeError
         If the probe cannot be read.
     """
+    brdf, own = request.brdf, request.own
+    order, window = own["order"], own["window"]
     parse_window(window)
-    stages = Stages(progress, 2)
+    stages = Stages(current(), 2)
     known = max(_KNOWN_ORDER, order)
-    lighting = project(probe, known, stages.within)
-    stages.done(1, 2)
-    made, power, energy = _texture(brdf, order, texels, known, stages.within)
+    with using(stages.within):
+        lighting = project(probe, known)
+        stages.done(1, 2)
+        made, power, energy = _texture(brdf, order, own["texels"], known)
     stages.done(2, 2)
     texture = made.map
     assert isinstance(texture, ProductTexture)
     info = texture.info
-    record = provenance(probe, brdf, Orders(order, 0, info.tolerance, info.captured))
+    record = provenance(probe, brdf, Orders(order, 0, info.eps, info.captured))
     series = lighting.coefficients[: (order + 1) ** 2]
     shape = product_window(window, texture, series)
     factors = np.zeros(len(power))
@@ -240,15 +233,13 @@ def prefilter(
     return replace(made, map=lit, facts=facts)
 
 
-def _texture(
-    brdf: Brdf, order: int, texels: int, known: int, progress: Progress | None
-) -> tuple[Prefiltered, Array, Array]:
+def _texture(brdf: Brdf, order: int, texels: int, known: int) -> tuple[Prefiltered, Array, Array]:
     """Make a texture, and return with it the energy of the product functions by degree up to
     `known`, shape (degrees, channels), and in all, shape (channels,).
     """
     _check_size(order, texels, 1)
     functions = ProductFunctions.of(brdf, order)
-    table = product_table(brdf, functions, order, texels, progress)
+    table = product_table(brdf, functions, order, texels)
     views = _views()
     exact, energy = functions.expanded(views, known)
     starts = np.arange(known + 1) ** 2

@@ -11,7 +11,6 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions, own_frame
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.directions import to_angles
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
@@ -29,9 +28,7 @@ _RING = 512
 """Views around the rim from which texels off the circle are interpolated, where those are more."""
 
 
-def product_table(
-    brdf: Brdf, functions: ProductFunctions, order: int, size: int, progress: Progress | None = None
-) -> Array:
+def product_table(brdf: Brdf, functions: ProductFunctions, order: int, size: int) -> Array:
     """Compute the product texture of a BRDF.
 
     Parameters
@@ -43,8 +40,6 @@ def product_table(
         The largest degree l of the harmonics.
     size : int
         Texels along an edge.
-    progress : callable, optional
-        Called with the work done and the work in all.
 
     Returns
     -------
@@ -59,17 +54,17 @@ def product_table(
     """
     views = parabolic_directions(size)
     if brdf.isotropic and brdf.center != "tangent":
-        return _turned(functions, views, order, progress)
+        return _turned(functions, views, order)
     x, y = project(views)
     rim = np.hypot(x, y) > 1 - 1 / size - _ROUNDING
     if rim.sum() <= _RING:
-        found = _by_symmetry(brdf, functions, views.reshape(-1, 3), order, progress)
+        found = _by_symmetry(brdf, functions, views.reshape(-1, 3), order)
         return found.reshape(size, size, *found.shape[1:])
     turn = 2 * np.pi * (np.arange(_RING) + 0.5) / _RING
     radius = 1 - 1 / size
     ring = unproject(radius * np.cos(turn), radius * np.sin(turn))
     inner = views[~rim]
-    found = _by_symmetry(brdf, functions, np.concatenate([inner, ring]), order, progress)
+    found = _by_symmetry(brdf, functions, np.concatenate([inner, ring]), order)
     table = np.empty((size, size, *found.shape[1:]), dtype=np.float32)
     table[~rim] = found[: len(inner)]
     table[rim] = _between(found[len(inner) :], np.arctan2(y[rim], x[rim]))
@@ -83,9 +78,7 @@ def _between(ring: Array, azimuths: Array) -> Array:
     return np.sum([w * ring[(first + k) % len(ring)] for k, w in enumerate(shares)], axis=0)
 
 
-def _by_symmetry(
-    brdf: Brdf, functions: ProductFunctions, views: Array, order: int, progress: Progress | None
-) -> Array:
+def _by_symmetry(brdf: Brdf, functions: ProductFunctions, views: Array, order: int) -> Array:
     """Compute the coefficients of views (n, 3) from those on one side of each symmetry.
 
     Returns
@@ -101,20 +94,18 @@ def _by_symmetry(
     folded = views * np.where(np.pad(negative, [(0, 0), (0, 1)]), -1.0, 1.0)
     x, y = (np.round(each, _DIGITS) for each in project(folded))
     _, chosen, which = np.unique(x + 1j * y, return_index=True, return_inverse=True)
-    found = functions.coefficients(folded[chosen], order, progress).astype(np.float32)[which]
+    found = functions.coefficients(folded[chosen], order).astype(np.float32)[which]
     for axis in (0, 1):
         found[negative[:, axis]] *= _mirror_signs(order, axis)[:, None]
     return found
 
 
-def _turned(
-    functions: ProductFunctions, views: Array, order: int, progress: Progress | None
-) -> Array:
+def _turned(functions: ProductFunctions, views: Array, order: int) -> Array:
     """Compute the table of an isotropic BRDF from views along x alone."""
     size = len(views)
     radius = np.round(np.hypot(*project(views)), _DIGITS)
     radii, which = np.unique(radius, return_inverse=True)
-    along_x = functions.coefficients(unproject(radii, np.zeros_like(radii)), order, progress)
+    along_x = functions.coefficients(unproject(radii, np.zeros_like(radii)), order)
     flat = np.moveaxis(along_x[which.reshape(-1)], 0, -1)
     turned = turn_about_z(flat, to_angles(views)[1].reshape(-1))
     table = np.moveaxis(turned, -1, 0).reshape(size, size, *along_x.shape[1:])

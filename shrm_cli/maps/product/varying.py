@@ -81,7 +81,7 @@ class VaryingProduct(ProductMap):
             captured=min(each.captured for each in infos),
             **{
                 name: max(getattr(each, name) for each in infos)
-                for name in ("tolerance", "predicted_error", "added_error", "filter_error")
+                for name in ("eps", "predicted_error", "added_error", "filter_error")
             },
         )
         return cls(tuple(same), parameter, tuple(map(float, values)), info, step_error)

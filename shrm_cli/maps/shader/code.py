@@ -94,7 +94,7 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
     language : {"glsl", "hlsl", "c"}
     textures : {"cube-array", "layers"}, optional
         Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
-        wants them, or from the arrays of images that `packing.pack` returns. Code in C reads the
+        wants them, or from the arrays of images that `file.pack` returns. Code in C reads the
         latter; for the other languages, arrays of cube maps are the default.
 
     Returns
@@ -116,11 +116,25 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
     source = source_of(made, chosen)
     write = _with_layers if chosen == "layers" else _with_cube_arrays
     head, words, comment = write(source, speech)
+    functions = source.functions(words)
+    if made.stored is not made:
+        functions = _with_lamps(made, functions, speech)
+        comment = [*comment, "shrm_lamps: the lamps beside the map, integrated over their discs."]
     lines = [
         *_comment(made, source, _VERSIONS[language, chosen], comment),
-        *speech.translated([*head, *source.functions(words)]),
+        *speech.translated([*head, *functions]),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _with_lamps(made: "Map", functions: Sequence[str], language: Language) -> list[str]:
+    """Write the functions of a map, and those of the lamps beside it."""
+    from shrm_cli.maps.lamps.map import LampMap
+    from shrm_cli.maps.lamps.shader import lamps_source
+
+    assert isinstance(made, LampMap)
+    own = [line.replace("vec3 shrm_radiance(", "vec3 shrm_map(") for line in functions]
+    return own + lamps_source(made.lamps, language)
 
 
 def source_of(made: "Map", textures: str) -> Source:
@@ -136,7 +150,7 @@ def source_of(made: "Map", textures: str) -> Source:
             "a product texture has no such code or layers: its file is the texture that shaders "
             "read; its page, docs/conventions.md, has their lines"
         )
-    found: Source = registry.module(made.representation, "shader").source(made, textures)
+    found: Source = registry.module(made.representation, "shader").source(made.stored, textures)
     return found
 
 

@@ -40,7 +40,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
-from shrm_cli.brdf.environment.lobe_moments import LobeMoments, mean_vectors, whole_lobe
+from shrm_cli.brdf.environment.environment_brdf import LobeMoments, mean_vectors, whole_lobe
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap

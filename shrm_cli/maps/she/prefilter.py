@@ -12,25 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.environment.lobe_moments import lobe_moments, whole_lobe
+from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.reflectance import ReflectanceSamples, sample_reflectance
 from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
-from shrm_cli.vocabulary import (
-    DEFAULT_FACTOR_ORDERS,
-    DEFAULT_FITTED_ROUGHNESS,
-    MAX_EXPONENTIAL_ORDER,
-    MIN_ROUGHNESS,
-    Law,
-)
+from shrm_cli.vocabulary import Law
 
 Array = NDArray[np.floating]
 
@@ -108,29 +102,17 @@ class Problem:
     weights: Array
 
 
-def prefilter(
-    probe: Probe,
-    p_order: int = DEFAULT_FACTOR_ORDERS[0],
-    q_order: int = DEFAULT_FACTOR_ORDERS[1],
-    roughness: tuple[float, float] = DEFAULT_FITTED_ROUGHNESS,
-    law: Law = "lobe",
-    progress: Progress | None = None,
-) -> Prefiltered:
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Fit an SH exponential to what GGX reflects of a probe, at all views and roughnesses.
 
     Parameters
     ----------
     probe : Probe
-    p_order, q_order : int
-        The orders of the two factors.
-    roughness : tuple of 2 float
-        The range of perceptual roughness to fit; by default that of the paper, whose alpha begins
-        at 0.2.
-    law : {"lobe", "paper"}
-        How the degrees are attenuated, and how they are fitted. ``paper`` is the linear
-        least-squares fit in log space of Silvennoinen et al. 2025.
-    progress : callable, optional
-        Called with the number of rows read, and of all rows.
+    request : Request
+        Its own options are the orders ``p_order`` and ``q_order`` of the two factors, the range of
+        perceptual ``roughness`` to fit, by default that of the paper, whose alpha begins at 0.2,
+        and the ``law``: how the degrees are attenuated, and how they are fitted. ``paper`` is the
+        linear least-squares fit in log space of Silvennoinen et al. 2025.
 
     Returns
     -------
@@ -139,21 +121,15 @@ def prefilter(
     Raises
     ------
     MapError
-        If the orders or the roughness are out of range, or the probe is black.
+        If the probe is black.
     ProbeError
         If the probe cannot be read.
     """
+    p_order, q_order = request.own["p_order"], request.own["q_order"]
+    law, roughness = request.own["law"], request.own["roughness"]
     low, high = roughness
-    if not MIN_ROUGHNESS <= low <= high <= 1:
-        raise MapError(
-            f"roughness {low:g} .. {high:g} is not a range within {MIN_ROUGHNESS:g} .. 1"
-        )
-    if not (0 <= p_order <= MAX_EXPONENTIAL_ORDER and 0 <= q_order <= MAX_EXPONENTIAL_ORDER):
-        raise MapError(
-            f"orders P = {p_order}, Q = {q_order} are outside 0 .. {MAX_EXPONENTIAL_ORDER}"
-        )
     order_f = int(np.clip(np.ceil(_ORDER_OF_ALPHA / low**2), *_ORDERS_F))
-    lighting = project(probe, order_f, progress)
+    lighting = project(probe, order_f)
     rings = _rings(p_order, q_order)
     samples = sample_reflectance(lighting, _sampled_roughness(roughness, law), rings, *_VIEW_RINGS)
     if not samples.reflected.any():

@@ -7,7 +7,8 @@ known before the map is made, so that the best pair of the two can be chosen. Wh
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +19,13 @@ from shrm_cli.maps.expansion import carried_band, view_band
 from shrm_cli.maps.look_up import shrm_look_up_error
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.prefiltered import wrong_light
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import (
     TRIED_SIZES,
     choose_size,
     largest_p,
     nothing_fits,
+    sizes_of,
     stored_bytes,
     supported_order,
     total_error,
@@ -37,6 +40,9 @@ from shrm_cli.vocabulary import (
     MIN_CUBE_SIZE,
     Sampling,
 )
+
+if TYPE_CHECKING:
+    from shrm_cli.plan.search import Row
 
 _LEAST_TOLERANCE = 1e-4
 """The least part of a BRDF's energy that its coefficients are computed to."""
@@ -89,23 +95,6 @@ SHRM_FORM = Form(lambda order_p: (order_p + 1) ** 2)
 """The form of an SHRM: a cube for each harmonic of the view."""
 
 
-def allowed_bytes(max_size: int | None, size: int | None = None) -> int:
-    """Return the most bytes of a map whose orders are chosen.
-
-    A size that is given by hand is obeyed even where the default would not allow it.
-
-    Parameters
-    ----------
-    max_size : int, optional
-        The most bytes that were asked for; `vocabulary.DEFAULT_MAX_SIZE` by default.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    """
-    if max_size is not None:
-        return max_size
-    return max(DEFAULT_MAX_SIZE, 0 if size is None else stored_bytes(size, 1))
-
-
 def most_order_p(
     max_size: int, size: int | None = None, most: int = MAX_ORDER_P
 ) -> Callable[[int], int]:
@@ -131,27 +120,14 @@ def most_order_p(
 
 
 def affordable(
-    light: Projection,
-    brdf: Brdf,
-    tolerance: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most: int = MAX_ORDER_P,
+    light: Projection, request: Request, most: int = MAX_ORDER_P
 ) -> tuple[Choice, BrdfCoefficients]:
     """Choose the orders and the size of a map: those that a tolerance asks for, if they fit.
 
     Parameters
     ----------
     light : Projection
-    brdf : Brdf
-    tolerance : float
-        The fraction of the BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
+    request : Request
     most : int
         The largest P in any case.
 
@@ -168,25 +144,19 @@ def affordable(
     OrderError, BrdfError, ProbeError
         If the tolerance is none, or the BRDF or the probe cannot be used.
     """
-    most_p = most_order_p(max_size, size, most)
-    orders, coefficients = choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)
+    allowed, size = request.allowed, request.size
+    most_p = most_order_p(allowed, size, most)
+    orders, coefficients = choose_orders(request.brdf, request.eps, most_p=most_p)
     choice = Choice(orders, choose_size(orders.order_f) if size is None else size)
-    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, max_size), most)
-    if orders.captured >= 1 - tolerance and fits:
+    fits = orders.order_p <= min(largest_p(orders.order_f, choice.size, allowed), most)
+    if orders.captured >= 1 - request.eps and fits:
         return choice, coefficients
     lighting = light.to_order(coefficients.order_f)
-    choice = fitting(coefficients, lighting, tolerance, max_size, size, sampling, most)
-    return choice, coefficients
+    return fitting(coefficients, lighting, request, most), coefficients
 
 
 def fitting(
-    coefficients: BrdfCoefficients,
-    lighting: Lighting,
-    tolerance: float,
-    max_size: int,
-    size: int | None = None,
-    sampling: Sampling = "center",
-    most: int = MAX_ORDER_P,
+    coefficients: BrdfCoefficients, lighting: Lighting, request: Request, most: int = MAX_ORDER_P
 ) -> Choice:
     """Choose the orders and the size of the best map that fits.
 
@@ -195,13 +165,7 @@ def fitting(
     coefficients : BrdfCoefficients
     lighting : Lighting
         The light, to at least the order of the coefficients.
-    tolerance : float
-        The fraction of the BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge, where they are given.
-    sampling : {"center", "border"}
+    request : Request
     most : int
         The largest P in any case.
 
@@ -210,16 +174,17 @@ def fitting(
     ArgumentError
         If not even P = 0 fits.
     """
-    largest = choose_size(least_orders(coefficients, tolerance).order_f)
+    eps, allowed, size = request.eps, request.allowed, request.size
+    largest = choose_size(least_orders(coefficients, eps).order_f)
     sizes = [texels for texels in TRIED_SIZES if texels <= largest]
     found: list[tuple[float, int, Choice]] = []
     for texels in sizes if size is None else [size]:
         carried = min(supported_order(texels), coefficients.order_f)
-        p = min(largest_p(carried, texels, max_size), coefficients.order_p, most)
+        p = min(largest_p(carried, texels, allowed), coefficients.order_p, most)
         if p < 0:
             continue
-        error = np.hypot(*map_errors(lighting, coefficients, p, texels, sampling))
-        orders = least_orders(coefficients, tolerance, order_p=p)
+        error = np.hypot(*map_errors(lighting, coefficients, p, texels, request.sampling))
+        orders = least_orders(coefficients, eps, order_p=p)
         orders = replace(orders, order_f=min(orders.order_f, carried))
         made = Choice(orders, texels)
         found.append((float(error), made.bytes, made))
@@ -289,11 +254,14 @@ def within_error(
     BrdfError, ProbeError
         If the BRDF or the probe cannot be used.
     """
-    tolerance = _sufficient_tolerance(error)
+    eps = _sufficient_tolerance(error)
     coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
     lighting = light.to_order(coefficients.order_f)
 
-    found = least_choice(lighting, coefficients, error, tolerance, max_size, size, sampling)
+    from shrm_cli.plan.search import fewest_bytes  # plain runs search nothing
+
+    made = shrm_rows(lighting, coefficients, eps, max_size, size, sampling)
+    found = fewest_bytes(made, error)
     if found is None:
         raise nothing_fits(size)
     return found[0].choice, coefficients, found[1]
@@ -309,8 +277,8 @@ def sufficient_coefficients(
     light, brdf, error, max_size, size
         The same as for `within_error`.
     """
-    tolerance, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
-    return choose_orders(brdf, tolerance, most_p=most_p, progress=light.progress)[1]
+    eps, most_p = _sufficient_tolerance(error), most_order_p(max_size, size)
+    return choose_orders(brdf, eps, most_p=most_p)[1]
 
 
 def _sufficient_tolerance(error: float) -> float:
@@ -334,54 +302,43 @@ class Tried:
         return self.choice.bytes
 
 
-def least_choice(
+def shrm_rows(
     lighting: Lighting,
     coefficients: BrdfCoefficients,
-    error: float,
-    tolerance: float,
+    eps: float,
     max_size: int,
     size: int | None = None,
     sampling: Sampling = "center",
     most_p: int = MAX_ORDER_P,
-) -> tuple[Tried, bool] | None:
-    """Choose the SHRM of the fewest bytes that keeps an error, from known coefficients.
+) -> "Iterator[Row[Tried]]":
+    """Yield the SHRMs that known coefficients allow, for each size of cubes those of every P.
 
     Parameters
     ----------
     lighting : Lighting
         The light, to at least the order of the coefficients.
     coefficients : BrdfCoefficients
-    error, max_size, size, sampling
-        The same as for `within_error`.
-    tolerance : float
+    eps : float
         The fraction of the BRDF's energy that F, which is only stated, may miss.
+    max_size, size, sampling
+        The same as for `within_error`.
     most_p : int
         The largest P in any case.
-
-    Returns
-    -------
-    tried : Tried
-        The best one that fits, where none keeps the error.
-    is_met : bool
-        Whether the error is kept. None stands for both where no map fits.
     """
-    from shrm_cli.plan.search import Row, fewest_bytes  # plain runs search nothing
+    from shrm_cli.plan.search import Row  # plain runs search nothing
 
     def tried(texels: int, carried: int, p: int) -> Tried:
-        orders = least_orders(coefficients, tolerance, order_p=p)
+        orders = least_orders(coefficients, eps, order_p=p)
         f = min(orders.order_f, carried)
         captured = float(coefficients.captured()[carried, p])
         choice = Choice(Orders(f, p, 1 - captured, captured), texels)
         errors = map_errors(lighting, coefficients, p, texels, sampling)
         return Tried(choice, total_error(*errors))
 
-    def rows() -> Iterator[Row[Tried]]:
-        for texels in TRIED_SIZES if size is None else (size,):
-            carried = min(supported_order(texels), coefficients.order_f)
-            most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
-            yield Row(most + 1, partial(_bytes_of_p, texels), partial(tried, texels, carried))
-
-    return fewest_bytes(rows(), error)
+    for texels in sizes_of(size):
+        carried = min(supported_order(texels), coefficients.order_f)
+        most = min(largest_p(carried, texels, max_size), coefficients.order_p, most_p)
+        yield Row(most + 1, partial(_bytes_of_p, texels), cache(partial(tried, texels, carried)))
 
 
 def _bytes_of_p(size: int, order_p: int) -> int:
@@ -472,14 +429,14 @@ def shortfall(
     form : Form
         What the map holds.
     """
-    if kept.captured >= 1 - kept.tolerance:
+    if kept.captured >= 1 - kept.eps:
         return None
     from shrm_cli.plan import policy  # most maps have nothing to be told of
 
     if error <= policy.ERROR:
         return None
-    wanted = least_orders(coefficients, kept.tolerance)
-    is_known = wanted.captured >= 1 - kept.tolerance
+    wanted = least_orders(coefficients, kept.eps)
+    is_known = wanted.captured >= 1 - kept.eps
     if brdf.zonal and not is_known:
         why = f"most beside lamps: {brdf!r} is sharper than cubes of any size can show"
         return wrong_light(error, why, "take the lamps out with `shrm sun`")

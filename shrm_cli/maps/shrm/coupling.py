@@ -17,9 +17,9 @@ Equations 5.x are those of chapter 5 of Ramamoorthi's thesis.
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli import progress
 from shrm_cli.maps.coupling import coupled, separated
 from shrm_cli.parallel import at_once
-from shrm_cli.progress import Progress
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.wigner import small_d_degrees
@@ -40,7 +40,7 @@ _LEAST_BLOCKS = 8
 """The least number of blocks, so that progress is seen."""
 
 
-def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | None = None) -> Array:
+def reflected_coefficients(lighting: Array, brdf: Array) -> Array:
     """Compute the coefficients over R of every coefficient map of the global SHRM.
 
     Parameters
@@ -49,8 +49,6 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
         The coefficients of the light over the real harmonics of world axes.
     brdf : ndarray, shape (F+1, P+1, P+1, channels)
         The coefficients rho_hat_lpq of the BRDF for q >= 0, indexed [l, p, q, channel].
-    progress : callable, optional
-        Called with the number of degrees or rings done, and the number of all.
 
     Returns
     -------
@@ -65,18 +63,17 @@ def reflected_coefficients(lighting: Array, brdf: Array, progress: Progress | No
         scale = np.sqrt(4 * np.pi / (2 * degree + 1))[:, None]
         return (lighting[: len(degree)] * brdf[degree, 0, 0] * scale)[:, None]
     if order_p > _BY_DEGREE:
-        return over_rings(lighting, brdf, progress)
+        return over_rings(lighting, brdf)
     result = np.zeros(((order_f + order_p + 1) ** 2, (order_p + 1) ** 2, channels))
     separate = separated(lighting, order_f)
     for p in range(order_p + 1):
         found = coupled(separate, brdf[:, p, : p + 1, None])
         result[: len(found), p**2 : (p + 1) ** 2] = found[:, :, 0]
-        if progress is not None:
-            progress((p + 1) ** 3, (order_p + 1) ** 3)
+        progress.report((p + 1) ** 3, (order_p + 1) ** 3)
     return result
 
 
-def over_rings(lighting: Array, brdf: Array, progress: Progress | None = None) -> Array:
+def over_rings(lighting: Array, brdf: Array) -> Array:
     """Compute what `reflected_coefficients` describes by integrals over rings."""
     order_f, order_p, channels = brdf.shape[0] - 1, brdf.shape[1] - 1, brdf.shape[3]
     band = order_f + order_p
@@ -92,8 +89,7 @@ def over_rings(lighting: Array, brdf: Array, progress: Progress | None = None) -
         local = _local_modes(light, brdf, theta[: len(one)])
         waves = _global_waves(local, theta, order_p)
         _integrate(waves, legendre_table(band, cosines[rings]), weights[rings], result)
-        if progress is not None:
-            progress(int(one[-1]) + 1, pairs)
+        progress.report(int(one[-1]) + 1, pairs)
     return result
 
 

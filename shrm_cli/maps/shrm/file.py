@@ -81,7 +81,7 @@ def _encode_sum(summed: SummedShrm) -> list[Part]:
         "shrm:version": summed.format_version,
         "shrm:predicted_error": float(info.predicted_error),
         "shrm:brdf_energy_captured": float(info.captured),
-        "shrm:epsilon": float(info.tolerance),
+        "shrm:epsilon": float(info.eps),
         "displayWindow": (size, 6 * size),
     }
     if info.added_error:

@@ -4,18 +4,21 @@ Transfer functions hold every degree p of the view, so that whoever has them for
 the errors of SHRMs without sampling the BRDF again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.maps.expansion import carry
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.shrm.budget import Tried, least_choice, sufficient_coefficients
+from shrm_cli.maps.request import Request
+from shrm_cli.maps.shrm.budget import Tried, shrm_rows, sufficient_coefficients
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, stored_bytes
 from shrm_cli.maps.wrong_share import predicted_wrong_share
-from shrm_cli.plan.search import Candidate
+from shrm_cli.plan.search import Candidate, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.records import record
 from shrm_cli.vocabulary import DEFAULT_EPS, MAX_ORDER_P, Sampling
@@ -68,13 +71,16 @@ class ShrmProposals:
         coefficients = sufficient_coefficients(light, brdf, error, max_size, size)
         return cls(light, brdf, coefficients, size, sampling)
 
+    def rows(self, max_size: int, most_p: int = MAX_ORDER_P) -> Iterator[Row[Tried]]:
+        """Yield the SHRMs that fit into a number of bytes, and have at most a P, by their size."""
+        lighting = self.light.to_order(self.coefficients.order_f)
+        return shrm_rows(
+            lighting, self.coefficients, DEFAULT_EPS, max_size, self.size, self.sampling, most_p
+        )
+
     def least(self, error: float, max_size: int, most_p: int = MAX_ORDER_P) -> Tried | None:
         """Return the SHRM of the fewest bytes that keeps an error, or the best one that fits."""
-        lighting = self.light.to_order(self.coefficients.order_f)
-        found = least_choice(
-            lighting, self.coefficients, error, DEFAULT_EPS, max_size, self.size, self.sampling,
-            most_p,
-        )  # fmt: skip
+        found = fewest_bytes(self.rows(max_size, most_p), error)
         return None if found is None else found[0]
 
     def fits(self, max_size: int) -> bool:
@@ -91,16 +97,18 @@ class ShrmProposals:
         ArgumentError
             By that function, if no map fits.
         """
+        known = list(self.rows(max_size, most_p))
 
         def propose(error: float) -> Candidate[Prefiltered]:
-            tried = self.least(error, max_size, most_p)
-            if tried is None:
+            found = fewest_bytes(known, error)
+            if found is None:
                 raise nothing_fits(self.size)
-            return self._candidate(tried, max_size)
+            return self.candidate(found[0], max_size)
 
         return propose
 
-    def _candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
+    def candidate(self, tried: Tried, max_size: int) -> Candidate[Prefiltered]:
+        """Return one of these SHRMs as the search knows it."""
         choice, coefficients = tried.choice, self.coefficients
 
         def wrong_share() -> float:
@@ -108,10 +116,11 @@ class ShrmProposals:
             return predicted_wrong_share([made])
 
         def make() -> Prefiltered:
-            return prefilter_shrm(
-                self.light, self.brdf, choice.orders.tolerance, size=choice.size,
-                sampling=self.sampling, max_size=max_size, chosen=(choice, coefficients),
+            request = Request(
+                "shrm", self.brdf, choice.orders.eps, size=choice.size,
+                sampling=self.sampling, max_size=max_size,
             )  # fmt: skip
+            return prefilter_shrm(self.light, request, (choice, coefficients), np.float64)
 
         look_ups = (choice.orders.order_p + 1) ** 2
         return Candidate("shrm", tried.bytes, look_ups, tried.total_error, wrong_share, make)

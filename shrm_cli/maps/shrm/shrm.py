@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.shrm.coupling import reflected_coefficients
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.memo import Memo
-from shrm_cli.progress import Progress
+from shrm_cli.progress import foretell
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles, texel_directions
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
@@ -29,12 +29,24 @@ from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
+if TYPE_CHECKING:
+    from shrm_cli.maps.expansion import Expansion
+    from shrm_cli.maps.request import Request
+    from shrm_cli.probe.probe import Probe
+
 Array = NDArray[np.floating]
 
 _TEXELS_AT_ONCE = 2**14
 """The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""
 _VALUES_AT_ONCE = 2**25
 """The number of values that `second_moments` takes at a time, as doubles of 256 MB."""
+
+# Seconds of one processor for each series, that is a coefficient map of one colour, measured from
+# F = 36 to 320 and P = 2 to 28. The time of the series and of their texels grows with the cube of
+# the order F + P, and that of packing with the number of values.
+_COUPLING, _MOST_TERMS = 6e-10, 10  # for each term of order P; sums over rings replace many
+_SYNTHESIS = 3e-9
+_STORED_VALUE = 1.5e-7
 
 
 @record(eq=False)
@@ -121,7 +133,6 @@ class Shrm(Map):
         frame: Frame = "global",
         sampling: Sampling = "center",
         dtype: type = np.float64,
-        progress: Progress | None = None,
     ) -> Shrm:
         """Make the map from the coefficients of light and BRDF.
 
@@ -141,8 +152,6 @@ class Shrm(Map):
             The same as the attributes.
         dtype : float32 or float64
             The precision in which the texels are computed.
-        progress : callable, optional
-            As `reflected_coefficients` takes it.
 
         Raises
         ------
@@ -156,7 +165,7 @@ class Shrm(Map):
                 _zonal_coefficients(np.asarray(lighting), brdf, size, sampling, dtype),
                 frame, center, info, sampling,
             )  # fmt: skip
-        series = reflected_coefficients(np.asarray(lighting), brdf, progress)
+        series = reflected_coefficients(np.asarray(lighting), brdf)
         planes = synthesize_cube(series.reshape(len(series), -1), size, sampling, dtype)
         stacked = planes.reshape(*series.shape[1:], 6 * size, size)
         built = cls(stacked.transpose(2, 3, 0, 1), "global", center, info, sampling)
@@ -393,3 +402,60 @@ def _zonal_coefficients(
     stacked = planes.reshape(order_p + 1, 3, 6 * size, size)
     result[:, :, zonal] = stacked.transpose(2, 3, 0, 1)
     return result
+
+
+def from_expansion(
+    expansion: Expansion,
+    probe: Probe,
+    request: Request,
+    dtype: type = np.float32,
+) -> Shrm:
+    """Make the SHRM of an expansion.
+
+    Parameters
+    ----------
+    expansion : Expansion
+    probe : Probe
+        The probe of the expansion's light.
+    request : Request
+        It says the frame and the sampling.
+    dtype : type
+        As `Shrm.from_coefficients` takes it.
+    """
+    from shrm_cli.maps.provenance import provenance  # whoever reads maps needs none
+
+    orders, brdf = expansion.orders, expansion.brdf
+    foretell(making_seconds(expansion.carried, orders.order_p, expansion.size))
+    info = replace(
+        provenance(probe, brdf, orders),
+        predicted_error=expansion.error,
+        filter_error=expansion.filter_error(request.sampling),
+        carried=expansion.carried,
+    )
+    return Shrm.from_coefficients(
+        expansion.lighting.coefficients,
+        expansion.kept, brdf.center, info, expansion.size, request.frame, request.sampling, dtype,
+    )  # fmt: skip
+
+
+def making_seconds(order_f: int, order_p: int, size: int) -> float:
+    """Estimate the seconds until an SHRM is made and written.
+
+    Parameters
+    ----------
+    order_f : int
+        The order F to which the light is carried.
+    order_p : int
+        The order P.
+    size : int
+        Texels along a face's edge.
+
+    Returns
+    -------
+    float
+        Within a factor of 2 where the rates were measured, if no other work is going on there.
+    """
+    series = 3 * (order_p + 1) ** 2
+    coupling = _COUPLING * min(order_p, _MOST_TERMS)
+    made = series * (order_f + order_p) ** 3 * (coupling + _SYNTHESIS)
+    return made + series * 6 * size**2 * _STORED_VALUE

@@ -13,6 +13,7 @@ from shrm_cli.maps.expansion import Expansion, carry
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.budget import (
     Choice,
     affordable,
@@ -22,20 +23,15 @@ from shrm_cli.maps.shrm.budget import (
     shortfall,
 )
 from shrm_cli.maps.shrm.compressed import CompressedShrm, compressed
-from shrm_cli.maps.shrm.shrm import Shrm
-from shrm_cli.maps.shrm.single import from_expansion
+from shrm_cli.maps.shrm.shrm import Shrm, from_expansion
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.size import check_size, choose_size, total_error
 from shrm_cli.orders import Orders, choose_orders, coefficient_count, least_orders
+from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, Projection
+from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.reflected import predicted_error, reflected_rms
-from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, Frame, Sampling
-
-_LOOSER = 2.0 ** (np.arange(24, -5, -1) / 4)
-"""The tolerances that are tried for the terms, in units of the whole BRDF's: from 64 to a half."""
-_LARGEST_TOLERANCE = 0.7
-"""The largest tolerance that is tried for the terms."""
 
 
 @record(eq=False)
@@ -59,7 +55,7 @@ class Term:
     def needs(self) -> float:
         """The bytes that meet the tolerance; infinite where the coefficients do not reach it."""
         orders = self.choice.orders
-        return self.choice.bytes if orders.captured >= 1 - orders.tolerance else np.inf
+        return self.choice.bytes if orders.captured >= 1 - orders.eps else np.inf
 
     @property
     def count(self) -> int:
@@ -78,8 +74,8 @@ class Plan:
         The whole BRDF, with the orders that it would have as one map.
     light : Projection
         The light of the probe that the plan was made for.
-    max_size : int
-        The most bytes of the map.
+    request : Request
+        What is asked of the whole.
     is_closer : bool
         Whether the whole falls short of its tolerance within these bytes, and the terms make less
         error.
@@ -88,7 +84,7 @@ class Plan:
     terms: tuple[Term, ...]
     whole: Term
     light: Projection
-    max_size: int = DEFAULT_MAX_SIZE
+    request: Request
     is_closer: bool = False
 
     @property
@@ -109,10 +105,7 @@ class Plan:
 
 def plan_terms(
     light: Projection,
-    brdf: Brdf,
-    tolerance: float,
-    max_size: int = DEFAULT_MAX_SIZE,
-    size: int | None = None,
+    request: Request,
     chosen: tuple[Choice, BrdfCoefficients] | None = None,
 ) -> Plan | None:
     """Split a BRDF into terms, with orders that cause no larger error than those of the whole.
@@ -125,13 +118,8 @@ def plan_terms(
     ----------
     light : Projection
         The light of the probe.
-    brdf : Brdf
-    tolerance : float
-        The fraction of the whole BRDF's energy that may be missed.
-    max_size : int
-        The most bytes of the map.
-    size : int, optional
-        Texels along a face's edge of every term, where they are given.
+    request : Request
+        A size that is given is that of every term.
     chosen : tuple of Choice and BrdfCoefficients, optional
         What `affordable` returns for the whole, where it is known.
 
@@ -146,40 +134,38 @@ def plan_terms(
     OrderError, BrdfError, ProbeError
         If the whole BRDF cannot be expanded, or the probe cannot be read.
     """
-    terms = split(brdf)
+    eps, allowed = request.eps, request.allowed
+    terms = split(request.brdf)
     if len(terms) == 1:
         return None
-    choice, coefficients = chosen or affordable(light, brdf, tolerance, max_size, size)
-    whole = Term(brdf, coefficients, choice)
-    most_p = most_order_p(max_size, size)
+    choice, coefficients = chosen or affordable(light, request)
+    whole = Term(request.brdf, coefficients, choice)
+    most_p = most_order_p(allowed, request.size)
     try:
-        found = [
-            choose_orders(term, tolerance, most_p=most_p, progress=light.progress)[1]
-            for term in terms
-        ]
+        found = [choose_orders(term, eps, most_p=most_p)[1] for term in terms]
     except BrdfError:
         return None
     lighting = light.to_order(max(each.order_f for each in [coefficients, *found]))
     together = reflected_rms(lighting, coefficients)
     goal = _total_error([whole], lighting, together)
-    if choice.orders.captured < 1 - tolerance:
-        shared = _shared(terms, found, lighting, tolerance, max_size, size)
+    if choice.orders.captured < 1 - eps:
+        shared = _shared(terms, found, lighting, request)
         if shared is None or _total_error(shared, lighting, together) >= goal:
             return None
-        return Plan(shared, whole, light, max_size, is_closer=True)
+        return Plan(shared, whole, light, request, is_closer=True)
     enough = _truncation_error([whole], lighting)
-    for factor in _LOOSER:
-        looser = min(factor * tolerance, _LARGEST_TOLERANCE)
+    for factor in policy.LOOSER:
+        looser = min(factor * eps, policy.LARGEST_TOLERANCE)
         plan = Plan(
             tuple(
-                _least_term(term, each, looser, size)
+                _least_term(term, each, looser, request.size)
                 for term, each in zip(terms, found, strict=True)
             ),
             whole,
             light,
-            max_size,
+            request,
         )
-        if plan.bytes > max_size:
+        if plan.bytes > allowed:
             return None
         is_close = _truncation_error(plan.terms, lighting) <= enough
         if is_close and _total_error(plan.terms, lighting, together) <= goal:
@@ -191,9 +177,7 @@ def _shared(
     terms: Sequence[Brdf],
     coefficients: Sequence[BrdfCoefficients],
     lighting: Lighting,
-    tolerance: float,
-    max_size: int,
-    size: int | None,
+    request: Request,
 ) -> tuple[Term, ...] | None:
     """Share the bytes of a map among terms: each has what it needs, or as much as the others.
 
@@ -203,14 +187,16 @@ def _shared(
         None where a term does not fit at all.
     """
     pairs = zip(terms, coefficients, strict=True)
-    made = [_least_term(brdf, each, tolerance, size) for brdf, each in pairs]
+    made = [_least_term(brdf, each, request.eps, request.size) for brdf, each in pairs]
     order = sorted(range(len(made)), key=lambda index: made[index].needs)
-    left = max_size
+    left = request.allowed
     for done, index in enumerate(order):
         share, term = left // (len(made) - done), made[index]
         if term.needs > share:
             try:
-                choice = fitting(term.coefficients, lighting, tolerance, share, size)
+                # Where the edge texels lie tells no form from another.
+                part = replace(request, max_size=share, sampling="center")
+                choice = fitting(term.coefficients, lighting, part)
             except ArgumentError:
                 return None
             made[index] = replace(term, choice=choice)
@@ -218,11 +204,9 @@ def _shared(
     return tuple(made)
 
 
-def _least_term(
-    brdf: Brdf, coefficients: BrdfCoefficients, tolerance: float, size: int | None
-) -> Term:
+def _least_term(brdf: Brdf, coefficients: BrdfCoefficients, eps: float, size: int | None) -> Term:
     """Return a term with the least orders that meet a tolerance."""
-    orders = least_orders(coefficients, tolerance)
+    orders = least_orders(coefficients, eps)
     return Term(
         brdf, coefficients, Choice(orders, choose_size(orders.order_f) if size is None else size)
     )
@@ -259,20 +243,14 @@ def _strengths(terms: Sequence[Term], light: Lighting) -> list[float]:
     return [reflected_rms(light, term.coefficients) for term in terms]
 
 
-def prefilter_terms(
-    plan: Plan,
-    frame: Frame = "global",
-    sampling: Sampling = "center",
-    dtype: type = np.float64,
-    compress: int | float | None = None,
-) -> Prefiltered:
+def prefilter_terms(plan: Plan, dtype: type = np.float32) -> Prefiltered:
     """Prefilter the terms of a plan for its probe.
 
     Parameters
     ----------
     plan : Plan
-    frame, sampling, dtype, compress
-        The form of each term's map, as `prefilter_shrm` takes it.
+    dtype : type
+        As `prefilter_shrm` takes it.
 
     Raises
     ------
@@ -288,7 +266,7 @@ def prefilter_terms(
     whole = provenance(probe, plan.whole.brdf, _joint_orders(plan))
     of_whole = plan.whole.coefficients
     together = reflected_rms(light.to_order(of_whole.order_f), of_whole)
-    maps = [_term_map(each, light, frame, sampling, dtype, compress) for each in expansions]
+    maps = [_term_map(each, probe, plan.request, dtype) for each in expansions]
     maps = [replace(each, info=replace(each.info, brdf=whole.brdf)) for each in maps]
     infos = [each.info for each in maps]
     info = replace(
@@ -319,13 +297,13 @@ def prefilter_terms(
 
 def _shortfall(plan: Plan, error: float) -> str | None:
     """Say what the terms miss of the tolerance, where the whole misses it within the bytes too."""
-    tolerance = plan.whole.choice.orders.tolerance
+    eps = plan.whole.choice.orders.eps
     kept = [plan.whole.choice.orders, *(term.choice.orders for term in plan.terms)]
-    if kept[0].captured >= 1 - tolerance or all(e.captured >= 1 - tolerance for e in kept[1:]):
+    if kept[0].captured >= 1 - eps or all(e.captured >= 1 - eps for e in kept[1:]):
         return None
     worst = min(plan.terms, key=lambda term: term.choice.orders.captured)
-    orders = replace(worst.choice.orders, tolerance=tolerance)
-    return shortfall(worst.brdf, worst.coefficients, orders, plan.max_size, error)
+    orders = replace(worst.choice.orders, eps=eps)
+    return shortfall(worst.brdf, worst.coefficients, orders, plan.request.allowed, error)
 
 
 def _joint_orders(plan: Plan) -> Orders:
@@ -336,22 +314,16 @@ def _joint_orders(plan: Plan) -> Orders:
     return Orders(
         max(each.order_f for each in orders),
         max(each.order_p for each in orders),
-        plan.whole.choice.orders.tolerance,
+        plan.whole.choice.orders.eps,
         float(captured),
     )
 
 
 def _term_map(
-    expansion: Expansion,
-    light: Projection,
-    frame: Frame,
-    sampling: Sampling,
-    dtype: type,
-    compress: int | float | None,
+    expansion: Expansion, probe: Probe, request: Request, dtype: type
 ) -> Shrm | CompressedShrm:
     """Make the map of a term; a term of low order has few components to keep."""
-    orders = expansion.orders
+    orders, compress = expansion.orders, request.own.get("compress")
     check_size(orders.order_f, orders.order_p, expansion.size)
     few = min(compress, (orders.order_p + 1) ** 2) if isinstance(compress, int) else compress
-    made = from_expansion(expansion, light.probe, frame, sampling, dtype, light.progress)
-    return compressed(made, few)
+    return compressed(from_expansion(expansion, probe, request, dtype), few)

@@ -15,9 +15,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.splitsum.core import LobeCore
-from shrm_cli.progress import Progress
 from shrm_cli.records import record
 
 _IMAGES = 16
@@ -34,9 +34,7 @@ _SAME = 2.0**-29
 """Directions whose angles agree to this many radians are one."""
 
 
-def sum_core(
-    core: LobeCore, light: Array, directions: Array, progress: Progress | None = None
-) -> Array:
+def sum_core(core: LobeCore, light: Array, directions: Array) -> Array:
     """Sum a core about each direction over all pixels of a lat-long.
 
     Parameters
@@ -47,8 +45,6 @@ def sum_core(
         axes.
     directions : ndarray, shape (..., 3)
         Unit, world axes. Those of a cube take the least time.
-    progress : callable, optional
-        Called with the number of folded directions done, and of all of them.
 
     Returns
     -------
@@ -68,8 +64,7 @@ def sum_core(
         groups = np.split(ordered, range(size, len(ordered), size))
         for group, values in zip(groups, _sum_band(table, light, folded, groups), strict=True):
             sums[group] = values
-        if progress is not None:
-            progress(int(members[-1]) + 1, count)
+        progress.report(int(members[-1]) + 1, count)
     return sums[folded.source, folded.image].reshape(directions.shape)
 
 

@@ -7,11 +7,11 @@ rings about lamps, and the rings are large beside the light of dark places.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.maps.band import Band
+from shrm_cli.orders import first_enough
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import record
 from shrm_cli.sphere.synthesis import CubeSeries
@@ -62,8 +62,8 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
     passed = multipliers(coefficients)
     light, missing = energies(lighting, passed)
     whole = light[0] + missing[0]
-    order = _least(missing <= tolerance**2 * whole)
-    dark = _least(missing <= DARK_ERROR**2 * light[0])
+    order = first_enough(missing <= tolerance**2 * whole)
+    dark = first_enough(missing <= DARK_ERROR**2 * light[0])
     carried = min(max(dark, faded_order(order)), lighting.order)
     fade = Band(order, carried).factors
     lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
@@ -116,8 +116,3 @@ def energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
     light = lighting.power().sum(axis=1) * passed[: lighting.order + 1] ** 2
     beyond = unknown_light(lighting, passed**2)
     return light, np.cumsum(light[::-1])[::-1] - light + beyond
-
-
-def _least(enough: NDArray[np.bool_]) -> int:
-    """Return the first degree that is enough, or the last one where none is."""
-    return int(np.argmax(enough)) if enough.any() else len(enough) - 1

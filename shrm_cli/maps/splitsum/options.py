@@ -7,7 +7,7 @@ DESCRIPTIONS = {
     "splitsum": Representation(
         "splitsum",
         "split sum",
-        CUBE_ARGUMENTS | {"brdf"},
+        CUBE_ARGUMENTS | {"brdf", "error"},
         (
             Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
             Option(
@@ -15,6 +15,7 @@ DESCRIPTIONS = {
                 "splitsum: how roughness rises with the level.  [default: linear]",
                 "choice",
                 choices=LEVEL_MAPPINGS,
+                default="linear",
             ),
             SHADER,
             TEXTURES,
@@ -23,6 +24,7 @@ DESCRIPTIONS = {
                 "splitsum: sizes that halve from level to level, down to one texel.  "
                 "[default: from the orders]",
                 "switch",
+                default=False,
             ),
         ),
         why_no_brdf="a split sum is of GGX, unless a BRDF is given",

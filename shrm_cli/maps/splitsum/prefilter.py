@@ -13,10 +13,11 @@ from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
 from shrm_cli.brdf.models.ggx import Ggx
-from shrm_cli.errors import ArgumentError, BrdfError, OrderError
+from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.provenance import provenance, record_of
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
 from shrm_cli.maps.splitsum.core_sum import sum_core
@@ -29,16 +30,18 @@ from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.probe.source import latlong_light
-from shrm_cli.progress import Progress
+from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
-from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, LevelMapping, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, Sampling
 
 Array = NDArray[np.floating]
 
+_ERROR = 0.0005
+"""The relative RMS error that each level may have."""
 LARGEST_SIZE = 256
 """The most texels along an edge that the first level has by default. Engines use this size."""
 
@@ -74,21 +77,11 @@ _MOST_ROWS = 1024
 to the larger of both numbers. It loses nothing that the lobe would show."""
 
 
-def prefilter(
-    probe: Probe,
-    levels: int | Sequence[float] | None = None,
-    mapping: LevelMapping = "linear",
-    size: int | None = None,
-    sampling: Sampling = "center",
-    error: float = 0.0005,
-    mips: bool = False,
-    brdf: Brdf | None = None,
-    progress: Progress | None = None,
-) -> Prefiltered:
+def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for the split sum.
 
     The light is projected once. Each level is a product of the light's coefficients with those of
-    the lobe, to the least order F whose predicted error is within `error`. Where a lobe needs more
+    the lobe, to the least order F whose predicted error is small enough. Where a lobe needs more
     than F = 512, or its expansion would cost more than direct integration, its core is summed over
     the probe's pixels, and only the rest beyond an angle is expanded. The level of roughness 0 is
     the probe itself.
@@ -96,25 +89,16 @@ def prefilter(
     Parameters
     ----------
     probe : Probe
-    levels : int or sequence of float, optional
-        The number of levels, or their perceptual roughnesses; by default the number that
-        `DEFAULT_LEVELS` has for the mapping.
-    mapping : {"linear", "filament", "unreal"}
-        Which roughnesses a number of levels has, and how levels are mixed.
-    size : int, optional
-        Texels along an edge of the first level, by default as many as the probe holds, but at most
-        256. The size of the others follows from their orders; none is larger than the one before.
-    sampling : {"center", "border"}
-        Where the samples of the cubes lie.
-    error : float
-        Relative RMS error that each level may have, in (0, 1).
-    mips : bool
-        Whether each level is half as large as the one before, as in a mip chain. The first has a
-        power of two of texels then, and by default there are all levels down to one texel.
-    brdf : Brdf, optional
-        The material whose lobes the levels are of; see `split_material`.
-    progress : callable, optional
-        Called with the number of rows read, or of texels integrated, and of all of them.
+    request : Request
+        Its own options are ``levels``, their number or their perceptual roughnesses, by default
+        the number that `DEFAULT_LEVELS` has for the mapping; ``mapping``, which roughnesses a
+        number of levels has, and how levels are mixed; and ``mips``, whether each level is half as
+        large as the one before, as in a mip chain. The first has a power of two of texels then, and
+        by default there are all levels down to one texel.
+
+        The size is that of the first level, by default as many texels as the probe holds, but at
+        most 256. That of the others follows from their orders; none is larger than the one before.
+        The error is the one that each level may have.
 
     Returns
     -------
@@ -122,8 +106,6 @@ def prefilter(
 
     Raises
     ------
-    OrderError
-        If the error is outside (0, 1).
     MapError
         If levels of these roughnesses, or this number of levels, cannot be made.
     ArgumentError
@@ -133,9 +115,9 @@ def prefilter(
     ProbeError
         If the probe cannot be read.
     """
-    brdf = split_material(brdf)
-    if not 0 < error < 1:
-        raise OrderError(f"the error must lie between 0 and 1, not {error:g}")
+    brdf = split_material(request.brdf)
+    size, sampling, own = request.size, request.sampling, request.own
+    mips, mapping, levels = own["mips"], own["mapping"], own.get("levels")
     if mips and sampling != "center":
         raise ArgumentError("mips", "needs texels at their centers, as graphics cards have them")
     largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
@@ -148,7 +130,8 @@ def prefilter(
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
     sizes = mip_sizes(largest, len(roughness)) if mips else None
-    cubes, infos = make_levels(probe, roughness, largest, sampling, error, progress, sizes, brdf)
+    error = request.error or _ERROR
+    cubes, infos = make_levels(probe, roughness, largest, sampling, error, sizes, brdf)
     center = "reflection" if brdf is None else brdf.center
     made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos, center)
     made = replace(made, given=brdf)
@@ -160,8 +143,7 @@ def make_levels(
     roughness: Sequence[float],
     largest: int,
     sampling: Sampling = "center",
-    error: float = 0.0005,
-    progress: Progress | None = None,
+    error: float = _ERROR,
     sizes: Sequence[int] | None = None,
     brdf: Brdf | None = None,
 ) -> tuple[list[Array], list[MapInfo]]:
@@ -178,8 +160,6 @@ def make_levels(
         Where the samples of the cubes lie.
     error : float
         Relative RMS error that each level may have, in (0, 1).
-    progress : callable, optional
-        Called with the number of rows read, or of texels integrated, and of all of them.
     sizes : sequence of int, optional
         Texels along an edge of each level, for readers that want them so, in place of what
         `largest` and the orders of the levels ask for.
@@ -193,28 +173,27 @@ def make_levels(
     """
     rows = _rows(probe)
     fixed = [None] * len(roughness) if sizes is None else list(sizes)
-    lobes = [
-        level_lobe(value, error, rows, size or largest, brdf)
-        for value, size in zip(roughness, fixed, strict=True)
-    ]
+    with using(None):  # the coefficients of all lobes take less time than anything else
+        lobes = [
+            level_lobe(value, error, rows, size or largest, brdf)
+            for value, size in zip(roughness, fixed, strict=True)
+        ]
     wanted = (
         faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
     )
-    lighting = project(probe, max(wanted, default=0), progress)
-    light = CubeSeries(lighting.coefficients)
-    whole = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
+    lighting = project(probe, max(wanted, default=0))
+    series = CubeSeries(lighting.coefficients)
+    known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
+    whole = _Light(probe, rows, lighting, series, known, sampling)
     cubes: list[Array] = []
     infos: list[MapInfo] = []
     for value, lobe, size in zip(roughness, lobes, fixed, strict=True):
-        known = replace(whole, brdf=_recorded(value, brdf))
+        light = replace(whole, known=replace(known, brdf=_recorded(value, brdf)))
         if lobe is None:
-            cube, info = mirror(probe, known, size or largest, sampling, progress)
-        elif lobe.in_frequency:
-            cube, info = expanded(lobe, lighting, light, known, largest, sampling, size)
+            cube, info = _mirror(light, size or largest)
         else:
-            cube, info = integrated(
-                probe, lobe, lighting, light, known, largest, sampling, rows, progress, size
-            )
+            make = _expanded if lobe.in_frequency else _integrated
+            cube, info = make(light, lobe, largest, size)
         largest = cube.shape[1]
         cubes.append(cube)
         infos.append(info)
@@ -231,7 +210,7 @@ def _facts(made: SplitSum) -> dict[str, Any]:
         "domain": info.domain,
         "order_f": info.order_f,
         "order_p": info.order_p,
-        "epsilon": info.tolerance,
+        "epsilon": info.eps,
         "brdf_energy_captured": info.captured,
         "predicted_error": info.predicted_error,
         "levels": [{**row, "minimum": float(level.min())} for row, level in rows],
@@ -339,36 +318,42 @@ def _lobe(roughness: float, material: Brdf | None) -> NormalLobe:
     return MaterialLobe(material.at_roughness(roughness))
 
 
-def mirror(
-    probe: Probe, known: MapInfo, size: int, sampling: Sampling, progress: Progress | None
-) -> tuple[Array, MapInfo]:
+@record(eq=False)
+class _Light:
+    """The light of all levels: as a probe of so many rows, its coefficients, and their series.
+
+    What is known of all levels is recorded of each, and all cubes have the same sampling.
+    """
+
+    probe: Probe
+    rows: int
+    lighting: Lighting
+    series: CubeSeries
+    known: MapInfo
+    sampling: Sampling
+
+
+def _mirror(light: _Light, size: int) -> tuple[Array, MapInfo]:
     """Make the level of roughness 0, which is the probe itself.
 
-    The order that it is given is the one that its texels can hold. `known` is what all levels
-    share.
+    The order that it is given is the one that its texels can hold.
     """
-    info = replace(known, order_f=4 * size // 10, domain="angular")
-    return to_grid(probe, Cube(size, sampling), progress), info
+    info = replace(light.known, order_f=4 * size // 10, domain="angular")
+    return to_grid(light.probe, Cube(size, light.sampling)), info
 
 
-def expanded(
-    lobe: LevelLobe,
-    lighting: Lighting,
-    light: CubeSeries,
-    known: MapInfo,
-    largest: int,
-    sampling: Sampling,
-    size: int | None = None,
+def _expanded(
+    light: _Light, lobe: LevelLobe, largest: int, size: int | None
 ) -> tuple[Array, MapInfo]:
     """Make a level by multiplying the coefficients of light and lobe, and one synthesis.
 
     Its order decides how many texels it has, at most `largest`, unless the size is given.
     """
-    expansion = expand(lighting, lobe.coefficients, known.tolerance)
+    expansion = expand(light.lighting, lobe.coefficients, light.known.eps)
     size = size or min(choose_size(expansion.order), largest)
-    cube = synthesized(light, expansion.multipliers, size, sampling)
+    cube = synthesized(light.series, expansion.multipliers, size, light.sampling)
     info = replace(
-        known,
+        light.known,
         order_f=expansion.order,
         captured=float(lobe.coefficients.captured()[expansion.order, 0]),
         predicted_error=expansion.error,
@@ -383,31 +368,23 @@ def _recorded(roughness: float, material: Brdf | None) -> dict[str, Any]:
     return record_of(material.at_roughness(roughness))
 
 
-def integrated(
-    probe: Probe,
-    lobe: LevelLobe,
-    lighting: Lighting,
-    light: CubeSeries,
-    known: MapInfo,
-    largest: int,
-    sampling: Sampling,
-    rows: int,
-    progress: Progress | None,
-    size: int | None = None,
+def _integrated(
+    light: _Light, lobe: LevelLobe, largest: int, size: int | None
 ) -> tuple[Array, MapInfo]:
     """Make a level in two parts: the lobe's core sums the pixels, its smooth tail is expanded.
 
     Its order decides how many texels it has, at most `largest`, unless the size is given.
     """
     # Between the pixels of a coarse probe there is light of finer degrees than it resolves.
-    resolved = min(lighting.order, probe.grid.resolved_order)
-    lighting = replace(lighting, coefficients=lighting.coefficients[: (resolved + 1) ** 2])
-    core, tail, predicted = split_lobe(lobe.lobe, lobe.coefficients, lighting, known.tolerance)
+    known, resolved = light.known, min(light.lighting.order, light.probe.grid.resolved_order)
+    kept = light.lighting.coefficients[: (resolved + 1) ** 2]
+    lighting = replace(light.lighting, coefficients=kept)
+    core, tail, predicted = split_lobe(lobe.lobe, lobe.coefficients, lighting, known.eps)
     order = min(lobe.order, MAX_ORDER_F)
     size = size or min(choose_size(order), largest)
-    pixels = latlong_light(probe, _source_rows(rows, lobe.lobe.width))
-    cube = sum_core(core, pixels, cube_directions(size, sampling), progress)
-    cube += synthesized(light, tail[: resolved + 1], size, sampling)
+    pixels = latlong_light(light.probe, _source_rows(light.rows, lobe.lobe.width))
+    cube = sum_core(core, pixels, cube_directions(size, light.sampling))
+    cube += synthesized(light.series, tail[: resolved + 1], size, light.sampling)
     info = replace(known, order_f=order, predicted_error=predicted, domain="angular")
     return cube, info
 

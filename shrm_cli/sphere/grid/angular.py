@@ -33,10 +33,29 @@ class Angular(Grid):
 
     def directions(self) -> Array:
         """Unit directions of the pixels, shape (size, size, 3); -Z outside the rim."""
-        return angular_directions(self.size, self.sampling)[0]
+        s = nodes(self.size, self.sampling)
+        return angular_points(s, s[:, None])
 
     def weights(self, start: int = 0, stop: int | None = None) -> Array:
-        return angular_solid_angles(self.size, self.sampling)[start:stop]
+        """Solid angles, ``pi sin(pi r) / r dx dy``, which sum to 4 pi; see `Grid.weights`.
+
+        Pixels that the rim cuts are averaged over sub-pixels, and those whose sample lies outside
+        it have none.
+        """
+        s = nodes(self.size, self.sampling)
+        step = s[1] - s[0]
+        radius = np.hypot(s[None, :], s[:, None])
+        weights = np.pi**2 * np.sinc(np.minimum(radius, 1.0)) * step**2
+        rim = (radius > 1 - step) & (radius <= 1)
+        offsets = nodes(16) * step / 2
+        rows, columns = np.nonzero(rim)
+        x = s[columns][:, None, None] + offsets[None, None, :]
+        y = s[rows][:, None, None] + offsets[None, :, None]
+        fine = np.hypot(x, y)
+        density = np.pi**2 * np.sinc(np.minimum(fine, 1.0)) * (fine < 1)
+        weights[rim] = density.mean(axis=(1, 2)) * step**2
+        weights[radius > 1] = 0
+        return np.asarray(weights * (4 * np.pi / weights.sum()))[start:stop]
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
         radius = np.hypot(across, down)
@@ -78,19 +97,6 @@ class Angular(Grid):
         return turned_face(image, face_axes()[_FRONT] @ turned, _FRONT)
 
 
-def angular_directions(size: int, sampling: Sampling = "center") -> tuple[Array, NDArray[np.bool_]]:
-    """Directions of the pixels of an angular map, and which of them lie inside its rim.
-
-    Returns
-    -------
-    directions : ndarray, shape (size, size, 3)
-        They are -Z outside the rim.
-    inside : ndarray of bool, shape (size, size)
-    """
-    s = nodes(size, sampling)
-    return angular_points(s, s[:, None]), np.hypot(s[None, :], s[:, None]) <= 1
-
-
 def angular_points(across: ArrayLike, down: ArrayLike) -> Array:
     """Directions at positions on an angular map, broadcastable: (..., 3); -Z beyond the rim."""
     across, down = np.broadcast_arrays(across, down)
@@ -108,28 +114,6 @@ def angular_coordinates(directions: ArrayLike) -> tuple[Array, Array]:
     x = np.where((sine == 0) & (z < 0), -1.0, x)  # -Z is the whole rim: take its right end
     ratio = np.arctan2(sine, z) / (np.pi * np.where(sine > 0, sine, 1.0))
     return -ratio * x, -ratio * y
-
-
-def angular_solid_angles(size: int, sampling: Sampling = "center") -> Array:
-    """Solid angle of each pixel of an angular map, shape (size, size); they sum to 4 pi.
-
-    ``d omega = pi sin(pi r) / r dx dy``. Pixels that the rim cuts are averaged over sub-pixels,
-    and those whose sample lies outside it have none.
-    """
-    s = nodes(size, sampling)
-    step = s[1] - s[0]
-    radius = np.hypot(s[None, :], s[:, None])
-    weights = np.pi**2 * np.sinc(np.minimum(radius, 1.0)) * step**2
-    rim = (radius > 1 - step) & (radius <= 1)
-    offsets = nodes(16) * step / 2
-    rows, columns = np.nonzero(rim)
-    x = s[columns][:, None, None] + offsets[None, None, :]
-    y = s[rows][:, None, None] + offsets[None, :, None]
-    fine = np.hypot(x, y)
-    density = np.pi**2 * np.sinc(np.minimum(fine, 1.0)) * (fine < 1)
-    weights[rim] = density.mean(axis=(1, 2)) * step**2
-    weights[radius > 1] = 0
-    return weights * (4 * np.pi / weights.sum())
 
 
 class AngularSampler:

@@ -20,7 +20,7 @@ from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.sphere.sampling import catmull_rom, texel_index
 from shrm_cli.vocabulary import Sampling
 
-_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """World axes of a lat-long's own x, y and polar z, as rows: longitude 0 is +Z, 90 degrees +X."""
 _known_waves = Memo(2**24)
 """The waves of each size and order; those of 1024 x 512 pixels and order 64 take 0.8 MB."""
@@ -254,7 +254,7 @@ class LatLongAnalysis:
 
     def coefficients(self) -> Array:
         """Real coefficients in world axes, shape ((order+1)^2, channels)."""
-        return transform_coefficients(self.polar_coefficients(), _AXES.T)
+        return transform_coefficients(self.polar_coefficients(), AXES.T)
 
     def polar_coefficients(self) -> Array:
         """Coefficients in the image's own axes, whose polar axis is the world's +Y.

@@ -11,6 +11,7 @@ from shrm_cli.brdf.environment.environment_brdf import (
 )
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
+from shrm_cli.progress import using
 
 COSINES = [0.002, 0.02, 0.1, 0.4, 0.9]
 
@@ -83,8 +84,8 @@ def test_more_nodes_change_nothing(monkeypatch):
     for roughness in (0.01, 0.05, 0.15, 0.5, 1.0):
         once = environment_brdf(roughness, cosines)
         with monkeypatch.context() as patch:
-            patch.setattr("shrm_cli.brdf.environment.lobe_moments._SLOPES", 120)
-            patch.setattr("shrm_cli.brdf.environment.lobe_moments._AZIMUTHS", 120)
+            patch.setattr("shrm_cli.brdf.environment.environment_brdf._SLOPES", 120)
+            patch.setattr("shrm_cli.brdf.environment.environment_brdf._AZIMUTHS", 120)
             again = environment_brdf(roughness, cosines)
         assert np.abs(np.subtract(once, again)).max() < 1e-5
 
@@ -118,9 +119,11 @@ def test_tables_are_at_texel_centres_with_the_smoothest_row_first():
 
 def test_tables_tell_how_far_they_are():
     told = []
-    environment_table(3, progress=lambda *what: told.append(what))
+    with using(lambda *what: told.append(what)):
+        environment_table(3)
     assert told == [(1, 3), (2, 3), (3, 3)]
-    moments_table(2, progress=lambda *what: told.append(what))
+    with using(lambda *what: told.append(what)):
+        moments_table(2)
     assert told[3:] == [(1, 2), (2, 2)]
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from shrm_cli.brdf.environment.environment_brdf import environment_brdf
-from shrm_cli.brdf.environment.lobe_moments import (
+from shrm_cli.brdf.environment.environment_brdf import (
     LobeMoments,
+    environment_brdf,
     lobe_moments,
     mean_vectors,
     whole_lobe,

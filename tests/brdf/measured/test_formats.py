@@ -7,6 +7,7 @@ from shrm_cli.brdf.measured.merl import write_merl
 from shrm_cli.brdf.measured.reading.table_file import write_table
 from shrm_cli.brdf.measured.table import sample_table
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
@@ -39,9 +40,10 @@ def test_the_same_map(real_probes, tmp_path, suffix, bound):
     brdf = parse_spec(SPEC)
     write(tmp_path / f"ggx{suffix}", brdf)
     stored = parse_spec(str(tmp_path / f"ggx{suffix}"))
-    orders = {"order_f": 12, "order_p": 4, "size": 24, "dtype": np.float32}
+    orders = {"order_f": 12, "order_p": 4, "size": 24}
     one, other = (
-        prefilter_shrm(Projection(probe), each, 0.2, **orders).map for each in (brdf, stored)
+        prefilter_shrm(Projection(probe), Request("shrm", each, 0.2, **orders)).map
+        for each in (brdf, stored)
     )
     difference = np.sum((one.coefficients - other.coefficients) ** 2)
     error = np.sqrt(difference / np.sum(one.coefficients**2))

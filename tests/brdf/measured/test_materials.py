@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
@@ -49,7 +50,7 @@ def test_measured_error_is_the_predicted_one(shared, tmp_path, material, toleran
     pixels = reduced(shared / "probes" / f"{name}.exr", height)
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
     brdf = parse_spec(str(shared / "brdf" / material))
-    prefiltered = prefilter_shrm(Projection(probe), brdf, tolerance, dtype=np.float32)
+    prefiltered = prefilter_shrm(Projection(probe), Request("shrm", brdf, tolerance))
     normals, views, weights = pairs()
     truth = Reference(probe, brdf, exact=True).radiance(normals, views)
     found = prefiltered.map.radiance(normals, views)

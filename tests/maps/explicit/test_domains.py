@@ -6,8 +6,8 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.angular import prefilter_angular
-from shrm_cli.maps.explicit.light_field import LightField
-from shrm_cli.maps.explicit.prefilter import explicit_kind, prefilter_explicit
+from shrm_cli.maps.explicit.prefilter import prefilter_explicit
+from shrm_cli.maps.request import Request
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.sphere.cube import cube_solid_angles
 from tests import oracles
@@ -15,7 +15,7 @@ from tests.cli.helpers import polynomial_light, write_exr
 from tests.maps.shrm.test_predicted_error import reduced
 
 # Errors are greatest at the grazing end of a Kautz-McCool map: few slices would make much of it.
-VIEWS = {"cabral": None, "kautz-mccool": 15, "lightfield": 5}
+VIEWS = {"cabral": {}, "kautz-mccool": {"slices": 15}, "lightfield": {"views": 5}}
 
 
 def relative(found, expected):
@@ -33,9 +33,10 @@ def test_band_limited_light(tmp_path, spec, representation):
     """Light of degree 3: what is left is the microfacet lobe's p > 20, and 128 x 64 pixels."""
     light = polynomial_light(oracles.latlong_pixels(128, 64)).astype(np.float32)
     probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", light)), parse_spec(spec)
-    kind, options = explicit_kind(representation), {"size": 6, "view_count": VIEWS[representation]}
-    one = prefilter_angular(probe, brdf, 1e-7, kind, **options).map
-    other = prefilter_explicit(probe, brdf, 0.03, representation, 3, 20, **options).map
+    options = {"size": 6, "own": VIEWS[representation]}
+    one = prefilter_angular(probe, Request(representation, brdf, 1e-7, **options)).map
+    other = Request(representation, brdf, 0.03, order_f=3, order_p=20, **options)
+    other = prefilter_explicit(probe, other, dtype=np.float64).map
     error = relative(one, other)
     print(f"{spec} {representation}: {error:.2e}, predicted {other.info.predicted_error:.2e}")
     # The pixels make up to 2e-4, and the orders what they are predicted to, within a factor 2.
@@ -53,9 +54,10 @@ def test_real_light(real_probes, tmp_path, name, spec, representation):
     """The domains differ by no more than both have predicted: 5 % lobe, eps .03."""
     pixels = reduced(real_probes / f"{name}.exr", 64).astype(np.float32)
     probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", pixels)), parse_spec(spec)
-    kind, options = explicit_kind(representation), {"size": 6, "view_count": VIEWS[representation]}
-    one = prefilter_angular(probe, brdf, 0.05, kind, **options).map
-    other = prefilter_explicit(probe, brdf, 0.03, representation, **options).map
+    options = {"size": 6, "own": VIEWS[representation]}
+    one = prefilter_angular(probe, Request(representation, brdf, 0.05, **options)).map
+    other = Request(representation, brdf, 0.03, **options)
+    other = prefilter_explicit(probe, other, dtype=np.float64).map
     assert (one.info.domain, other.info.domain) == ("angular", "frequency")
     predicted = np.hypot(one.info.predicted_error, other.info.predicted_error)
     error = relative(one, other)
@@ -67,19 +69,21 @@ def test_real_light(real_probes, tmp_path, name, spec, representation):
 def test_the_error_of_a_truncated_lobe_is_predicted(real_probes, tmp_path, spec):
     pixels = reduced(real_probes / "interior.exr", 64).astype(np.float32)
     probe, brdf = open_probe(write_exr(tmp_path / "probe.exr", pixels)), parse_spec(spec)
-    options = {"size": 8, "view_count": 4}
-    cut = prefilter_angular(probe, brdf, 0.05, LightField, **options).map
-    whole = prefilter_angular(probe, brdf, 1e-7, LightField, **options).map
+    options = {"size": 8, "own": {"views": 4}}
+    cut = prefilter_angular(probe, Request("lightfield", brdf, 0.05, **options)).map
+    whole = prefilter_angular(probe, Request("lightfield", brdf, 1e-7, **options)).map
     error = relative(cut, whole)
     print(f"{spec}: {error:.4f}, predicted {cut.info.predicted_error:.4f}")
     assert error == pytest.approx(cut.info.predicted_error, rel=0.2)
     assert whole.info.predicted_error < 1e-3
     # What interpolation adds is a property of the views, not of the domain.
-    smooth = prefilter_explicit(probe, brdf, 1e-3, "lightfield", **options).map
+    smooth = Request("lightfield", brdf, 1e-3, **options)
+    smooth = prefilter_explicit(probe, smooth, dtype=np.float64).map
     assert cut.info.added_error == pytest.approx(smooth.info.added_error, rel=0.1, abs=1e-6)
 
 
 def test_maps_too_large_are_refused_before_the_work(tmp_path):
     probe = open_probe(write_exr(tmp_path / "probe.exr", np.ones((8, 16, 3), np.float32)))
+    asked = Request("lightfield", parse_spec("microfacet"), size=256, own={"views": 128})
     with pytest.raises(MapError, match="number of views"):
-        prefilter_angular(probe, parse_spec("microfacet"), 0.03, LightField, 128, 256)
+        prefilter_angular(probe, asked)

@@ -8,6 +8,7 @@ from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
 from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.explicit.tabulate import tabulate
+from shrm_cli.progress import using
 from tests import oracles
 from tests.maps.scenes import around, make_info, make_shrm, rms
 
@@ -90,10 +91,8 @@ def test_an_shrm_tabulated_is_the_map_made_from_it(kind, t, center):
 @pytest.mark.parametrize(("kind", "t"), KINDS)
 def test_progress_counts_the_images(kind, t):
     seen = []
-    made = tabulate(
-        kind, Known("normal"), "normal", make_info(1, 1), 2, t,
-        progress=lambda done, every: seen.append((done, every)),
-    )  # fmt: skip
+    with using(lambda done, every: seen.append((done, every))):
+        made = tabulate(kind, Known("normal"), "normal", make_info(1, 1), 2, t)
     assert seen == [(k + 1, made.count) for k in range(made.count)]
 
 

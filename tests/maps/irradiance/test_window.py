@@ -10,7 +10,6 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.image import write_image
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance, lambert_factors
-from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import (
     MARGIN,
     Window,
@@ -24,6 +23,7 @@ from shrm_cli.probe.sky import sky
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest, series_values
 from tests import oracles
 from tests.brute_force import unit
+from tests.makers import prefilter_irradiance
 
 INFO = MapInfo(2, 0, 0.0, 1.0, 0.0)
 A_L = {0: math.pi, 1: 2 * math.pi / 3, 2: math.pi / 4, 4: -math.pi / 24}

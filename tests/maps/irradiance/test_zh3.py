@@ -12,13 +12,13 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
-from shrm_cli.maps.irradiance.prefilter import prefilter
 from shrm_cli.maps.irradiance.shader import irradiance_snippet
 from shrm_cli.maps.irradiance.zh3 import FORMS, Zh3, form_errors, in_form
 from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import PRIMARIES
 from tests import oracles
+from tests.makers import prefilter_irradiance as prefilter
 from tests.maps.irradiance.test_shader import C_MAIN, CPP_MAIN
 
 ROWS = 32

@@ -1,20 +1,22 @@
 """What maps of principal functions are made by default: their bytes, functions and centers."""
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.principal.terms import Wanted, _fills_budget
 from shrm_cli.maps.size import choose_size, stored_bytes
+from shrm_cli.plan import policy
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
 from tests.brute_force import unit
 from tests.maps.principal.test_principal import PAIRS, SPECS, lit_room, shown_error
 
-LEAST = 2**17
-"""The bytes that a map may have whatever the tolerance is."""
+LEAST = policy.LEAST_BYTES
 pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
 
 
@@ -45,8 +47,32 @@ def test_broad_lobes_get_more_than_a_handful_of_functions(room):
     given = {"brdf": "blinn-phong:exponent=8", "to": "principal"}
     made, few = prefilter(room, **given), prefilter(room, **given, max_size=30_000)
     assert stored_bytes(few.size, few.cube_count) <= 30_000
-    assert 60_000 < stored_bytes(made.size, made.cube_count) <= LEAST
+    assert LEAST / 2 < stored_bytes(made.size, made.cube_count) <= LEAST
     assert made.info.predicted_error < few.info.predicted_error / 2
+
+
+class Full:
+    """The choices for a lobe that is known to order 64, and needs more bytes than there are."""
+
+    spectrum = SimpleNamespace(transfer=SimpleNamespace(order_f=64))
+
+    def __init__(self, size):
+        self.best = SimpleNamespace(size=size, bytes=10**9)
+
+    def for_tolerance(self, tolerance):
+        return (1,), 64, 1 - tolerance
+
+    def form(self, counts, size):
+        return self.best
+
+    def best_fitting(self, max_size, size):
+        return self.best
+
+
+@pytest.mark.parametrize(("best", "fills"), [(12, True), (48, True), (64, False)])
+def test_more_degrees_are_computed_where_larger_cubes_might_be_better(best, fills):
+    """Cubes of 64 texels, the rival of those of 48, support 80 degrees, and those of 96, 120."""
+    assert _fills_budget(Full(best), Wanted(0.01, None, None, 10**6, None)) == fills
 
 
 @pytest.mark.parametrize("spec", ["charlie:roughness=0.3", "ggx:roughness=1,f0=1"])

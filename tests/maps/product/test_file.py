@@ -41,7 +41,7 @@ def test_what_is_written_comes_back(tmp_path, channels, lit, order):
     assert (found.lighting is None) == (not lit)
     if lit:
         np.testing.assert_array_equal(found.lighting, made.lighting)
-    assert found.info == replace(made.info, captured=pytest.approx(0.9), tolerance=0.1)
+    assert found.info == replace(made.info, captured=pytest.approx(0.9), eps=0.1)
 
 
 def test_channels_have_the_names_of_the_conventions(tmp_path):

@@ -10,12 +10,13 @@ from shrm_cli.brdf.product import ProductFunctions, ProductQuadrature, scout_vie
 from shrm_cli.brdf.product_rule import LightRule
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
-from shrm_cli.maps.product.prefilter import prefilter, product_texture
+from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.maps.product.table import product_table
 from shrm_cli.prefilter import prefilter as prefilter_any
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.parabolic import parabolic_directions, project, unproject
 from tests import brute_force, oracles
+from tests.makers import prefilter_product as prefilter
 
 ORDER = 4
 FRAMES = 24
@@ -206,9 +207,9 @@ def test_texels_off_the_circle_and_half_turns_cost_nothing(brdf, share):
     asked = []
 
     class Counting(ProductFunctions):
-        def coefficients(self, views, order, progress=None):
+        def coefficients(self, views, order):
             asked.append(len(views))
-            return super().coefficients(views, order, progress)
+            return super().coefficients(views, order)
 
     table = product_table(brdf, Counting(functions.terms), order, size)
     direct = functions.coefficients(views, order)

@@ -5,11 +5,12 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.irradiance.window import make_window
-from shrm_cli.maps.product.prefilter import prefilter, product_texture, varying_texture
+from shrm_cli.maps.product.prefilter import product_texture, varying_texture
 from shrm_cli.maps.product.window import product_window
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from tests import brute_force
+from tests.makers import prefilter_product as prefilter
 from tests.maps.product.test_product import ward
 
 ROWS, COUNT, ORDER = 32, 300, 8

@@ -12,8 +12,10 @@ from scipy.interpolate import RegularGridInterpolator
 
 from shrm_cli.brdf.environment.material_albedo import material_albedo
 from shrm_cli.brdf.library import find_model
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.explicit import explicit
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal import principal
 from shrm_cli.maps.principal.functions import TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
@@ -24,6 +26,7 @@ from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.maps.splitsum import split_sum
 from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.probe.disc import Disc
 from tests.bilinear import AXES
 from tests.brute_force import unit
 from tests.maps.scenes import EXPLICIT, make_info, make_shrm
@@ -136,6 +139,17 @@ def summed():
     return SummedShrm(terms, make_info(4, 3))
 
 
+def lamps(spec, within):
+    """A map with three discs beside it, one of them large; some of the points mirror them."""
+    normals, views = points(60)
+    mirrored = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
+    axes = mirrored[[10, 20, 30]] + [[0.01, 0, 0], [0, 0.005, 0], [0, 0, 0.02]]
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    lights = np.array([[90.0, 70.0, 20.0], [1.0, 2.0, 3.0], [0.0, 40.0, 7.0]])
+    discs = tuple(map(Disc, axes, (0.01, 0.08, 0.02), lights))
+    return LampMap(within, discs, 0.5, 0.0, parse_spec(spec))
+
+
 def explicit_map(name, center="reflection"):
     count = {"cabral": 12, "kautz-mccool": 5, "lightfield": 16}[name]
     rng = np.random.default_rng(count)
@@ -167,6 +181,15 @@ FORMS = {
     "she lobe": lambda: exponential("lobe"),
     "she paper": lambda: exponential("paper"),
     **{name: lambda name=name: explicit_map(name) for name in EXPLICIT},
+    "lamps": lambda: lamps(
+        "0.3*ggx:roughness=0.3,f0=0.9/0.5/0.04+0.6*lambertian:albedo=0.5/0.4/0.3",
+        make_shrm(4, 3, 6),
+    ),
+    "lamps beside the normal": lambda: lamps("lambertian", make_shrm(2, 0, 4, "normal", seed=2)),
+    "lamps of lobes": lambda: lamps(
+        "phong:exponent=60+2*blinn-phong:exponent=90,color=0.5/0.6/0.7+microfacet:sigma=0.1",
+        explicit_map("cabral"),
+    ),
 }
 """A maker of a map of each form, with random values, which hide no mistake."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from shrm_cli.brdf.environment.lobe_moments import lobe_moments
+from shrm_cli.brdf.environment.environment_brdf import lobe_moments
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.she.prefilter import Problem, fit_exponent, fit_logarithm

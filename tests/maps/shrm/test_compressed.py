@@ -7,6 +7,7 @@ import pytest
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import MapError
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.compressed import CompressedShrm
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.probe.lighting import Projection
@@ -154,9 +155,7 @@ def test_four_of_nine_components_are_better_than_the_orders(real_probes, name, f
     """Less is lost by four components than by the four coefficients of P = 1."""
     brdf = parse_spec("microfacet:sigma=0.2")
     probe = open_probe(real_probes / f"{name}.exr")
-    prefiltered = prefilter_shrm(
-        Projection(probe), brdf, 0.03, size=32, frame=frame, dtype=np.float32
-    )
+    prefiltered = prefilter_shrm(Projection(probe), Request("shrm", brdf, size=32, frame=frame))
     assert prefiltered.map.coefficients.shape[2] == 9
     made = CompressedShrm.from_shrm(prefiltered.map, 4)
     fewer = prefiltered.map.truncated(1)

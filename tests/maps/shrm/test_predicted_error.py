@@ -7,6 +7,7 @@ import OpenEXR
 import pytest
 
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
@@ -57,9 +58,10 @@ def errors(tmp_path, title, image, sigma):
     write(tmp_path / "probe.exr", image)
     brdf = parse_spec(f"microfacet:sigma={sigma}")
     light = Projection(open_probe(tmp_path / "probe.exr"))
-    prefiltered = prefilter_shrm(light, brdf, 0.03, dtype=np.float32)
+    prefiltered = prefilter_shrm(light, Request("shrm", brdf))
     order_p = prefiltered.map.info.order_p
-    finer = prefilter_shrm(light, brdf, 0.03, order_p=order_p + 3, size=prefiltered.map.size)
+    higher = Request("shrm", brdf, order_p=order_p + 3, size=prefiltered.map.size)
+    finer = prefilter_shrm(light, higher, dtype=np.float64)
     directions, weights = brute_force.latlong_samples(len(image))
     radiance = image.reshape(-1, 3).astype(float)
     rng = np.random.default_rng(9)

@@ -9,6 +9,7 @@ from shrm_cli.brdf.sums import parse_sum
 from shrm_cli.errors import MapError
 from shrm_cli.maps.explicit.tabulate import tabulate_sum
 from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.prefilter import prefilter_shrm
 from shrm_cli.maps.shrm.terms import plan_terms, prefilter_terms
 from shrm_cli.orders import choose_center
@@ -17,7 +18,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.reflected import predicted_error
 from tests import brute_force, oracles
-from tests.cli.helpers import polynomial_light, write_exr
+from tests.cli.helpers import ROOT, polynomial_light, write_exr
 from tests.maps.scenes import EXPLICIT
 from tests.maps.shrm.test_predicted_error import reduced
 
@@ -41,15 +42,21 @@ def pairs(count=1500):
     return reflections, normals / np.linalg.norm(normals, axis=1)[:, None], views
 
 
+def whole_sum(probe):
+    """The map of all terms, in double precision."""
+    plan = plan_terms(Projection(probe), Request("shrm", brdf()))
+    return prefilter_terms(plan, dtype=np.float64).map
+
+
 def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
     """Against brute force written again; predicted and measured errors agree."""
     pixels = reduced(real_probes / "interior.exr", 64).astype(np.float32)
     probe = open_probe(write_exr(tmp_path / "probe.exr", pixels))
-    plan = plan_terms(Projection(probe), brdf(), 0.03)
+    plan = plan_terms(Projection(probe), Request("shrm", brdf()))
     assert plan.pays
     assert plan.count < 0.8 * plan.whole.count
-    split = prefilter_terms(plan, dtype=np.float32).map
-    whole = prefilter_shrm(Projection(probe), brdf(), 0.03, dtype=np.float32).map
+    split = prefilter_terms(plan).map
+    whole = prefilter_shrm(Projection(probe), Request("shrm", brdf())).map
     assert split.info.predicted_error <= whole.info.predicted_error
     light, weights = brute_force.latlong_samples(len(pixels))
     radiance = pixels.reshape(-1, 3).astype(float)
@@ -85,7 +92,7 @@ def test_terms_end_no_sooner_than_the_whole(smooth):
     What small maps carry beyond F would hide that F is too low.
     """
     spec = "0.5*lambertian:albedo=1+0.5*phong:exponent=64"
-    plan = plan_terms(Projection(smooth), parse_sum(spec, parse_spec), 0.03)
+    plan = plan_terms(Projection(smooth), Request("shrm", parse_sum(spec, parse_spec)))
     light = Projection(smooth).to_order(plan.whole.coefficients.order_f)
     power = [np.sum(light.coefficients[n**2 : (n + 1) ** 2] ** 2) for n in range(60)]
     nodes, weights = np.polynomial.legendre.leggauss(400)
@@ -114,8 +121,7 @@ def test_terms_of_more_coefficients_stay_one_map(smooth):
 
 
 def test_files_hold_all_terms(smooth, tmp_path):
-    plan = plan_terms(Projection(smooth), brdf(), 0.03)
-    made = prefilter_terms(plan).map
+    made = whole_sum(smooth)
     path = tmp_path / "sum.exr"
     save(path, made, "float")
     with OpenEXR.File(str(path)) as file:
@@ -135,7 +141,7 @@ def test_files_hold_all_terms(smooth, tmp_path):
 
 
 def test_a_sum_has_no_single_shrm(smooth):
-    made = prefilter_terms(plan_terms(Projection(smooth), brdf(), 0.03)).map
+    made = whole_sum(smooth)
     with pytest.raises(MapError, match="`split=False`"):
         made.to_shrm()
     smaller = made.resampled(8, "border")
@@ -145,7 +151,7 @@ def test_a_sum_has_no_single_shrm(smooth):
 @pytest.mark.parametrize("sizes", [(4,), (6, 4)])
 def test_a_smaller_sum_says_what_all_its_terms_lost(tmp_path, smooth, sizes):
     """Measured, also of what was made smaller, written, read and made smaller again."""
-    found = whole = prefilter_terms(plan_terms(Projection(smooth), brdf(), 0.03)).map
+    found = whole = whole_sum(smooth)
     for size in sizes:
         save(tmp_path / "small.exr", found.resampled(size), "float")
         found = open_map(tmp_path / "small.exr")
@@ -161,7 +167,7 @@ def test_a_smaller_sum_says_what_all_its_terms_lost(tmp_path, smooth, sizes):
 @pytest.mark.parametrize("representation", ["cabral", "kautz-mccool", "lightfield"])
 def test_a_sum_as_an_explicit_map(smooth, representation):
     """Exact at the sample views; between them the error is told."""
-    made = prefilter_terms(plan_terms(Projection(smooth), brdf(), 0.03)).map.resampled(16, "border")
+    made = whole_sum(smooth).resampled(16, "border")
     found = tabulate_sum(EXPLICIT[representation], made, 6)
     assert found.center == "reflection"
     reflections, normals, views = pairs(800)
@@ -180,13 +186,13 @@ def test_a_sum_as_an_explicit_map(smooth, representation):
 
 
 def test_layouts_of_sums_are_refused(smooth, tmp_path):
-    made = prefilter_terms(plan_terms(Projection(smooth), brdf(), 0.03)).map
+    made = whole_sum(smooth)
     with pytest.raises(MapError, match="cube only"):
         save(tmp_path / "x.exr", made, layout="strip")
 
 
 def test_renamed_parts_are_refused(smooth, tmp_path):
-    made = prefilter_terms(plan_terms(Projection(smooth), brdf(), 0.03)).map
+    made = whole_sum(smooth)
     path = tmp_path / "sum.exr"
     save(path, made)
     with OpenEXR.File(str(path), separate_channels=True) as file:
@@ -211,15 +217,29 @@ def test_the_centre_with_the_fewest_coefficients(spec, center):
 
 def test_kajiya_kay_needs_no_azimuth(smooth):
     """s = 32: P = 8, and q = 0 only."""
-    made = prefilter_shrm(
-        Projection(smooth), parse_spec("kajiya-kay:exponent=32"), 0.03, frame="local"
-    )
+    light, hair = Projection(smooth), parse_spec("kajiya-kay:exponent=32")
+    made = prefilter_shrm(light, Request("shrm", hair, frame="local"), dtype=np.float64)
     assert made.map.info.order_p == 8
     assert made.map.azimuth_free
     assert made.map.cube_count == 9
     # The way without the azimuth gives what the general one gives.
-    general = prefilter_shrm(
-        Projection(smooth), parse_spec("kajiya-kay:exponent=32"), 0.03
-    ).map.to_frame("local")
+    general = prefilter_shrm(light, Request("shrm", hair), dtype=np.float64).map.to_frame("local")
     difference = np.abs(made.map.coefficients - general.coefficients).max()
     assert difference < 1e-9 * np.abs(general.coefficients).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "eps", "tolerance"),
+    [
+        ("furnace", 0.005, 64 * 0.005),
+        ("furnace", 0.03, 0.7),
+        ("studio", 0.03, 0.5 * 0.03),
+    ],
+)
+def test_the_tolerances_that_are_tried_for_terms(name, eps, tolerance):
+    """Constant light has no error, so that the loosest is taken. A studio shows what lobes miss."""
+    light = Projection(open_probe(ROOT / "probes" / f"{name}.exr"))
+    spec = "0.5*phong:exponent=8+0.5*phong:exponent=40"
+    plan = plan_terms(light, parse_sum(spec, parse_spec), eps)
+    for term in plan.terms:
+        assert term.choice.orders.tolerance == pytest.approx(tolerance)

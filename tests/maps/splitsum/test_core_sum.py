@@ -7,6 +7,7 @@ from scipy.special import betainc
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.maps.splitsum.core import LobeCore
 from shrm_cli.maps.splitsum.core_sum import sum_core
+from shrm_cli.progress import using
 from shrm_cli.sphere.cube import cube_directions
 from tests.brute_force import unit
 from tests.maps.splitsum.test_split_sum import latlong_pixels, normalised_lobe
@@ -71,7 +72,8 @@ def test_directions_anywhere(rng):
 def test_a_cube_is_folded_into_a_sixteenth_and_progress_ends(rng):
     told = []
     core = LobeCore(GgxLobe(roughness=0.1), 0.1)
-    sum_core(core, light_of(noise_with_a_sun(32)), cube_directions(16), lambda *at: told.append(at))
+    with using(lambda *at: told.append(at)):
+        sum_core(core, light_of(noise_with_a_sun(32)), cube_directions(16))
     # A quarter of a side's texels, and half of a quarter of the top's with its diagonal.
     assert told[-1] == (64 + 36, 64 + 36)
     assert [done for done, _ in told] == sorted(done for done, _ in told)

@@ -12,7 +12,6 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.primaries import in_primaries
-from shrm_cli.maps.splitsum.prefilter import prefilter
 from shrm_cli.prefilter import prefilter as prefilter_any
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import cube_directions
@@ -74,6 +73,10 @@ def lobe(name, p, cosine):
     return np.where(cosine > 0, LOBES[name](p, np.minimum(theta, np.pi / 2)) / whole(name, p), 0)
 
 
+def prefilter(probe, levels, **given):
+    return prefilter_any(probe, to="splitsum", levels=levels, **given)
+
+
 def brute_force(image, name, p, directions):
     where, light = latlong_pixels(image)
     return np.array([lobe(name, p, where @ direction) @ light for direction in directions])
@@ -101,7 +104,7 @@ def at_random(size, count=24):
 def test_levels_are_sums_over_the_pixels_by_the_lobe(name):
     image = lit(256)
     probe, brdf = Probe.from_array(image), parse_spec(name)
-    made = prefilter(probe, ROUGHNESS, size=16, error=1e-4, brdf=brdf).map
+    made = prefilter(probe, ROUGHNESS, size=16, error=1e-4, brdf=brdf)
     for p, level in zip(ROUGHNESS, made.levels, strict=True):
         texels, directions = at_random(level.shape[1])
         expected = brute_force(image, name, p, directions)
@@ -111,7 +114,7 @@ def test_levels_are_sums_over_the_pixels_by_the_lobe(name):
 @pytest.mark.parametrize("name", ["cook-torrance", "ward"])
 def test_sharp_lobes_are_integrated_by_their_core(name):
     p = 0.085
-    made = prefilter(Probe.from_array(lit(256)), [p], size=16, brdf=parse_spec(name)).map
+    made = prefilter(Probe.from_array(lit(256)), [p], size=16, brdf=parse_spec(name))
     assert made.level_info[0].domain == "angular"
     texels, directions = at_random(16)
     # The light is known everywhere, so that the lobe is integrated in its own polar coordinates.
@@ -135,7 +138,7 @@ def test_sharp_lobes_are_integrated_by_their_core(name):
 @pytest.mark.parametrize("name", LOBES)
 def test_uniform_light_stays_as_it_is_and_is_reflected_by_the_albedo(name):
     white = Probe.from_array(np.full((16, 32, 3), 0.75))
-    made = prefilter(white, [0.4, 1.0], size=8, brdf=parse_spec(name)).map
+    made = prefilter(white, [0.4, 1.0], size=8, brdf=parse_spec(name))
     for level in made.levels:
         np.testing.assert_allclose(level, 0.75, rtol=1e-6)
     normal, view = unit([0.2, 0.9, 0.1]), unit([0.7, 0.5, -0.2])
@@ -158,10 +161,10 @@ def test_uniform_light_stays_as_it_is_and_is_reflected_by_the_albedo(name):
 def test_level_zero_is_the_light_where_the_least_lobe_is_a_mirrors():
     probe = Probe.from_array(lit(16))
     for name, domain in [("ward", "probe"), ("cook-torrance", "probe"), ("charlie", "frequency")]:
-        made = prefilter(probe, [0.0, 1.0], size=8, brdf=parse_spec(name)).map
+        made = prefilter(probe, [0.0, 1.0], size=8, brdf=parse_spec(name))
         assert made.level_rows()[0]["domain"] == domain
     # Cloth has no mirror: below its least roughness, all levels are that one.
-    cloth = prefilter(probe, [0.0, 0.1, 0.2], size=8, brdf=parse_spec("charlie")).map
+    cloth = prefilter(probe, [0.0, 0.1, 0.2], size=8, brdf=parse_spec("charlie"))
     np.testing.assert_array_equal(cloth.levels[0], cloth.levels[2])
 
 
@@ -180,7 +183,7 @@ def test_a_file_knows_its_lobe(tmp_path):
     assert shown.info.brdf["parameters"]["roughness"] == 0.25
     expected = made.shaded(0.5, (0.1, 0.1, 0.1)).radiance(normal, view)
     np.testing.assert_allclose(shown.radiance(normal, view), expected, rtol=1e-6)
-    grey = prefilter(probe, [0.3, 0.9], size=8, brdf=parse_spec("charlie")).map
+    grey = prefilter(probe, [0.3, 0.9], size=8, brdf=parse_spec("charlie"))
     whitened = grey.shaded(0.5, (1, 1, 1)).radiance(normal, view)
     np.testing.assert_allclose(expected, whitened * [0.8, 0.4, 0.2], rtol=1e-6)
     with pytest.raises(MapError, match="colours stay"):
@@ -189,7 +192,7 @@ def test_a_file_knows_its_lobe(tmp_path):
 
 def test_lobes_about_the_normal_are_looked_up_by_it(tmp_path):
     image = lit(32)
-    made = prefilter(Probe.from_array(image), [0.5], size=16, brdf=parse_spec("disney-diffuse")).map
+    made = prefilter(Probe.from_array(image), [0.5], size=16, brdf=parse_spec("disney-diffuse"))
     made.save(tmp_path / "a.exr", "float")
     back = open_map(tmp_path / "a.exr")
     assert back.center == "normal"
@@ -214,7 +217,7 @@ def test_a_class_of_the_users_is_shown_where_it_was_made(tmp_path):
             return grey(np.where(above, 0.4 + 0.6 * self.number("roughness"), 0.0) / np.pi)
 
     white = Probe.from_array(np.full((8, 16, 3), 2.0))
-    made = prefilter(white, [0.5, 1.0], size=8, brdf=Chalk()).map
+    made = prefilter(white, [0.5, 1.0], size=8, brdf=Chalk())
     normal = unit([0.3, 0.1, 0.9])
     found = made.shaded(0.75, (1, 1, 1)).radiance(normal, normal)
     np.testing.assert_allclose(found, 2 * 0.85, rtol=1e-4)
@@ -245,8 +248,8 @@ def test_what_has_no_split_sum_is_refused(spec, told):
 
 def test_ggx_by_name_is_the_split_sum_without_a_name():
     probe = Probe.from_array(lit(16))
-    named = prefilter(probe, 3, size=8, brdf=parse_spec("ggx")).map
-    plain = prefilter(probe, 3, size=8).map
+    named = prefilter(probe, 3, size=8, brdf=parse_spec("ggx"))
+    plain = prefilter(probe, 3, size=8)
     assert json.dumps(named.info.brdf) == json.dumps(plain.info.brdf)
     for one, other in zip(named.levels, plain.levels, strict=True):
         np.testing.assert_array_equal(one, other)

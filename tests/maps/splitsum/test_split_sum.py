@@ -11,11 +11,10 @@ from shrm_cli.brdf.environment.environment_brdf import environment_brdf
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.errors import BrdfError, MapError, OrderError
+from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.splitsum.expansion import energies, multipliers
 from shrm_cli.maps.splitsum.prefilter import frequency_pays
-from shrm_cli.maps.splitsum.prefilter import prefilter as prefilter_split_sum
 from shrm_cli.maps.splitsum.roughness import (
     DEFAULT_LEVELS,
     blend,
@@ -29,6 +28,7 @@ from shrm_cli.reflected import predicted_error
 from shrm_cli.sphere.cube import cube_directions
 from tests.brute_force import unit
 from tests.cli.helpers import polynomial_light, write_exr
+from tests.makers import prefilter_split_sum
 from tests.maps.shrm.test_predicted_error import reduced
 
 
@@ -454,12 +454,6 @@ def test_what_pays():
     assert not frequency_pays(400, 0.01, 512, 256)
     assert frequency_pays(400, 0.01, 1024, 256)
     assert frequency_pays(100, 0.04, 64, 4)
-
-
-@pytest.mark.parametrize("error", [0.0, 1.0, float("nan")])
-def test_the_error_has_a_range(furnace, error):
-    with pytest.raises(OrderError, match="between 0 and 1"):
-        prefilter_split_sum(furnace, error=error)
 
 
 # ---- reading ----------------------------------------------------------------------------------

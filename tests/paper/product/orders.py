@@ -11,7 +11,6 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.picture import Picture
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.product import prefilter
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
@@ -20,6 +19,7 @@ from shrm_cli.render.comparison import compare_spheres
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.harmonics import real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
+from tests.makers import prefilter_product
 from tests.paper.extent import Extent
 from tests.paper.product.scenes import exposure, write_sheet
 
@@ -132,7 +132,7 @@ def _lit_textures(
     made = []
     for column in own:
         size = texels if column.window == "none" else _FEW_TEXELS
-        found = prefilter.prefilter(probe, brdf, column.order, size, column.window).map
+        found = prefilter_product(probe, brdf, column.order, size, column.window).map
         assert isinstance(found, ProductTexture)
         made.append(found)
     # The window changes the light, and what is known of errors; the texture was filled before.

@@ -19,7 +19,7 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.sheet import PAPER
-from shrm_cli.render.variation import OfVertices
+from shrm_cli.render.variation import Variation
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.sphere.parabolic import parabolic_directions
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -140,7 +140,7 @@ def figure_4(probe: Probe, folder: Path, extent: Extent) -> tuple[str, list[Vari
         lit = varying.lit(light)
         shown = {
             f"{values[0]:g} everywhere": shot.picture(lit.textures[0]),
-            f"varying {what}": shot.picture(lit, OfVertices()),
+            f"varying {what}": shot.picture(lit, Variation()),
             f"{values[-1]:g} everywhere": shot.picture(lit.textures[-1]),
         }
         rows.append([(picture, label) for label, picture in shown.items()])

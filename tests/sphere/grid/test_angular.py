@@ -10,9 +10,14 @@ from tests.sphere.strategies import directions
 SAMPLINGS = ["center", "border"]
 
 
+def directions_and_inside(size, sampling):
+    grid = angular.Angular(size, sampling)
+    return grid.directions(), grid.used()
+
+
 def test_angular_landmarks():
     """Border-sampled 5 x 5: +Z amid, a ring of 90 degrees half way, -Z at the rim."""
-    found, inside = angular.angular_directions(5, "border")
+    found, inside = directions_and_inside(5, "border")
     expected = {
         (2, 2): (0, 0, 1),
         (2, 3): (-1, 0, 0),
@@ -33,7 +38,7 @@ def test_angular_landmarks():
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("size", [1, 2, 9, 16])
 def test_angular_pixel_to_direction_and_back(size, sampling):
-    found, inside = angular.angular_directions(size, sampling)
+    found, inside = directions_and_inside(size, sampling)
     np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=4 * EPS)
     position = np.array(oracles.positions(size, sampling))
     column, row = np.meshgrid(position, position)
@@ -68,7 +73,7 @@ def test_angular_positions_on_the_axis():
 def test_angular_solid_angles_of_pixels_that_the_rim_cuts(sampling):
     """Only the part inside the rim counts, measured here with 200 x 200 samples."""
     size = 40
-    found = angular.angular_solid_angles(size, sampling)
+    found = angular.Angular(size, sampling).weights()
     at = np.array(oracles.positions(size, sampling))
     step = at[1] - at[0]
     offsets = ((np.arange(200) + 0.5) / 200 - 0.5) * step
@@ -85,7 +90,7 @@ def test_angular_solid_angles_of_pixels_that_the_rim_cuts(sampling):
 def test_angular_solid_angles_of_whole_pixels(sampling):
     """Against an integral over the pixel, away from the rim."""
     size = 40
-    found = angular.angular_solid_angles(size, sampling)
+    found = angular.Angular(size, sampling).weights()
     at = np.array(oracles.positions(size, sampling))
     step = at[1] - at[0]
     x, x_weights = np.polynomial.legendre.leggauss(6)
@@ -105,8 +110,8 @@ def test_angular_solid_angles_of_whole_pixels(sampling):
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_angular_solid_angles_integrate_polynomials(sampling):
-    found = angular.angular_solid_angles(129, sampling)
-    along, inside = angular.angular_directions(129, sampling)
+    found = angular.Angular(129, sampling).weights()
+    along, inside = directions_and_inside(129, sampling)
     assert not found[~inside].any()
     assert found[inside].min() > 0
     assert found.sum() == pytest.approx(4 * np.pi)

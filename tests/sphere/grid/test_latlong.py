@@ -32,7 +32,7 @@ def test_latlong_directions_against_openexr(width, height, sampling):
 def test_latlong_axes_are_those_of_the_longitude():
     """In the image's own axes, whose x, y, z are world +Z, +X, +Y."""
     own = oracles.latlong_pixels(12, 7)[..., [2, 0, 1]]
-    np.testing.assert_allclose(own, oracles.latlong_pixels(12, 7) @ latlong.LATLONG_AXES.T)
+    np.testing.assert_allclose(own, oracles.latlong_pixels(12, 7) @ latlong.AXES.T)
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)

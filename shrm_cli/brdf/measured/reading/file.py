@@ -49,7 +49,7 @@ def first_bytes(path: Path, count: int) -> bytes:
     BrdfError
         If the file cannot be read.
     """
-    with _readable(path) as stream:
+    with readable(path) as stream:
         return stream.read(count)
 
 
@@ -67,7 +67,7 @@ def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
         If the file cannot be read.
     """
     path = check_file(path)
-    with _readable(path) as stream:
+    with readable(path) as stream:
         digest = hashlib.file_digest(stream, "sha256")
     # Maps record the name, and files hold text only.
     name = path.name.encode("utf-8", "replace").decode()
@@ -75,18 +75,20 @@ def file_values(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[BufferedReader]:
+def readable(path: Path, advice: str = "name another file") -> Iterator[BufferedReader]:
     """A file opened for reading; an OSError within the block becomes a BrdfError of one line."""
     try:
         with open(path, "rb") as stream:
             yield stream
     except OSError as error:
-        raise _unreadable(path, error) from error
+        raise _unreadable(path, error, advice) from error
 
 
-def _unreadable(path: Path, error: OSError | ValueError) -> BrdfError:
+def _unreadable(
+    path: Path, error: OSError | ValueError, advice: str = "name another file"
+) -> BrdfError:
     reason = getattr(error, "strerror", None) or error
-    return BrdfError(f"{path}: cannot be read ({reason}); name another file")
+    return BrdfError(f"{path}: cannot be read ({reason}); {advice}")
 
 
 def first_lines(head: bytes) -> list[str]:

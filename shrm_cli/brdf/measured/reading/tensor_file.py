@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.brdf.measured.reading.file import check_file
+from shrm_cli.brdf.measured.reading.file import check_file, readable
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 
@@ -64,12 +64,9 @@ class TensorFile:
             the size of the file.
         """
         path = check_file(path)
-        try:
-            with open(path, "rb") as stream:
-                size = os.fstat(stream.fileno()).st_size
-                header = _Header(stream.read(_MOST_HEADER), path)
-        except OSError as error:
-            raise BrdfError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+        with readable(path, "copy it again") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            header = _Header(stream.read(_MOST_HEADER), path)
         fields = header.fields()
         _check_places(fields, header.at, size, path)
         return cls(path, {field.name: field for field in fields})
@@ -90,14 +87,9 @@ class TensorFile:
                 f"{self.path}: its field {name!r} has {field.size:,} bytes, more than "
                 f"{_MOST_BYTES:,}; use the RGB file of the material"
             )
-        try:
-            with open(self.path, "rb") as stream:
-                stream.seek(field.offset)
-                values = np.fromfile(stream, dtype=field.dtype, count=prod(field.shape))
-        except OSError as error:
-            raise BrdfError(
-                f"{self.path}: cannot be read ({error.strerror}); copy it again"
-            ) from error
+        with readable(self.path, "copy it again") as stream:
+            stream.seek(field.offset)
+            values = np.fromfile(stream, dtype=field.dtype, count=prod(field.shape))
         if values.size != prod(field.shape):  # the file has shrunk meanwhile
             raise damaged(self.path, f"its field {name!r} ends too early")
         return values.reshape(field.shape)

@@ -1,13 +1,14 @@
-"""KTX 2: cubes with mips in Vulkan's formats, compressed by Zstandard where that is installed.
+"""KTX: cubes with mips. KTX 2 has them in Vulkan's formats, compressed by Zstandard where that is
+installed, and KTX 1 in OpenGL's terms.
 
 References
 ----------
-Khronos, "KTX File Format Specification", version 2.0; "Khronos Data Format Specification",
+Khronos, "KTX File Format Specification", versions 1 and 2.0; "Khronos Data Format Specification",
 version 1.3, section 5 (the basic descriptor) and table 96 (the descriptor of RGB9E5).
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from math import lcm
 
@@ -15,10 +16,24 @@ from shrm_cli import __release__
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.records import record
 
-_IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
+_KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
+_FACES = 6
 _ZSTD = 2
 _LEVEL = 18
 """Zstandard's level; higher ones take seconds, and save next to nothing."""
+
+_KTX1 = b"\xabKTX 11\xbb\r\n\x1a\n"
+_LITTLE_ENDIAN = 0x04030201
+
+_GL = {
+    # glType, glTypeSize, glFormat, glInternalFormat, glBaseInternalFormat
+    "rgba16f": (0x140B, 2, 0x1908, 0x881A, 0x1908),  # HALF_FLOAT, RGBA, RGBA16F
+    "r11g11b10": (0x8C3A, 4, 0x1907, 0x8C3A, 0x1907),
+}
+"""The header's numbers for the formats that Filament reads, which alone reads these files. By the
+specification the type of R11F_G11F_B10F is 0x8C3B (UNSIGNED_INT_10F_11F_11F_REV). Filament's cmgen
+writes the number of the internal format there, and its reader knows no other; it has a type for
+HALF_FLOAT, and none for RGB9_E5."""
 
 # Bits of a sample's channel type.
 _EXPONENT, _SIGNED, _FLOAT = 0x20, 0x40, 0x80
@@ -107,14 +122,14 @@ def ktx2_cube(
     stored = [_compressed(mip) for mip in levels] if compress else list(levels)
     descriptor = _descriptor(samples, texels.size)
     pairs = _pair("KTXwriter", f"shrm {__release__}")
-    head = len(_IDENTIFIER) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
+    head = len(_KTX2) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
     header = struct.pack(
         "<9I", number, type_size, size, size, 0, 0, faces, len(levels), _ZSTD if compress else 0
     )
     index = struct.pack(
         "<4I2Q", head, len(descriptor), head + len(descriptor), len(pairs), 0, 0
     )  # fmt: skip
-    front = _IDENTIFIER + header + index
+    front = _KTX2 + header + index
     # The smallest mip comes first. What is not compressed begins at a multiple of its texels.
     step = 1 if compress else lcm(texels.size, 4)
     at = head + len(descriptor) + len(pairs)
@@ -127,6 +142,39 @@ def ktx2_cube(
         struct.pack("<3Q", places[k], len(stored[k]), len(levels[k])) for k in range(len(levels))
     )
     return front + entries + descriptor + pairs + bytes(body)
+
+
+def ktx1_cube(
+    levels: Sequence[bytes], size: int, texels: TexelFormat, metadata: Mapping[str, str]
+) -> bytes:
+    """Return a KTX 1 file of a cube.
+
+    Parameters
+    ----------
+    levels : sequence of bytes
+        The encoded faces of each mip, in the order +X -X +Y -Y +Z -Z; each mip has half the size
+        of the one before.
+    size : int
+        Texels along an edge of the first mip.
+    texels : TexelFormat
+    metadata : mapping of str to str
+        Keys and values. Values end in a NUL in the file.
+
+    Returns
+    -------
+    bytes
+    """
+    pairs = b"".join(_pair(key, value) for key, value in metadata.items())
+    kind, kind_size, layout, internal, base = _GL[texels.name]
+    header = struct.pack(
+        "<13I", _LITTLE_ENDIAN, kind, kind_size, layout, internal, base, size, size, 0, 0,
+        _FACES, len(levels), len(pairs),
+    )  # fmt: skip
+    data = [_KTX1, header, pairs]
+    for mip in levels:
+        # A cube that is no array tells the size of one face. Texels of 4 bytes need no padding.
+        data += [struct.pack("<I", len(mip) // _FACES), mip]
+    return b"".join(data)
 
 
 def _descriptor(samples: Sequence[_Sample], texel_bytes: int) -> bytes:

@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 
-from shrm_cli.files.noise import caught, last_noise, quiet
+from shrm_cli.files.openimageio import caught, last_noise, quiet
 from tests.cli.helpers import MAIN, assert_refused, process
 from tests.fuzz.mutations import _png_sums
 from tests.probe import scenes
@@ -77,7 +77,7 @@ def test_without_a_stderr():
     code = """
 import os
 os.close(2)
-from shrm_cli.files.noise import caught
+from shrm_cli.files.openimageio import caught
 with caught():
     pass
 print("done")

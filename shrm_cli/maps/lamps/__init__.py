@@ -1,0 +1,1 @@
+"""Lamps beside a map: discs whose reflection is integrated when the map is used."""

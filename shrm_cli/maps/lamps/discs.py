@@ -1,0 +1,59 @@
+"""What a BRDF reflects of discs of light: integrated over each, where a map is used."""
+
+from collections.abc import Sequence
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.cache import remembered
+from shrm_cli.maps.lamps.rule import DiscRule, integrals
+from shrm_cli.probe.disc import Disc
+from shrm_cli.records import record
+
+Array = NDArray[np.floating]
+
+
+@record(eq=False)
+class LitDiscs:
+    """Discs of light, and the BRDF that reflects them.
+
+    Attributes
+    ----------
+    brdf : Brdf
+        It is not about the tangent, and isotropic.
+    discs : tuple of Disc
+        In world axes.
+    """
+
+    brdf: Brdf
+    discs: tuple[Disc, ...]
+
+    @cached_property
+    def rule(self) -> DiscRule:
+        """How all of them are integrated: as the largest one needs it."""
+        radius = max(disc.radius for disc in self.discs)
+        make = partial(DiscRule.of, self.brdf, radius)
+        return remembered(self.brdf, ("disc rule", radius), make)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Return what is reflected; parameters and result are those of `Map.radiance`."""
+        normals, views = (np.asarray(each, dtype=float) for each in (normals, views))
+        result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
+        for disc in self.discs:
+            of = integrals(self.rule, self.brdf, normals, views, disc.direction, disc.radius)
+            result += disc.radiance * of
+        return result
+
+
+def disc_records(discs: Sequence[Disc]) -> list[dict[str, object]]:
+    """Return discs by the names that light files have, for files and for people."""
+    return [
+        {
+            "direction": disc.direction.tolist(),
+            "radius": float(np.degrees(disc.radius)),
+            "radiance": disc.radiance.tolist(),
+        }
+        for disc in discs
+    ]

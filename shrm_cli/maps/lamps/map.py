@@ -1,0 +1,190 @@
+"""A map of what is left of a probe without its lamps, with these beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map, refuse_arguments
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.lamps.attribute import FORMAT, lamps_text
+from shrm_cli.maps.lamps.discs import LitDiscs, disc_records
+from shrm_cli.maps.provenance import common_brdf
+from shrm_cli.probe.disc import Disc
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import bisector
+from shrm_cli.vocabulary import Frame, Sampling
+
+if TYPE_CHECKING:
+    from shrm_cli.files.parts import Part
+    from shrm_cli.maps.shrm.shrm import Shrm
+
+Array = NDArray[np.floating]
+
+_ERRORS = "predicted_error", "added_error", "filter_error", "storage_error"
+"""What a map states of its errors."""
+
+
+def _within(name: str) -> Any:
+    """Return the property that is that of the map within."""
+    return property(lambda self: getattr(self.map, name))
+
+
+@record(eq=False)
+class LampMap(Map):
+    """A map for a BRDF of the light without lamps, and the lamps, which `radiance` adds.
+
+    What it is and how it is stored, it is as the map within: its representation is that of it.
+
+    Attributes
+    ----------
+    map : Map
+        That of the residual.
+    discs : tuple of Disc
+        The lamps, world axes; at least one.
+    left : float
+        The RMS of the reflected light without that of the lamps, over that of all. The errors of
+        the map within are relative to the former, and those that this map states to the latter.
+    error : float
+        What discs in place of the lamps' pixels change of the reflected light, as its RMS over that
+        of all.
+    known : Brdf, optional
+        The BRDF, where it is at hand. It is found by the record of the map otherwise.
+    path : str
+        The file of the map, beside which a measured BRDF is looked for.
+    """
+
+    map: Map
+    discs: tuple[Disc, ...]
+    left: float
+    error: float
+    known: Brdf | None = None
+    path: str = ""
+
+    format_version = FORMAT
+
+    representation = _within("representation")
+    frame = _within("frame")
+    center = _within("center")
+    size = _within("size")
+    sampling = _within("sampling")
+    natural_precision = _within("natural_precision")
+    is_rearrangeable = _within("is_rearrangeable")
+    against_negatives = _within("against_negatives")
+    is_exact_in_half = _within("is_exact_in_half")
+    turns_with_texels = _within("turns_with_texels")
+    cube_count = _within("cube_count")
+
+    @cached_property
+    def info(self) -> MapInfo:  # type: ignore[override]
+        """How it was made, with errors relative to all of the reflected light."""
+        return replace(self.map.info, **self._scaled(vars(self.map.info)))
+
+    @property
+    def stored(self) -> Map:
+        """The map within, whose cubes are stored."""
+        return self.map
+
+    def _scaled(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return those errors among some values that are relative to the reflected light."""
+        return {name: self.left * values[name] for name in _ERRORS if name in values}
+
+    @cached_property
+    def lamps(self) -> LitDiscs:
+        """The lamps and the BRDF that reflects them.
+
+        Raises
+        ------
+        BrdfError
+            If the BRDF cannot be evaluated, such as a measured one that is not beside the map.
+        """
+        advice = "make it without `sun`"
+        brdf = self.known or common_brdf({self.path: self.info}, advice)
+        return LitDiscs(brdf, self.discs)
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the reflected radiance: that of the map within and that of the lamps.
+
+        Parameters and result are those of `Map.radiance`.
+        """
+        return np.asarray(self.map.radiance(normals, views) + self.lamps.radiance(normals, views))
+
+    def glimpse(self, reflections: Array, views: Array) -> Array:
+        """Evaluate it roughly; the lamps are exact."""
+        lamps = self.lamps.radiance(bisector(reflections, views), views)
+        return np.asarray(self.map.glimpse(reflections, views) + lamps)
+
+    def planes(self) -> Sequence[Array]:
+        """Return the cubes of the map within."""
+        return self.map.planes()
+
+    def with_planes(self, planes: Sequence[Array], sampling: Sampling, info: MapInfo) -> LampMap:
+        """Return the same map with other cubes."""
+        own = replace(self.map.info, chromaticities=info.chromaticities, options=info.options)
+        return replace(self, map=self.map.with_planes(planes, sampling, own))
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the map within says, errors relative to all light, and the lamps."""
+        of_map = self.map.summary()
+        lamps = {"lamps": disc_records(self.discs), "lamp_error": self.error}
+        return {**of_map, **self._scaled(of_map), **lamps}
+
+    def details(self) -> dict[str, Any]:
+        """Return what the map within adds to it."""
+        return self.map.details()
+
+    def resampled(self, size: int | None = None, sampling: Sampling | None = None) -> LampMap:
+        """Return it with the map within `resampled`."""
+        return replace(self, map=self.map.resampled(size, sampling))
+
+    def to_shrm(self, order_p: int | None = None, frame: Frame | None = None) -> Shrm:
+        """Refuse to lose the lamps.
+
+        Raises
+        ------
+        MapError
+        """
+        raise MapError(f"{self.what} has lamps beside it, which an SHRM does not hold")
+
+    def converted(
+        self,
+        to: str,
+        size: int | None = None,
+        sampling: Sampling | None = None,
+        **options: Any,
+    ) -> LampMap:
+        """Return it with the map within `converted`, and the same lamps."""
+        return replace(self, map=self.map.converted(to, size, sampling, **options))
+
+    def mixed(self, matrix: Array, info: MapInfo) -> LampMap:
+        """Refuse other primaries, in which a BRDF with colors would not be the same.
+
+        Raises
+        ------
+        MapError
+        """
+        raise MapError(
+            f"{self.what} has lamps beside it, whose BRDF is in the primaries of the map; "
+            "prefilter its probe with `working`"
+        )
+
+    @classmethod
+    def from_map(cls, source: Map, **options: Any) -> Map:
+        """Return the map itself, for it is a form of none."""
+        refuse_arguments("a map with lamps", **options)
+        return source
+
+    def encode(self) -> list[Part]:
+        """Return the parts of the map within, the first of which says what lamps there are."""
+        parts = self.map.encode()
+        for part in parts:
+            part.header["shrm:version"] = FORMAT
+        parts[0].header["shrm:lamps"] = lamps_text(self.discs, self.left, self.error)
+        return parts

@@ -1,0 +1,243 @@
+"""The integral of a BRDF over a disc of light: where it is evaluated, and how often.
+
+About the central direction C, longitudes x run in the plane of the view and latitudes y off it,
+so that a direction is ``(sin x cos y, sin y, cos x cos y)``. A disc about a, of radius r, lies
+within the longitudes of two great circles that touch it, and at each longitude within
+
+    y = atan2(a_y, b) -+ acos(cos r / s),   b = a_x sin x + a_z cos x,   s^2 = a_y^2 + b^2.
+
+A lobe has its peak near C, however small it is beside the disc. Steps are even in asinh(x / w) and
+asinh(y / w) therefore, where w is the width of the peak: they are fine near C and grow with the
+distance from it. Seen at a grazing angle lobes are narrow across the plane of the view, by the
+cosine of the view's angle to the normal, and so is w. The normal is in the plane of the view, so
+that the horizon is a pair of longitudes, at which integrals end.
+
+Integrals over y vanish as square roots where the great circles touch the disc; Chebyshev's rule of
+the second kind takes them as they are. Where one of them is the horizon instead, x is a sine of
+evenly spread angles, and Gauss's rule in these takes both ends. Small angles are told by their
+sines, which keep their digits in 32-bit floats, too.
+"""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.core import Core
+from shrm_cli.brdf.lobe import cuts_horizon
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import from_angles, normalize, reflect
+
+Array = NDArray[np.floating]
+
+LEAST_COSINE = 0.05
+"""The cosine of the view's angle below which lobes are not followed any narrower."""
+_SIZES = 2, 3, 4, 6, 8, 12, 16, 24, 32, 48
+"""Steps in each direction, of which the fewest are taken that are exact enough."""
+_MORE = 3
+"""Steps more where it does: it takes so many for a rule that is good at both kinds of ends."""
+_EXACT = 1e-3
+"""The part of the largest value for a view that a rule may miss."""
+_TRUTH = 72
+"""Steps of the rule that the others are compared with."""
+_VIEWS = 1.0, 0.8, 0.5, 0.2
+"""Cosines of the views for which they are compared."""
+_BESIDE = 0.0, 0.4, 0.8, 0.97, 1.03, 1.3, 2.0
+"""Distances of C from the middle of the disc, in radii."""
+_AROUND = 0.3, 1.2, 2.1, 3.3
+"""Azimuths of that distance from the plane of the view, radians."""
+_HEIGHTS = -0.6, -0.2, 0.2, 0.6
+"""And heights over the horizon, in radii, where the surface loses sight of a part of the disc."""
+_SAMPLES_AT_ONCE = 2**17
+"""Values of the BRDF that are computed at a time; as arrays they take some megabytes."""
+_TINY = 1e-12
+
+
+@record
+class DiscRule:
+    """Where a BRDF is evaluated to integrate it over discs.
+
+    Attributes
+    ----------
+    width : float
+        w, radians.
+    steps : int
+        Longitudes where the horizon does not cut the disc, and latitudes on each of them.
+    """
+
+    width: float
+    steps: int
+
+    def longitudes(self, is_cut: bool) -> int:
+        """Return how many there are: more where the horizon cuts the disc."""
+        return self.steps + _MORE if is_cut else self.steps
+
+    @classmethod
+    def of(cls, brdf: Brdf, radius: float) -> "DiscRule":
+        """Choose the rule of the fewest steps that is exact enough for discs of up to a radius."""
+        width = float(Core.of(brdf).widths[0])
+        normals, views, axes = _trials(brdf, radius)
+        truth, *others = (
+            integrals(cls(width, steps), brdf, normals, views, axes, radius).sum(axis=-1)
+            for steps in (_TRUTH, *_SIZES)
+        )
+        largest = np.maximum(truth.max(axis=(1, 2), keepdims=True), _TINY)
+        for steps, values in zip(_SIZES, others, strict=True):
+            if np.max(np.abs(values - truth) / largest) <= _EXACT:
+                return cls(width, steps)
+        return cls(width, _SIZES[-1])
+
+
+def integrals(
+    rule: DiscRule, brdf: Brdf, normals: Array, views: Array, axes: Array, radius: float
+) -> Array:
+    """Integrate the transfer function of a BRDF over a disc.
+
+    Parameters
+    ----------
+    rule : DiscRule
+    brdf : Brdf
+        It is isotropic, and not about the tangent.
+    normals, views, axes : ndarray, shape (..., 3), broadcastable
+        Normals, views, and axes of the disc. Unit vectors, world axes.
+    radius : float
+        Of the disc, radians.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+    """
+    shape = np.broadcast_shapes(normals.shape, views.shape, axes.shape)
+    points = [np.broadcast_to(each, shape).reshape(-1, 3) for each in (normals, views, axes)]
+    result = np.zeros((len(points[0]), 3))
+    heights = np.sum(points[0] * points[2], axis=-1)
+    if not cuts_horizon(brdf):
+        heights = np.ones_like(heights)
+    edge = np.sin(radius)
+    for is_cut, there in ((False, heights >= edge), (True, np.abs(heights) < edge)):
+        found = np.flatnonzero(there)
+        step = max(_SAMPLES_AT_ONCE // (rule.longitudes(is_cut) * rule.steps), 1)
+        for start in range(0, len(found), step):
+            some = found[start : start + step]
+            n, v, a = (each[some] for each in points)
+            result[some] = _over(rule, brdf, n, v, a, radius, is_cut)
+    return result.reshape(shape)
+
+
+def _over(
+    rule: DiscRule,
+    brdf: Brdf,
+    normals: Array,
+    views: Array,
+    axes: Array,
+    radius: float,
+    is_cut: bool,
+) -> Array:
+    """Integrate over a disc that the horizon cuts, or one that it does not, for points (n, 3)."""
+    centers = reflect(views, normals) if brdf.center == "reflection" else normals
+    frame = _frames(centers, views, axes)
+    a_x, a_y, a_z = np.einsum("nij,nj->in", frame, axes)
+    low, high = _span(a_x, a_y, a_z, radius)
+    if is_cut:
+        up_x, _, up_z = np.einsum("nij,nj->in", frame, normals)
+        low = np.maximum(low, np.arctan2(up_x, up_z) - np.pi / 2)
+        high = np.clip(high, low, np.arctan2(up_x, up_z) + np.pi / 2)
+    count = rule.longitudes(is_cut)
+    x, over_x = _stepped(sines(count) if is_cut else chebyshev(count), low, high, rule.width)
+    middle, half = _latitudes(x, a_x[:, None], a_y[:, None], a_z[:, None], radius)
+    cosines = np.maximum(np.sum(normals * views, axis=-1), LEAST_COSINE)
+    low, high = np.maximum(middle - half, -np.pi / 2), np.minimum(middle + half, np.pi / 2)
+    y, weights = _stepped(gauss(rule.steps), low, high, rule.width * cosines[:, None])
+    weights = weights * np.cos(y) * over_x[..., None]
+    x = np.broadcast_to(x[..., None], y.shape)
+    local = np.stack([np.sin(x) * np.cos(y), np.sin(y), np.cos(x) * np.cos(y)], axis=-1)
+    own = _frames(normals, views, centers)
+    light = np.einsum("nxyj,njk,nik->nxyi", local, frame, own, optimize=True)
+    view = np.einsum("nj,nij->ni", views, own)[:, None, None]
+    values = brdf.transfer(light, view)
+    return np.asarray(np.einsum("nxyc,nxy->nc", values, weights))
+
+
+def _span(a_x: Array, a_y: Array, a_z: Array, radius: float) -> tuple[Array, Array]:
+    """Return the longitudes of the great circles that touch a disc."""
+    flat, sine = np.hypot(a_x, a_z), np.sin(radius)
+    half = np.arcsin(np.minimum(sine / np.maximum(flat, sine), 1.0))
+    half = np.where(np.abs(a_y) >= np.cos(radius), np.pi, half)  # it holds the pole
+    middle = np.arctan2(a_x, a_z)
+    return middle - half, middle + half
+
+
+def _stepped(
+    rule: tuple[Array, Array], low: Array, high: Array, width: float | Array
+) -> tuple[Array, Array]:
+    """Return angles (..., n) between two, even in asinh(angle / width), and their weights."""
+    low, high = np.arcsinh(low / width), np.arcsinh(high / width)
+    nodes, weights = rule
+    steps = (low + high)[..., None] / 2 + (high - low)[..., None] / 2 * nodes
+    width = np.asarray(width)[..., None]
+    return width * np.sinh(steps), weights * (high - low)[..., None] / 2 * width * np.cosh(steps)
+
+
+def _latitudes(x: Array, a_x: Array, a_y: Array, a_z: Array, radius: float) -> tuple[Array, Array]:
+    """Return the middle of the disc's latitudes at some longitudes, and half of their span."""
+    turn = x - np.arctan2(a_x, a_z)
+    flat = np.hypot(a_x, a_z)
+    b = flat * np.cos(turn)
+    reach = np.hypot(a_y, b)
+    # s - cos r = (1 - cos r) - (1 - s), and 1 - s^2 is what the turn takes from 1.
+    above = 2 * np.sin(radius / 2) ** 2 - (flat * np.sin(turn)) ** 2 / (1 + reach)
+    share = np.clip(above / np.maximum(2 * reach, _TINY), 0.0, 1.0)
+    return np.arctan2(a_y, b), 2 * np.arcsin(np.sqrt(share))
+
+
+def _frames(up: Array, towards: Array, other: Array) -> Array:
+    """Axes as rows, whose z is `up` and whose x is in the plane of `towards`, (..., 3, 3).
+
+    Where these are parallel it is in the plane of `other`, or any.
+    """
+    found = np.zeros(up.shape)
+    for helper in (np.eye(3)[0], np.eye(3)[1], other, towards):
+        across = helper - np.sum(helper * up, axis=-1, keepdims=True) * up
+        length = np.linalg.norm(across, axis=-1, keepdims=True)
+        found = np.where(length > 1e-6, across / np.maximum(length, _TINY), found)
+    return np.stack([found, np.cross(up, found), up], axis=-2)
+
+
+@cache
+def gauss(count: int) -> tuple[Array, Array]:
+    """Return Gauss's nodes and weights on -1 .. 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return nodes, weights
+
+
+@cache
+def chebyshev(count: int) -> tuple[Array, Array]:
+    """Return the rule of the second kind of Chebyshev's nodes: exact for ``sqrt(1-x^2)`` p(x)."""
+    angles = np.pi * np.arange(1, count + 1) / (count + 1)
+    return np.cos(angles), np.sin(angles) * np.pi / (count + 1)
+
+
+@cache
+def sines(count: int) -> tuple[Array, Array]:
+    """Return a rule on -1 .. 1 for functions that are square roots at its ends, or smooth there."""
+    nodes, weights = gauss(count)
+    angles = np.pi / 2 * nodes
+    return np.sin(angles), np.pi / 2 * weights * np.cos(angles)
+
+
+def _trials(brdf: Brdf, radius: float) -> tuple[Array, Array, Array]:
+    """Return normals, views and axes of discs, shape (views, distances, azimuths, 3)."""
+    cosines = np.array(_VIEWS)[:, None, None]
+    views = from_angles(np.arccos(cosines), 0.0)
+    normals = np.broadcast_to(np.eye(3)[2], views.shape)
+    centers = reflect(views, normals) if brdf.center == "reflection" else normals
+    frame = _frames(centers, views, np.eye(3)[0])
+    beside = from_angles(radius * np.array(_BESIDE)[:, None], np.array(_AROUND))
+    axes = np.einsum("...j,...ji->...i", beside, frame)
+    heights = radius * np.array(_HEIGHTS)[:, None]
+    low = np.broadcast_to(
+        from_angles(np.pi / 2 - heights, np.array(_AROUND)),
+        (*axes.shape[:1], len(_HEIGHTS), len(_AROUND), 3),
+    )
+    return normals, views, np.concatenate([normalize(axes), low], axis=1)

@@ -1,0 +1,96 @@
+"""`shrm prefilter --sun split`: what is printed, and what becomes of the file."""
+
+import json
+
+import pytest
+
+from shrm_cli.probe.sky import sky
+from tests.cli.helpers import assert_refused, done, noise, run, write_exr
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a sky, whose sun is beside a map of it."""
+    folder = tmp_path_factory.mktemp("sun")
+    write_exr(folder / "sky.exr", sky(64, 45, 35))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        done("prefilter", "sky.exr", "--brdf", "ggx:roughness=.5", "--sun", "split", "-o", "m.exr")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _in_folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def test_it_says_what_there_is():
+    command = ("prefilter", "sky.exr", "--brdf", "ggx:roughness=.5", "--sun", "split")
+    text = done(*command, "-o", "again.exr")
+    assert "1 disc beside the map" in text
+    values = json.loads(done("info", "m.exr", "--json"))
+    (lamp,) = values["lamps"]
+    assert set(lamp) == {"direction", "radius", "radiance"}
+    assert 0 <= values["lamp_error"] < 1
+    assert "lamps" in done("info", "m.exr")
+    assert values["probe"] == "sky.exr"
+
+
+def test_it_is_compared_with_its_probe():
+    """More light than the map without its sun, and about as much as the truth."""
+    done("prefilter", "sky.exr", "--brdf", "ggx:roughness=.5", "-o", "plain.exr")
+    command = ("compare", "plain.exr", "m.exr", "--probe", "sky.exr", "--size", "32")
+    found = run(*command, "--no-picture", "--no-flip", "--json")
+    assert found.code == 0
+    rows = json.loads(found.out)["summary"]
+    assert json.loads(found.out)["warnings"] == []
+    assert rows[1]["relative_rmse"] < 0.05
+
+
+def test_batches_make_it_once():
+    command = ("batch", "sky.exr", "--brdf", "lambertian", "--sun", "split")
+    assert "1 made" in done(*command)
+    assert "1 there already" in done(*command)
+    assert "1 made" in done("batch", "sky.exr", "--brdf", "lambertian")
+
+
+def test_conversions_lose_nothing_in_silence():
+    done("convert", "m.exr", "--to", "latlong", "-o", "laid.exr")
+    assert len(json.loads(done("info", "laid.exr", "--json"))["lamps"]) == 1
+    found = run("convert", "m.exr", "--to", "layers", "-o", "layers.exr")
+    assert found.code == 0
+    assert "textures hold no lamps" in found.err
+    found = run("convert", "m.exr", "--to", "layers", "--shader", "glsl", "-o", "layers.exr")
+    assert "textures hold no lamps" not in found.err
+    assert "shrm_lamps(n, v)" in found.out
+    assert_refused(run("convert", "m.exr", "--to", "openexr", "--working", "p3"), 1, "lamps")
+
+
+def test_code_of_other_brdfs_is_refused():
+    command = ("prefilter", "sky.exr", "--brdf", "oren-nayar", "--sun", "split", "--shader", "c")
+    assert_refused(run(*command, "-o", "none.exr"), 1, "there is none of oren-nayar")
+
+
+def test_pages_show_it():
+    done("view", "m.exr", "-o", "page.html", "--quiet")
+    with open("page.html", encoding="utf-8") as page:
+        assert "shrm_lamps" in page.read()
+
+
+@pytest.mark.parametrize("to", ["irradiance", "splitsum", "she", "product"])
+def test_maps_of_light_alone_take_none(to):
+    brdf = ("--brdf", "lambertian") if to == "product" else ()
+    found = run("prefilter", "sky.exr", *brdf, "--to", to, "--sun", "split")
+    assert_refused(found, 2, "--sun applies with --to")
+
+
+def test_auto_names_it_where_it_helps():
+    """In a coat that shows the sun so sharply that no map of some kilobytes keeps it."""
+    asked = ("--brdf", "ggx:roughness=.15", "-o", "coat.exr", "--max-size")
+    write_exr("fine.exr", sky(128, 45, 35))
+    found = run("prefilter", "fine.exr", *asked, "100kB")
+    assert "take them out with --sun split, dim them by --clamp" in found.err
+    write_exr("noise.exr", noise(64, 128))
+    found = run("prefilter", "noise.exr", *asked, "6kB")
+    assert "take them out with shrm sun" in found.err.replace("`", "")
+    assert "--sun split" not in found.err

@@ -1,0 +1,96 @@
+"""What discs of light reflect, beside sums over their areas that share no code with it."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.lamps.discs import LitDiscs
+from shrm_cli.probe.disc import Disc
+from tests import brute_force, ggx
+from tests.oracles import disc_rule
+
+RADIANCE = np.array([900.0, 700.0, 300.0])
+F0 = np.array([0.9, 0.5, 0.04])
+
+
+def towards(mirror, angle, around):
+    """A direction at an angle from another one, at some azimuth about it."""
+    side = np.cross(mirror, [0.3, 0.8, 0.5])
+    side /= np.linalg.norm(side)
+    other = np.cross(mirror, side)
+    turned = np.cos(around) * side + np.sin(around) * other
+    return np.cos(angle) * mirror + np.sin(angle) * turned
+
+
+def views_of(normal, cosines, rng):
+    """Views at angles of these cosines from a normal."""
+    side = np.cross(normal, brute_force.unit(rng, len(cosines)))
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    cosines = np.array(cosines)[:, None]
+    return cosines * normal + np.sqrt(1 - cosines**2) * side
+
+
+@pytest.mark.parametrize("degrees", [0.27, 5.0])
+@pytest.mark.parametrize("roughness", [0.05, 0.1, 0.3, 0.7])
+def test_ggx(roughness, degrees):
+    """Within .2 % of the largest value for each view, wherever the disc is beside the mirror."""
+    rng, radius = np.random.default_rng(1), np.radians(degrees)
+    brdf = parse_spec(f"ggx:roughness={roughness},f0={'/'.join(map(str, F0))}")
+    (normal,) = brute_force.unit(rng, 1)
+    for view in views_of(normal, (0.97, 0.6, 0.25), rng):
+        mirror = 2 * (normal @ view) * normal - view
+        found, expected = [], []
+        for share, around in [(0.02, 1.0), (0.6, 2.0), (0.96, 4.0), (1.05, 0.4), (1.7, 3.0)]:
+            disc = Disc(towards(mirror, share * radius, around), radius, RADIANCE)
+            light, areas = disc_rule(disc.direction, radius, 40 + int(5 * radius / roughness**2))
+            base, tail = ggx.lobe(roughness, normal, view, light)
+            both = areas @ base, areas @ (base * tail)
+            expected.append(RADIANCE * (F0 * (both[0] - both[1]) + both[1]))
+            found.append(LitDiscs(brdf, (disc,)).radiance(normal, view))
+        error = np.abs(np.array(found) - expected).max(axis=0) / np.max(expected, axis=0)
+        assert error.max() < 2e-3
+
+
+def test_lambert_sets_smoothly():
+    """A lamp that goes down gives the irradiance of what is still above the horizon."""
+    radius, normal = np.radians(5.0), np.array([0.0, 0.0, 1.0])
+    view, brdf = np.array([0.6, 0.0, 0.8]), parse_spec("lambertian")
+    heights = np.radians(np.linspace(-7, 9, 81))
+    found = []
+    for height in heights:
+        axis = np.array([0.3 * np.cos(height), np.sqrt(0.91) * np.cos(height), np.sin(height)])
+        disc = Disc(axis, radius, np.ones(3))
+        light, areas = disc_rule(axis, radius, 120)
+        found.append(LitDiscs(brdf, (disc,)).radiance(normal, view)[0])
+        expected = areas @ np.maximum(light @ normal, 0) / np.pi
+        assert found[-1] == pytest.approx(expected, abs=2e-3 * np.sin(radius) ** 2)
+    assert found[0] == 0
+    assert np.all(np.diff(found) >= -1e-12)
+    # Its slope changes by no more than the disc's own profile makes it.
+    assert np.abs(np.diff(found, 2)).max() < 0.2 * np.diff(found).max()
+
+
+def test_a_sum_of_lobes_and_discs():
+    rng = np.random.default_rng(4)
+    brdf = parse_spec("0.5*phong:exponent=40+0.25*lambertian:albedo=0.8")
+    discs = tuple(
+        Disc(axis, radius, light)
+        for axis, radius, light in zip(
+            brute_force.unit(rng, 3), np.radians([0.5, 2.0, 4.0]), rng.random((3, 3)), strict=True
+        )
+    )
+    normals, views = brute_force.unit(rng, 40), brute_force.unit(rng, 40)
+    views *= np.where(np.sum(normals * views, axis=1) < 0, -1.0, 1.0)[:, None]
+    found = LitDiscs(brdf, discs).radiance(normals, views)
+    expected = np.zeros((40, 3))
+    for k, (normal, view) in enumerate(zip(normals, views, strict=True)):
+        mirror = 2 * (normal @ view) * normal - view
+        for disc in discs:
+            light, areas = disc_rule(disc.direction, disc.radius, 60)
+            lobe = 0.5 * brute_force.phong(40)(mirror, view, light)
+            lobe += 0.25 * 0.8 / np.pi * np.maximum(light @ normal, 0)
+            expected[k] += (areas @ lobe) * disc.radiance
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 * expected.max())
+    assert found.shape == (40, 3)
+    one = LitDiscs(brdf, discs).radiance(normals[:, None], views[0])
+    np.testing.assert_allclose(one[0, 0], found[0], rtol=1e-12)

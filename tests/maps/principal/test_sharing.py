@@ -1,0 +1,114 @@
+"""The forms of the fewest bytes that keep an error, against trying all of them."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.principal.proposal import Proposals
+from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.size import TRIED_SIZES, total_error
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.lighting import Projection
+from shrm_cli.probe.probe import as_probe
+from tests.cli.helpers import ROOT
+
+MOST = 2_000_000
+LAYERED = "0.5*oren-nayar+0.5*ggx:roughness=0.5"
+THREE = "0.4*lambertian+0.3*charlie:roughness=0.5+0.3*ggx:roughness=0.6"
+UNEVEN = "lafortune:fit=skin", "charlie:roughness=0.4", "microfacet:sigma=0.2"
+"""Look-ups blur some maps of theirs more than maps of fewer cubes, where halving goes astray."""
+
+
+@cache
+def proposals_of(path, spec):
+    return Proposals(
+        Projection(as_probe(path)), parse_spec(spec), Wanted(0.03, 0.02, None, MOST, None)
+    )
+
+
+def every_form(planner):
+    """All forms of a term: their bytes, and their errors without tables."""
+    forms = [
+        planner.form(counts, size)
+        for size in TRIED_SIZES
+        for counts in planner.choices
+        if 36 * size**2 * (counts[0] + 2 * sum(counts[1:])) <= MOST
+    ]
+    return [form.bytes for form in forms], [form.total_error for form in forms]
+
+
+def fewest(path, spec, errors):
+    """The bytes that are found, and the least of all forms that keep each error."""
+    proposals = proposals_of(path, spec)
+    (planner,) = proposals.planners
+    sizes, known = map(np.array, every_form(planner))
+    for error in errors:
+        if known.min() <= error:
+            found, is_met = proposals.sharing.within_error(error, MOST, None)
+            assert is_met
+            assert found.total_error <= error
+            yield found.bytes, sizes[known <= error].min()
+
+
+@pytest.mark.parametrize("spec", [*UNEVEN, "ggx:roughness=0.6"])
+@pytest.mark.parametrize("name", ["studio", "sky"])
+def test_no_form_of_fewer_bytes_keeps_an_error(name, spec):
+    for found, least in fewest(ROOT / "probes" / f"{name}.exr", spec, np.geomspace(0.3, 0.02, 25)):
+        assert found == least
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spec", UNEVEN)
+@pytest.mark.parametrize("name", ["city", "forest", "night"])
+def test_no_form_of_fewer_bytes_does_under_real_light(real_probes, name, spec):
+    for found, least in fewest(real_probes / f"{name}.exr", spec, np.geomspace(0.3, 0.02, 25)):
+        assert found == least
+
+
+@pytest.mark.parametrize(("spec", "errors"), [(LAYERED, (0.2, 0.1, 0.05, 0.03)), (THREE, (0.2,))])
+def test_terms_share_their_bytes_as_well_as_can_be(spec, errors):
+    """All combinations of forms are tried, with errors that are taken as independent."""
+    proposals = proposals_of(ROOT / "probes" / "studio.exr", spec)
+    planners = proposals.planners
+    strengths = np.sqrt([planner.whole for planner in planners])
+    whole = strengths.sum() * proposals.sharing.coherence
+    sizes, squares = np.zeros(1), np.zeros(1)
+    for planner, strength in zip(planners, strengths, strict=True):
+        own, known = map(np.array, every_form(planner))
+        sizes = (sizes[:, None] + own).ravel()
+        squares = (squares[:, None] + (strength / whole * known) ** 2).ravel()
+        if planner is not planners[-1]:  # three terms have too many combinations
+            best = [
+                np.flatnonzero(sizes <= size)[np.argmin(squares[sizes <= size])]
+                for size in np.unique(sizes)
+            ]
+            sizes, squares = sizes[best], squares[best]
+    for error in errors:
+        found, is_met = proposals.sharing.within_error(error, MOST, None)
+        assert is_met
+        assert found.total_error <= error
+        assert found.bytes == sizes[squares <= error**2].min()
+
+
+@pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
+def test_what_is_made_keeps_the_error_in_all_bytes_together():
+    made = prefilter(ROOT / "probes" / "studio.exr", LAYERED, to="principal", error=0.08)
+    assert total_error(made.info.predicted_error, made.info.filter_error) <= 0.08
+    taken = sum(plane.size * 2 for plane in made.planes())
+    proposal = proposals_of(ROOT / "probes" / "studio.exr", LAYERED).propose(0.08)
+    assert taken == proposal.bytes
+    bounded = proposals_of(ROOT / "probes" / "studio.exr", LAYERED).sharing
+    found, is_met = bounded.within_error(1e-4, 40_000, None)
+    assert not is_met
+    assert found.bytes <= 40_000
+
+
+def test_a_number_of_bytes_that_holds_no_cube_for_each_term_is_refused():
+    sharing = proposals_of(ROOT / "probes" / "studio.exr", THREE).sharing
+    least, _ = sharing.within_error(0.9, 3 * 36 * 12**2, None)
+    assert [form.cubes for form in least.forms] == [1, 1, 1]
+    with pytest.raises(ArgumentError, match="15,552 bytes"):
+        sharing.within_error(0.9, 3 * 36 * 12**2 - 1, None)

@@ -1,0 +1,124 @@
+"""`sun` split, from a probe to what a map with lamps beside it reflects."""
+
+import json
+
+import numpy as np
+import pytest
+
+import shrm_cli
+from shrm_cli.errors import ArgumentError, ShrmWarning
+from shrm_cli.lights.split import split_lamps
+from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import LUMINANCE
+from tests import brute_force, ggx
+from tests.lights import rooms
+from tests.probe.scenes import latlong
+
+SUN = rooms.unit(0.35, 0.55, -0.7)
+ROWS = 128
+RADIUS = 3.0
+"""Of the sun, degrees, of which pixels of 1.4 degrees show the size."""
+
+
+def probe():
+    """A bare sun in a sky without clouds."""
+    lamp = (rooms.round_lamp(SUN, RADIUS), (900.0, 800.0, 600.0))
+    return Probe.from_array(rooms.latlong(ROWS, rooms.room(lamp)), name="room")
+
+
+def truth(roughness, normals, views, f0):
+    """What GGX reflects of the room itself, of which nothing is a pixel: as a sum over points."""
+    lights, areas = brute_force.latlong_samples(100)
+    radiance = rooms.background(lights)
+    polar = np.radians(RADIUS) * (np.arange(60) + 0.5) / 60
+    around = 2 * np.pi * (np.arange(120) + 0.5) / 120
+    side = np.cross(SUN, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(SUN, [0.0, 1.0, 0.0]))
+    other = np.cross(SUN, side)
+    ring = np.cos(around)[:, None] * side + np.sin(around)[:, None] * other
+    disc = np.cos(polar)[:, None, None] * SUN + np.sin(polar)[:, None, None] * ring
+    weights = np.repeat(np.sin(polar) * np.radians(RADIUS) / 60 * 2 * np.pi / 120, 120)
+    lights = np.concatenate([lights, disc.reshape(-1, 3)])
+    energy = np.concatenate(
+        [areas[:, None] * radiance, weights[:, None] * np.array([900.0, 800.0, 600.0])]
+    )
+    base, tail = ggx.reflected(roughness, normals, views, lights, energy)
+    return f0 * (base - tail) + tail
+
+
+@pytest.fixture(scope="module")
+def points():
+    """Mirror directions and views of all kinds, and some that see the sun's highlight."""
+    rng = np.random.default_rng(8)
+    mirrored, views = brute_force.unit(rng, 160), brute_force.unit(rng, 160)
+    near = SUN + 0.12 * rng.normal(size=(60, 3))
+    mirrored[:60] = near / np.linalg.norm(near, axis=1, keepdims=True)
+    normals = mirrored + views
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True), views
+
+
+def test_brute_force(points):
+    """In the highlight and beside it, in a hundredth of the bytes."""
+    expected = truth(0.2, *points, 0.04)
+    made = {
+        sun: prefilter_with_facts(
+            probe(), "auto", {"brdf": "ggx:roughness=0.2,f0=0.04", "sun": sun}
+        )
+        for sun in (None, "split")
+    }
+    errors, wrong, sizes = {}, {}, {}
+    for sun, each in made.items():
+        found = each.map.radiance(*points)
+        errors[sun] = np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2))
+        bright = expected @ LUMINANCE
+        limit = 0.05 * np.maximum(bright, 0.02 * bright.mean())
+        wrong[sun] = np.mean(np.abs((found - expected) @ LUMINANCE) > limit)
+        sizes[sun] = each.map.cube_count * each.map.size**2
+    assert errors["split"] < 0.01 < 0.03 < errors[None]
+    assert wrong["split"] < 0.05 < 0.1 < wrong[None]
+    assert sizes["split"] < sizes[None] / 100
+
+
+def test_the_whole_is_what_errors_are_relative_to(points):
+    """The share of the light that is left is that of sums over evenly spread points."""
+    made = prefilter_with_facts(probe(), "shrm", {"brdf": "lambertian", "sun": "split"})
+    rng = np.random.default_rng(3)
+    normals = brute_force.unit(rng, 4000)
+    rest, whole = (each.radiance(normals, normals) for each in (made.map.map, made.map))
+    share = np.sqrt(np.sum(rest**2) / np.sum(whole**2))
+    assert made.map.left == pytest.approx(share, rel=0.03)
+    inner = made.map.map.info.predicted_error
+    assert made.summary()["predicted_error"] == pytest.approx(made.map.left * inner)
+    assert made.map.error < 0.01
+
+
+def test_the_record_is_that_of_the_probe():
+    found = shrm_cli.prefilter(probe(), "lambertian", to="shrm", sun="split")
+    assert found.info.probe == "room"
+    assert found.info.probe_sha256 == probe().digest()
+    assert found.info.options["sun"] == "split"
+    (lamp,) = split_lamps(probe()).lamps
+    assert json.loads(json.dumps(found.summary()))["lamps"][0]["radius"] == pytest.approx(
+        np.degrees(lamp.discs[0].radius)
+    )
+
+
+def test_a_probe_without_lamps_says_so():
+    plain = Probe.from_array(latlong(32))
+    with pytest.warns(ShrmWarning, match="no compact lamps"):
+        found = shrm_cli.prefilter(plain, "lambertian", to="shrm", sun="split")
+    same = shrm_cli.prefilter(plain, "lambertian", to="shrm")
+    np.testing.assert_array_equal(found.coefficients, same.coefficients)
+
+
+@pytest.mark.parametrize("value", ["none", "", True, 3])
+def test_other_values_are_refused(value):
+    with pytest.raises(ArgumentError, match="sun"):
+        shrm_cli.prefilter(probe(), "lambertian", sun=value)
+
+
+def test_what_it_does_not_apply_to():
+    with pytest.raises(ArgumentError, match="fibres"):
+        shrm_cli.prefilter(probe(), "kajiya-kay", to="shrm", sun="split")
+    with pytest.raises(ArgumentError, match="applies with `to`"):
+        shrm_cli.prefilter(probe(), to="irradiance", sun="split")
