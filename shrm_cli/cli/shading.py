@@ -104,9 +104,9 @@ def shaded_maps(
     is_ggx = any(map(takes_f0, maps))
     refuse_inapplicable({"f0": Applies(is_ggx, "to maps of GGX, and no MAP is one")})
     surfaces = [surface_of(roughness, f0, each.info.chromaticities) for each in maps]
-    first = surfaces[0]
-    surface = {"roughness": first.number("roughness"), "f0": list(first.color("f0"))}
-    warnings = outside_range(dict(zip(names, maps, strict=True)), surface["roughness"])
+    rough = surfaces[0].number("roughness")
+    surface: dict[str, Any] = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
+    warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
     if not takes_f0(next(each for each in maps if each.needs_surface)):
         del surface["f0"]
     pairs = zip(maps, surfaces, strict=True)
