@@ -53,7 +53,8 @@ def prefilter(
         `Probe.from_array` reads it.
     brdf : Brdf or str, optional
         A BRDF, or its specification, such as ``"ggx:roughness=0.4"`` or the path of a measured
-        file. Irradiance, split sums and SH exponentials are made without one.
+        file. Irradiance and SH exponentials are made without one, and a split sum is of GGX
+        without one.
     to : str
         The representation: one of ``shrm``, ``cabral``, ``kautz-mccool``, ``lightfield``,
         ``principal``, ``irradiance``, ``splitsum`` and ``she``; or ``auto``, the default: the form

@@ -192,7 +192,7 @@ def test_progress_grows_to_its_end(folder, to, given):
 
 FOREIGN = [
     ("irradiance", {"brdf": "phong"}, "brdf", "white Lambertian"),
-    ("splitsum", {"brdf": "ggx"}, "brdf", "GGX"),
+    ("she", {"brdf": "ggx"}, "brdf", "GGX"),
     ("she", {"eps": 0.03}, "eps", "shrm, cabral, kautz-mccool, lightfield or principal"),
     ("splitsum", {"order_f": 3}, "order_f", "irradiance"),
     ("irradiance", {"center": "normal"}, "center", "shrm"),

@@ -163,6 +163,11 @@ class Brdf(ABC):
     isotropic : bool
         Whether turning light and view together about the normal changes nothing. Anisotropic
         BRDFs can be evaluated, and prefiltered as product textures, but in no other form.
+    roughness_names : tuple of str
+        The parameters that are the roughness of the model, all of which `at_roughness` sets.
+    roughness_power : float
+        Which power of the perceptual roughness they are, which is what engines have between 0 and
+        1: 2 where they are GGX's alpha, or like it.
     """
 
     name: str
@@ -174,6 +179,8 @@ class Brdf(ABC):
     has_horizon: bool = True
     zonal: bool = False
     isotropic: bool = True
+    roughness_names: ClassVar[tuple[str, ...]] = ("roughness",)
+    roughness_power: ClassVar[float] = 1.0
     values: dict[str, Value]
 
     def __init_subclass__(cls) -> None:
@@ -253,6 +260,36 @@ class Brdf(ABC):
     def with_value(self, key: str, value: Value) -> Self:
         """The same model with one of its parameters changed."""
         return type(self)(**{**self.values, key: value})
+
+    @property
+    def has_roughness(self) -> bool:
+        """Whether the model has parameters of roughness that are numbers."""
+        return all(isinstance(self.values.get(name), int | float) for name in self.roughness_names)
+
+    def at_roughness(self, perceptual: float) -> Self:
+        """The same material of another roughness.
+
+        Parameters
+        ----------
+        perceptual : float
+            As engines have it, in 0 .. 1. Where the model does not reach it, the nearest roughness
+            that it has takes its place.
+
+        Raises
+        ------
+        BrdfError
+            If the model has no parameter of roughness.
+        """
+        if not self.has_roughness:
+            wanted = " and ".join(self.roughness_names)
+            raise BrdfError(f"{self!r}: it has no roughness that could vary (a number {wanted})")
+        roughness = perceptual**self.roughness_power
+        limits = {each.name: (each.minimum, each.maximum) for each in self.parameters}
+        found = {
+            name: min(max(roughness, limits[name][0]), limits[name][1])
+            for name in self.roughness_names
+        }
+        return type(self)(**{**self.values, **found})
 
     @property
     def is_measured(self) -> bool:

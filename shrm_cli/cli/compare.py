@@ -25,7 +25,6 @@ from shrm_cli.cli.shading import (
     f0_option,
     lit_maps,
     shaded_maps,
-    surface_values,
     window_option,
 )
 from shrm_cli.cli.terminal import columns
@@ -222,7 +221,7 @@ def compare(
         "brdf": record,
         "truth_error": None if source is None else baseline.error,
         "size": size,
-        **surface_values(surface),
+        **surface,
         **_numbers(comparison, names, views, flips),
         "picture": target,
     }

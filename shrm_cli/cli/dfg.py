@@ -1,16 +1,27 @@
 """`shrm dfg` makes the environment-BRDF tables of split sums and SH exponentials."""
 
+from __future__ import annotations
+
 import os
+from itertools import combinations
+from typing import TYPE_CHECKING
 
 import click
 
 from shrm_cli.cli.bar import progress_bar
-from shrm_cli.cli.options import precision_option, report_options, tell
+from shrm_cli.cli.options import optional_brdf_option, precision_option, report_options, tell
 from shrm_cli.cli.outputs import check_outputs, force_option
 from shrm_cli.cli.usage import exclude, given_options
 from shrm_cli.files.whole import keeping
 from shrm_cli.progress import using
 from shrm_cli.vocabulary import CONTAINERS, Precision
+
+if TYPE_CHECKING:
+    from shrm_cli.brdf.base import Brdf
+    from shrm_cli.brdf.environment.file import Kind
+
+_COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
+"""The tables of GGX that have a third column."""
 
 
 @click.command()
@@ -27,8 +38,14 @@ from shrm_cli.vocabulary import CONTAINERS, Precision
     help="Channels for SH exponentials: how much the lobe reflects, and from where.",
 )  # fmt: skip
 @click.option(
+    "--columns", type=click.Choice(_COLUMNS),
+    help="A third column of GGX's table: the light that multiple scattering adds (fdez-aguera, "
+    "turquin), or cloth as the engine has it (gltf, filament).",
+)  # fmt: skip
+@optional_brdf_option
+@click.option(
     "-o", "--output", type=click.Path(), default="dfg.exr", show_default=True,
-    help="OpenEXR file to write.",
+    help="OpenEXR, KTX 2 or 16-bit PNG file to write.",
 )  # fmt: skip
 @force_option
 @precision_option
@@ -37,6 +54,8 @@ def dfg(
     size: int,
     multiscatter: bool,
     moments: bool,
+    columns: Kind | None,
+    brdf: str | None,
     output: str,
     force: bool,
     precision: Precision,
@@ -52,24 +71,63 @@ def dfg(
     and base.T are the integrals of 1, N.L and T.L / T.T over the lobe without Fresnel's term,
     where T = (N.V) N - V points away from the viewer; tail.E, tail.N and tail.T are those with
     (1 - V.H)^5. The lobe of f0 has mix(tail, base, f0).
-    """
-    from shrm_cli.brdf.environment.environment_brdf import environment_table, moments_table
-    from shrm_cli.brdf.environment.file import MEANINGS, Kind, write_dfg
 
-    exclude("multiscatter", "moments")
-    check_outputs([output], suffixes=CONTAINERS)
+    With --columns fdez-aguera B is 1 - R - G, and it reflects (f0 * R + G) * (1 + F * B / (1 - F *
+    B)) with F = f0 + (1 - f0) / 21; with turquin B is (1 - R - G) / (R + G), and it reflects (f0 *
+    R + G) * (1 + f0 * B). With gltf and filament B is what white cloth reflects,
+    charlie:visibility=neubelt, beside the columns that each has for GGX.
+
+    With --brdf, such as charlie, R, G and B are the directional albedo of that BRDF, with its
+    colours, for each roughness. Of charlie it is the E of KHR_materials_sheen: what lies below
+    cloth is scaled by 1 - max(color) * E.
+
+    \b
+      shrm dfg -o dfg.ktx2
+      shrm dfg --brdf charlie -o sheen.png
+      shrm dfg --columns filament -o dfg.ktx2
+    """
+    from shrm_cli.brdf.environment import environment_brdf as tables
+    from shrm_cli.brdf.environment.file import MEANINGS, write_dfg
+    from shrm_cli.brdf.environment.lobe import check_varies
+    from shrm_cli.brdf.environment.material_albedo import albedo_table
+    from shrm_cli.brdf.spec import parse_spec
+    from shrm_cli.export.table import SUFFIXES, write_texture
+
+    for one, other in combinations(("multiscatter", "moments", "columns", "brdf"), 2):
+        exclude(one, other)
+    check_outputs([output], specs=[brdf], suffixes=(*CONTAINERS, *SUFFIXES))
     kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
+    kind = "albedo" if brdf is not None else columns or kind
+    material = None if brdf is None else parse_spec(brdf)
+    if material is not None:
+        check_varies(material)
+    named = "ggx" if material is None else _named(material)
     with progress_bar("integrating") as progress, using(progress):
-        table = moments_table(size) if moments else environment_table(size, multiscatter)
+        if material is not None:
+            table = albedo_table(material, size)
+        elif columns is not None:
+            table = tables.columns_table(columns, size)
+        elif moments:
+            table = tables.moments_table(size)
+        else:
+            table = tables.environment_table(size, multiscatter)
     is_kept = not force and "output" not in given_options()
     with keeping(*([output] if is_kept else [])):
-        pixel_type = write_dfg(output, table, kind, precision)
+        if output.lower().endswith(SUFFIXES):
+            pixel_type = write_texture(output, table, precision)
+        else:
+            pixel_type = write_dfg(output, table, kind, precision, named)
     meaning = MEANINGS[kind]
     # This is what a white metal reflects in a white furnace, by single scattering.
     white = {
         "scale-bias": table[..., :2].sum(axis=-1),
         "multiscatter": table[..., 1],
         "moments": table[..., 0],
+        "fdez-aguera": table[..., :2].sum(axis=-1),
+        "turquin": table[..., :2].sum(axis=-1),
+        "gltf": table[..., :2].sum(axis=-1),
+        "filament": table[..., 1],
+        "albedo": table.max(axis=-1),
     }[kind]
     result = {
         "file": os.fspath(output),
@@ -82,6 +140,8 @@ def dfg(
         "white_furnace": {"minimum": float(white.min()), "maximum": float(white.max())},
         "precision": pixel_type,
     }
+    if kind == "albedo" or columns:
+        result |= {"columns": kind, "brdf": named}
     if moments:
         result["mean_direction"] = meaning.mean
     lines = [
@@ -90,6 +150,19 @@ def dfg(
         f"  channels       {meaning.channels}",
         f"  reflects       {meaning.reflectance}",
         *([f"  mean           {meaning.mean}"] if moments else []),
-        f"  white furnace  {white.min():.2%} to {white.max():.2%} at f0 = 1 by single scattering",
+        f"  white furnace  {white.min():.2%} to {white.max():.2%}"
+        + ("" if material else " at f0 = 1 by single scattering"),
     ]
     tell(result, lines)
+
+
+def _named(material: Brdf) -> str:
+    """Return the specification of a BRDF without its roughness, which varies."""
+    from shrm_cli.brdf.base import value_text
+
+    values = [
+        f"{key}={value_text(value)}"
+        for key, value in material.values.items()
+        if key not in material.roughness_names
+    ]
+    return f"{material.name}:{','.join(values)}" if values else material.name

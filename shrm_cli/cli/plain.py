@@ -13,7 +13,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.conversion import Converted, open_source
 from shrm_cli.cli.options import several
 from shrm_cli.cli.outputs import map_stem, picture_attributes
-from shrm_cli.cli.shading import shaded_maps, surface_options, surface_values
+from shrm_cli.cli.shading import shaded_maps, surface_options
 from shrm_cli.cli.types import DIRECTION
 from shrm_cli.cli.usage import Applies
 from shrm_cli.vocabulary import LOOKUPS
@@ -119,7 +119,7 @@ def convert_to_view(
             shown[0], Viewer(*view).direction, rows, chosen, ignores_views(found), sampled, progress
         )
     (picture,), told = without_negative(job.path, [picture])
-    said = {"view": list(view), "by": chosen, **surface_values(surface)}
+    said = {"view": list(view), "by": chosen, **surface}
     attributes = picture_attributes(
         {"convert": Path(job.source).name, "to": "latlong", **said}, [found.info.chromaticities]
     )

@@ -106,13 +106,15 @@ def prefilter(
     part of the BRDF's lobe that may be left out.
 
     What engines use needs no --brdf: irradiance is of a white Lambertian surface, a split sum
-    (splitsum) and an SH exponential (she) are of GGX.
+    (splitsum) and an SH exponential (she) are of GGX. A split sum takes another --brdf that has a
+    roughness, such as charlie or ward, and has a level for each roughness of it.
 
     \b
       shrm prefilter probe.exr --brdf ggx:roughness=0.4,f0=gold
       shrm prefilter probe.exr --brdf "0.9*lambertian+0.1*phong" --eps 0.01
       shrm prefilter probe.exr --brdf paint.binary --error 0.05 --to principal
       shrm prefilter probe.exr --to irradiance --shader glsl
+      shrm prefilter probe.exr --to splitsum --brdf charlie:color=0.6/0.2/0.1
       shrm prefilter sky_%.png --linearize --to splitsum -o sky.levels.exr
     """
     from shrm_cli.maps.file import store

@@ -23,7 +23,6 @@ from shrm_cli.cli.shading import (
     lit_maps,
     shaded_maps,
     surface_options,
-    surface_values,
     to_unlit,
     window_option,
 )
@@ -155,7 +154,7 @@ def render(
         behind = None if sky is None else coarse_probe(sky, background_rows(width))
         scene = Scene(SphereSubject(width), loaded, labels, exposure, behind, columns)
         seen = [each.info for each in loaded]
-        said = {"size": width, **surface_values(surface)}
+        said = {"size": width, **surface}
     else:
         from shrm_cli.render.mesh import MeshSubject
         from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed

@@ -67,8 +67,8 @@ def shaded_maps(
     names: Sequence[str],
     roughness: float | None,
     f0: str | None,
-) -> tuple[list[KnownMap], Ggx | None, list[str]]:
-    """Give a GGX surface to the maps of light alone, such as split sums and SH exponentials.
+) -> tuple[list[KnownMap], dict[str, Any], list[str]]:
+    """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
     Parameters
     ----------
@@ -85,8 +85,9 @@ def shaded_maps(
     -------
     maps : list of KnownMap
         All maps, those of light alone with the surface.
-    surface : Ggx or None
-        That of the first map; None if no map needs a surface.
+    surface : dict
+        Roughness and reflectance of the first map's surface, for a result; without a reflectance
+        where that is a BRDF with colors of its own, and empty if no map needs a surface.
     warnings : list of str
         One for each map that was not made for this roughness.
 
@@ -95,14 +96,19 @@ def shaded_maps(
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import outside_range
+    from shrm_cli.render.shading import outside_range, takes_f0
 
     refuse_inapplicable(needs_surface(maps))
     if not any(each.needs_surface for each in maps):
-        return list(maps), None, []
+        return list(maps), {}, []
+    is_ggx = any(map(takes_f0, maps))
+    refuse_inapplicable({"f0": Applies(is_ggx, "to maps of GGX, and no MAP is one")})
     surfaces = [surface_of(roughness, f0, each.info.chromaticities) for each in maps]
-    surface = surfaces[0]
-    warnings = outside_range(dict(zip(names, maps, strict=True)), surface.number("roughness"))
+    rough = surfaces[0].number("roughness")
+    surface: dict[str, Any] = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
+    warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
+    if not takes_f0(next(each for each in maps if each.needs_surface)):
+        del surface["f0"]
     pairs = zip(maps, surfaces, strict=True)
     shown = [each.shaded(own.number("roughness"), own.color("f0")) for each, own in pairs]
     return shown, surface, warnings
@@ -178,10 +184,3 @@ def lit_maps(
         warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
         found.append(lit)
     return found, warnings
-
-
-def surface_values(surface: Ggx | None) -> dict[str, Any]:
-    """Return a surface's roughness and reflectance for a result; empty without a surface."""
-    if surface is None:
-        return {}
-    return {"roughness": surface.number("roughness"), "f0": list(surface.color("f0"))}

@@ -35,6 +35,8 @@ class Light:
         OpenEXR cubes of the split sum, of the engine's own sizes and roughnesses.
     roughness : tuple of float
         The perceptual roughness of each level.
+    lobe : str
+        The BRDF whose lobes the levels are of.
     irradiance : Irradiance, optional
         Nine coefficients of the light at most, windowed as was asked for: for harmonics.
     diffuse : Irradiance, optional
@@ -53,6 +55,7 @@ class Light:
     source: str
     levels: tuple[Array, ...] = ()
     roughness: tuple[float, ...] = ()
+    lobe: str = "ggx"
     irradiance: Irradiance | None = None
     diffuse: Irradiance | None = None
     skybox: Array | None = None
@@ -134,6 +137,8 @@ class Engine(ABC):
     wants_levels, wants_irradiance, wants_diffuse, wants_latlong : bool
         Which attributes of `Light` it is given: levels of a split sum, nine coefficients, the
         irradiance for cubes, the light as a lat-long.
+    lobes : tuple of str
+        The BRDFs whose split sums it reads.
     default_skybox : int
         Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
     takes_skybox, takes_table : bool
@@ -145,6 +150,7 @@ class Engine(ABC):
     default_size: ClassVar[int] = 256
     formats: ClassVar[tuple[str, ...]] = ()
     mapping: ClassVar[LevelMapping | None] = None
+    lobes: ClassVar[tuple[str, ...]] = ("ggx",)
     least: ClassVar[int] = 1
     wants_levels: ClassVar[bool] = True
     wants_irradiance: ClassVar[bool] = True

@@ -58,8 +58,8 @@ class _Sample:
         )
 
 
-def _half(channel: int, offset: int) -> _Sample:
-    return _Sample(channel | _FLOAT | _SIGNED, offset, 16, _MINUS_ONE, _ONE)
+def _float(channel: int, offset: int, bits: int = 16) -> _Sample:
+    return _Sample(channel | _FLOAT | _SIGNED, offset, bits, _MINUS_ONE, _ONE)
 
 
 def _shared(channel: int, offset: int) -> tuple[_Sample, _Sample]:
@@ -73,7 +73,11 @@ def _shared(channel: int, offset: int) -> tuple[_Sample, _Sample]:
 _VULKAN: dict[str, tuple[int, int, tuple[_Sample, ...]]] = {
     # vkFormat, typeSize, samples
     "rgba16f": (
-        97, 2, (_half(_RED, 0), _half(_GREEN, 16), _half(_BLUE, 32), _half(_ALPHA, 48)),
+        97, 2, (_float(_RED, 0), _float(_GREEN, 16), _float(_BLUE, 32), _float(_ALPHA, 48)),
+    ),
+    "rgba32f": (
+        109, 4,
+        tuple(_float(each, 32 * k, 32) for k, each in enumerate((_RED, _GREEN, _BLUE, _ALPHA))),
     ),
     "r11g11b10": (
         122, 4,
@@ -92,7 +96,9 @@ def can_compress() -> bool:
     return find_spec("zstandard") is not None
 
 
-def ktx2_cube(levels: Sequence[bytes], size: int, texels: TexelFormat, compress: bool) -> bytes:
+def ktx2_cube(
+    levels: Sequence[bytes], size: int, texels: TexelFormat, compress: bool, faces: int = 6
+) -> bytes:
     """Return a KTX 2 file of a cube.
 
     Parameters
@@ -105,6 +111,8 @@ def ktx2_cube(levels: Sequence[bytes], size: int, texels: TexelFormat, compress:
     texels : TexelFormat
     compress : bool
         Whether each mip is compressed by Zstandard, which needs the extra ``export``.
+    faces : int
+        6 of a cube, and 1 of a square picture.
 
     Returns
     -------
@@ -116,7 +124,7 @@ def ktx2_cube(levels: Sequence[bytes], size: int, texels: TexelFormat, compress:
     pairs = _pair("KTXwriter", f"shrm {__release__}")
     head = len(_KTX2) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
     header = struct.pack(
-        "<9I", number, type_size, size, size, 0, 0, _FACES, len(levels), _ZSTD if compress else 0
+        "<9I", number, type_size, size, size, 0, 0, faces, len(levels), _ZSTD if compress else 0
     )
     index = struct.pack(
         "<4I2Q", head, len(descriptor), head + len(descriptor), len(pairs), 0, 0

@@ -81,18 +81,19 @@ def levels_of_map(
     wanted = split.size if size is None else size
     sizes = engine.sizes(wanted)
     roughness = engine.roughness(sizes)
+    command = _command(engine, wanted, split.lobe)
     if len(roughness) != len(split.roughness) or not np.allclose(
         roughness, split.roughness, rtol=0, atol=_SAME
     ):
         raise MapError(
             f"{path}: its levels have roughness {_listed(split.roughness)}; {engine.title} looks "
-            f"up {_listed(roughness)} at size {wanted}; make it by {_command(engine, wanted)}, or "
+            f"up {_listed(roughness)} at size {wanted}; make it by {command}, or "
             "export the probe itself"
         )
     if split.size != wanted:
         raise MapError(
             f"{path}: its level 0 has {split.size} texels along an edge, not {wanted}; make it by "
-            f"{_command(engine, wanted)}, or export the probe itself"
+            f"{command}, or export the probe itself"
         )
     levels, changed = [], []
     for k, (cube, texels) in enumerate(zip(split.levels, sizes, strict=True)):
@@ -109,15 +110,15 @@ def _interpolated(cube: Array, split: SplitSum, size: int) -> Array:
     return np.maximum(values, min(float(cube.min()), 0.0))  # a cubic filter overshoots
 
 
-def _command(engine: Engine, size: int) -> str:
+def _command(engine: Engine, size: int, lobe: str) -> str:
     """Return the command that makes the levels of an engine."""
     sizes = engine.sizes(size)
+    to = "--to splitsum" if lobe == "ggx" else f"--to splitsum --brdf {lobe}"
     if engine.mapping is None:
         levels = ",".join(f"{value:.6g}" for value in engine.roughness(sizes))
-        return f"shrm prefilter PROBE --to splitsum --levels {levels} --size {size}"
+        return f"shrm prefilter PROBE {to} --levels {levels} --size {size}"
     return (
-        f"shrm prefilter PROBE --to splitsum --mapping {engine.mapping} --levels {len(sizes)} "
-        f"--size {size}"
+        f"shrm prefilter PROBE {to} --mapping {engine.mapping} --levels {len(sizes)} --size {size}"
     )
 
 

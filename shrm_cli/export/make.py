@@ -117,6 +117,8 @@ class Source:
         """Return the light itself: the probe, or a split sum's level of roughness 0."""
         if self.probe is not None or self.split is None or self.split.roughness[0] > 0:
             return self.probe
+        if not self.split.is_ggx:  # such as cloth, which has no mirror
+            return None
         return Probe.from_array(
             np.maximum(self.split.levels[0], 0),
             "openexr",
@@ -254,8 +256,13 @@ def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[st
     itself = source.light()
     light = Light(source.name, source.title, chromaticities=source.primaries[0])
     if engine.wants_levels and source.split is not None:
+        lobe = source.split.lobe
+        if lobe not in engine.lobes:
+            raise MapError(f"{source.path}: is of {lobe}; {engine.title} reads split sums of GGX")
+        if asked.table and lobe != "ggx":
+            raise ArgumentError("dfg", f"is the table of GGX; make yours by shrm dfg --brdf {lobe}")
         levels, roughness, told = levels_of_map(source.split, source.path, engine, asked.size)
-        light = replace(light, levels=levels, roughness=roughness)
+        light = replace(light, levels=levels, roughness=roughness, lobe=lobe)
     elif engine.wants_levels and source.probe is not None:
         size = asked.size or engine.default_size
         levels, roughness = levels_of_probe(source.probe, engine, size)

@@ -1,4 +1,4 @@
-"""PNG files of 8-bit sRGB, written whole or not at all."""
+"""PNG files of 8-bit sRGB, or of 16-bit numbers, written whole or not at all."""
 
 import os
 import struct
@@ -74,8 +74,13 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
-    """Write a picture of 8-bit sRGB values, shape (H, W, 3), whole or not at all.
+def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8 | np.uint16]) -> None:
+    """Write a picture of 8-bit sRGB values, or 16-bit linear ones, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+    pixels : ndarray of uint8 or uint16, shape (H, W, 3)
 
     Raises
     ------
@@ -86,10 +91,11 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
         _write_png(temporary, pixels)
 
 
-def _write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
+def _write_png(path: Path, pixels: NDArray[np.uint8 | np.uint16]) -> None:
     height, width, _ = pixels.shape
-    spec = oiio.ImageSpec(width, height, 3, oiio.UINT8)
-    spec.attribute("oiio:ColorSpace", "sRGB")
+    is_srgb = pixels.dtype == np.uint8
+    spec = oiio.ImageSpec(width, height, 3, oiio.UINT8 if is_srgb else oiio.UINT16)
+    spec.attribute("oiio:ColorSpace", "sRGB" if is_srgb else "linear")
     path.touch()  # raises the system's error, which OpenImageIO would not report
     target = oiio.ImageOutput.create("png")
     # Calling write_image after a failed open would be a segmentation fault.

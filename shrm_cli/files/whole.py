@@ -129,7 +129,7 @@ def check_target(
     except UnicodeError as error:
         raise OutputError(f"{target}: {fault_of_name(target)}, or name another output") from error
     if suffixes and Path(target).suffix.lower() not in suffixes:
-        raise OutputError(f"{target}: what is written is {suffixes[0]}; name it so")
+        raise OutputError(f"{target}: what is written is {', '.join(suffixes)}; name it so")
 
 
 def fault_of_name(path: str | os.PathLike[str]) -> str:

@@ -69,7 +69,7 @@ class LightMap(FixedMap):
 
     format_version = 3
     frame: ClassVar[Frame] = "global"
-    center: ClassVar[Center]
+    center: Center
 
     def summary(self) -> dict[str, Any]:
         """Return what users and scripts are told about every map of light alone."""

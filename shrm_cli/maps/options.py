@@ -182,7 +182,7 @@ class Representation:
     options : tuple of Option
         The representation's own arguments.
     why_no_brdf : str
-        Why the representation takes no BRDF; empty where it needs one.
+        Why the representation needs no BRDF; empty where it needs one.
     own_defaults : mapping of str to value
         Its defaults of shared arguments, where they are others than those in `SHARED`.
     steps : tuple of mapping of str to value
@@ -306,7 +306,8 @@ SHARED = {
 
 SHADER = Option(
     "shader",
-    "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0); "
+    "Print code that looks the map up: shrm_radiance(n, v), or (n, v, roughness, f0), without f0 "
+    "of another BRDF than GGX; "
     "shrm_irradiance(n) of irradiance.",
     "choice",
     choices=("glsl", "hlsl", "c"),

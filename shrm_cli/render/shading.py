@@ -1,4 +1,4 @@
-"""The GGX surface that maps of light alone are shown as, and a check of its roughness."""
+"""The surface that maps of light alone are shown as, and a check of its roughness."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -11,6 +11,7 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.splitsum.split_sum import SplitSum
 
 _ROUNDING = 1e-6
 """How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
@@ -44,6 +45,11 @@ def ggx_surface(roughness: float | None = None, f0: Color | None = None) -> Ggx:
     """
     given = {"roughness": roughness, "f0": f0}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
+
+
+def takes_f0(made: Map) -> bool:
+    """Tell whether a map is shown with a reflectance at normal incidence, as those of GGX are."""
+    return made.needs_surface and not (isinstance(made, SplitSum) and not made.is_ggx)
 
 
 def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:

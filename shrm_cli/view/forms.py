@@ -11,6 +11,7 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
+from shrm_cli.render.shading import takes_f0
 from shrm_cli.view.blocks import Blocks
 
 _LAYERS = "shrm_layers"
@@ -72,7 +73,8 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
 
 def _call(made: Map) -> str:
     """Return the expression of the radiance at a normal n and a view v, in linear Rec.709."""
-    surface = ", view_roughness, view_f0" if made.needs_surface else ""
+    surface = ", view_roughness" if made.needs_surface else ""
+    surface += ", view_f0" if takes_f0(made) else ""
     call = f"shrm_radiance(n, v{surface})"
     if isinstance(made, Irradiance):
         call = "shrm_irradiance(n) * 0.3183098861837907"
@@ -87,7 +89,7 @@ def _facts(made: Map) -> list[tuple[str, str]]:
     """Return what the page says of a map, as pairs of a word and a value."""
     info, summary = made.info, made.summary()
     facts = [("form", registry.description(made.representation).title)]
-    if not made.needs_surface and not isinstance(made, Irradiance):
+    if not takes_f0(made) and not isinstance(made, Irradiance):
         facts.append(("BRDF", _spaced(spec_of(info.brdf))))
     facts.append(("probe", info.probe or "unknown"))
     if made.cube_count:

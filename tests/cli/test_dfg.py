@@ -1,12 +1,14 @@
 """`shrm dfg`: the table, reopened by OpenEXR and used as its attributes say."""
 
 import json
+import struct
 
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 import pytest
 
-from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot
+from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot, write_exr
 
 
 def albedo(roughness, cosine, f0, count=400):
@@ -157,7 +159,7 @@ def test_it_is_no_map(tmp_path):
         (["--moments", "--multiscatter"], 2, "--multiscatter"),
         (["--size", "1"], 2, "--size"),
         (["--size", "2000"], 2, "--size"),
-        (["-o", "table.png"], 1, ".exr"),
+        (["-o", "table.jpg"], 1, ".exr, .ktx2, .png"),
         (["-o", "no/such/folder/table.exr"], 1, "table.exr"),
     ],
 )
@@ -183,3 +185,59 @@ def test_an_attribute_of_an_unknown_type_is_refused(tmp_path, name):
     assert name + b"\0int\0" in data
     target.write_bytes(data.replace(name + b"\0int\0", name + b"\0xnt\0"))
     assert_refused(run("info", target), 1, f"{name.decode()} is wrong")
+
+
+def test_a_table_of_cloth_in_every_container(tmp_path):
+    plain = tmp_path / "sheen.exr"
+    done("dfg", "--brdf", "charlie:color=1/0.5/0.25", "--size", "8", "-o", plain)
+    header, planes = read_exr(plain)
+    assert (header["shrm:columns"], header["shrm:brdf"]) == ("albedo", "charlie:color=1/0.5/0.25")
+    np.testing.assert_allclose(planes["G"], planes["R"] / 2, rtol=2e-3)
+    assert "columns       albedo" in done("info", plain)
+    for precision in ("half", "float"):
+        texture = tmp_path / f"{precision}.ktx2"
+        done("dfg", "--brdf", "charlie", "--size", "8", "-o", texture, "--precision", precision)
+        data = texture.read_bytes()
+        number, _, width, height, depth, layers, faces, levels = struct.unpack_from("<8I", data, 12)
+        assert (width, height, depth, layers, faces, levels) == (8, 8, 0, 0, 1, 1)
+        assert number == {"half": 97, "float": 109}[precision]
+        offset, length = struct.unpack_from("<2Q", data, 80)
+        texels = np.frombuffer(data[offset : offset + length], f"<f{length // 256}")
+        texels = texels.reshape(8, 8, 4)
+        assert (texels[..., 3] == 1).all()
+        np.testing.assert_allclose(texels[..., 0], planes["R"], rtol=2e-3, atol=1e-6)
+    picture = tmp_path / "sheen.png"
+    done("dfg", "--brdf", "charlie", "--size", "8", "-o", picture)
+    data = picture.read_bytes()
+    assert data[24:26] == bytes([16, 2])  # the bit depth of RGB
+    words = oiio.ImageInput.open(str(picture)).read_image("uint16")
+    np.testing.assert_allclose(words[..., 0] / 65535, planes["R"], atol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--brdf", "phong"], "no roughness"),
+        (["--brdf", "charlie:roughness=0.09"], "leave roughness out"),
+        (["--brdf", "ward:ax=0.1,ay=0.3"], "the same all around"),
+        (["--brdf", "charlie", "--columns", "gltf"], "exclude each other"),
+        (["--columns", "turquin", "-o", "a.png"], "PNG holds 0 .. 1"),
+        (["--moments", "-o", "a.ktx2"], "three columns, not 6"),
+        (["-o", "a.png", "--precision", "half"], "16 bits"),
+    ],
+)
+def test_tables_that_cannot_be_made_or_held(tmp_path, monkeypatch, options, told):
+    monkeypatch.chdir(tmp_path)
+    code = 2 if "exclude" in told else 1
+    assert_refused(run("dfg", "--size", "4", *options), code, told)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_table_whose_columns_are_unknown_is_refused(tmp_path):
+    target = tmp_path / "table.exr"
+    done("dfg", "--columns", "turquin", "--size", "4", "-o", target)
+    assert "columns       turquin" in done("info", target)
+    header, planes = read_exr(target)
+    pixels = np.stack([planes[each] for each in "RGB"], axis=-1)
+    write_exr(target, pixels, **{**header, "shrm:columns": "seven"})
+    assert_refused(run("info", target), 1, "shrm:columns is wrong; make it again with shrm dfg")

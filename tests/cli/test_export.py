@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from shrm_cli.maps.file import open_map
 from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
@@ -57,6 +58,46 @@ def test_a_turned_probe_is_turned(folder):
     # +X and -X change places; the rows of their faces stay.
     assert (np.abs(turned[0] - plain[1]) < 0.02 * plain[1]).all()
     assert np.abs(turned[0] - plain[0]).max() > 0.02
+
+
+def test_a_chain_of_cloth_is_written_for_readers_of_it_alone(folder):
+    done(
+        "prefilter", "sky.exr", "--to", "splitsum", "--brdf", "charlie", "--levels", "2", "--size",
+        "32", "-o", "cloth.exr",
+    )  # fmt: skip
+    done("export", "cloth.exr", "--for", "gltf-sample-viewer", "-o", "a")
+    assert "charlie: textureLod" in (folder / "a" / "cloth_README.md").read_text()
+    assert {path.name for path in (folder / "a").iterdir()} == {
+        "cloth_charlie.ktx2", "cloth_README.md",
+    }  # fmt: skip
+    made = open_map("cloth.exr")
+    found = read_ktx2((folder / "a" / "cloth_charlie.ktx2").read_bytes()).mips
+    assert [mip.shape[1] for mip in found] == [32, 16]
+    # Where the sampler's faces meet those of the map, their means are the same light.
+    assert found[0].mean() == pytest.approx(made.levels[0].mean(), rel=1e-3)
+    refused = run("export", "cloth.exr", "--for", "filament", "-o", "b")
+    assert_refused(refused, 1, "is of charlie; Filament reads split sums of GGX")
+    refused = run("export", "cloth.exr", "--for", "gltf-sample-viewer", "--dfg", "-o", "b")
+    assert_refused(refused, 2, "shrm dfg --brdf charlie")
+    refused = run("export", "cloth.exr", "--for", "gltf-sample-viewer", "--size", "64", "-o", "b")
+    assert_refused(refused, 1, "--to splitsum --brdf charlie --mapping linear --levels 3 --size 64")
+    assert not (folder / "b").exists()
+
+
+def test_cloth_has_colours_of_its_own(folder):
+    out = done(
+        "prefilter", "sky.exr", "--to", "splitsum", "--brdf", "charlie", "--levels", "2", "--size",
+        "16", "-o", "cloth.exr",
+    )  # fmt: skip
+    assert "split sum of charlie, 2 levels" in out
+    result = json.loads(
+        done("compare", "cloth.exr", "--probe", "sky.exr", "--roughness", "1", "--json", "--size",
+             "24", "--no-picture", "--no-flip")
+    )  # fmt: skip
+    assert result["brdf"] == {"name": "charlie", "parameters": {"roughness": 1.0, "color": 1.0}}
+    assert "f0" not in result
+    assert result["summary"][0]["relative_rmse"] < 0.2
+    assert_refused(run("render", "cloth.exr", "--f0", "gold"), 2, "--f0 applies to maps of GGX")
 
 
 def test_maps_are_converted(folder):

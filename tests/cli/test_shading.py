@@ -36,7 +36,7 @@ def test_all_maps_are_shown_as_one_surface(command):
     shown, surface, warnings = shaded_maps([white, recorder], "ab", 0.6, "1/0.5/0.25")
     assert shown[0] is white
     assert recorder.told == [(0.6, (1.0, 0.5, 0.25))]
-    assert (surface.number("roughness"), surface.color("f0")) == recorder.told[0]
+    assert surface == {"roughness": 0.6, "f0": [1.0, 0.5, 0.25]}
     assert warnings == ["b: it was made for roughness 0.2 .. 0.5, not 0.6"]
 
 
@@ -48,4 +48,4 @@ def test_the_surface_where_none_is_asked_for(command):
 
 def test_maps_of_a_brdf_get_no_surface(command):
     white = furnace((1, 1, 1))
-    assert shaded_maps([white], "a", None, None) == ([white], None, [])
+    assert shaded_maps([white], "a", None, None) == ([white], {}, [])

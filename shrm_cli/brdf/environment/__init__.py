@@ -1,1 +1,1 @@
-"""What GGX reflects of a whole environment: albedos, lobe moments and their tables."""
+"""What GGX and other BRDFs reflect of a whole environment: lobes, albedos, moments, tables."""

@@ -10,14 +10,15 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.environment.material_albedo import albedo_table
+from shrm_cli.brdf.environment.views import ViewTable, half_vectors, unit_rule
+from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.vectors import GRAZING, fifth_power
 from shrm_cli.errors import MapError
-from shrm_cli.sphere.quadrature import gauss_legendre
 
 _SLOPES = 40  # nodes of each half of the integral over the slope of the half vector
 _AZIMUTHS = 16  # and of the integral over its azimuth
 _VIEWS_AT_ONCE = 8  # so few that their samples stay in the processor's cache
-_TABLE = 129  # nodes in N.V
 _NEAR_NORMAL = 1 - 1e-9  # the largest N.V for which T.L / sin(theta_v) can be computed
 _LEAST_ALPHA = 1e-8  # smaller values would look the same, but divide by zero
 
@@ -64,26 +65,14 @@ def lobe_moments(roughness: float, cosines: ArrayLike) -> Array:
 def _integrals(alpha: float, view: Array) -> Array:
     """Compute `lobe_moments` by Gauss and Legendre's rule, for N.V of shape (n, 1).
 
-    The integral is over the half vector H instead of L, with ``dL = 4 V.H dH``. Its coordinates are
-    the azimuth of H from the view, and x, where the slope of H is ``t = tan(theta_h) = alpha
-    sinh(x)``; in x lobes of all widths are smooth. L is above the surface where ``cos(phi) > N.V
-    (t^2 - 1) / (2 t sin(theta_v))``. That holds for all azimuths up to the slope ``(1 -
-    sin(theta_v)) / N.V``, and for none beyond ``(1 + sin(theta_v)) / N.V``. Nodes are dense at both
-    slopes, because the range of azimuths changes there like a square root.
+    They are over the half vector H instead of L, with ``dL = 4 V.H dH``.
     """
     sine = np.sqrt(1 - view**2)
-    first, second = np.arcsinh(view / (1 + sine) / alpha), np.arcsinh((1 + sine) / view / alpha)
-    nodes, weights = _rule(_SLOPES)
-    eased, eased_weights = nodes**2 * (3 - 2 * nodes), weights * 6 * nodes * (1 - nodes)
-    span = second - first
-    x = np.concatenate([first * nodes, first + span * eased], axis=1)
-    measure = np.concatenate([first * weights, span * eased_weights], axis=1)
+    x, measure, end = half_vectors(alpha, view, _SLOPES)
     slope = alpha * np.sinh(x)
     # With y = sinh(x), D cos(theta_h) dH = 2 y / (1 + y^2)^2 dy dphi / (2 pi).
     measure *= 2 * np.tanh(x) / np.cosh(x) ** 2
-    limit = view * (slope**2 - 1) / np.maximum(2 * slope * sine, np.finfo(float).tiny)
-    end = np.arccos(np.clip(limit, -1.0, 1.0))
-    azimuths, azimuth_weights = (each[:, None, None] for each in _rule(_AZIMUTHS))
+    azimuths, azimuth_weights = (each[:, None, None] for each in unit_rule(_AZIMUTHS))
     along = np.cos(end * azimuths) * slope  # the component of H / N.H towards the view
     facing = along * sine + view  # V.H / N.H
     cosine2 = 1 / (1 + slope**2)
@@ -104,13 +93,7 @@ def _integrals(alpha: float, view: Array) -> Array:
     return result
 
 
-def _rule(count: int) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss and Legendre's rule on 0 .. 1."""
-    nodes, weights = gauss_legendre(count)
-    return (nodes + 1) / 2, weights / 2
-
-
-class LobeMoments:
+class LobeMoments(ViewTable):
     """The moments of one roughness, tabulated over N.V for rendering.
 
     Interpolated values differ from those of `lobe_moments` by 2e-5 at most, at any roughness.
@@ -122,57 +105,28 @@ class LobeMoments:
     """
 
     def __init__(self, roughness: float) -> None:
+        super().__init__(max(roughness**2, _LEAST_ALPHA))
         self.roughness = roughness
 
     def at(self, cosines: ArrayLike) -> Array:
         """Interpolate `lobe_moments` at N.V of shape (...); the result is of shape (2, 3, ...)."""
         view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
-        moments = self._interpolated(self._table, view)
+        moments = self.interpolated(self._table, view)
         moments[:, 2] *= np.sqrt(1 - view**2)
         return moments
 
     def totals(self, cosines: ArrayLike) -> Array:
         """Interpolate only the integrals of 1, shape (2, ...)."""
         view = np.clip(np.asarray(cosines, dtype=float), GRAZING, 1.0)
-        return self._interpolated(self._table[:, 0], view)
-
-    def _interpolated(self, table: Array, view: Array) -> Array:
-        """Interpolate each row by the cubic polynomial through the four nearest nodes."""
-        position = (_TABLE - 1) * self._position(view)
-        node = np.clip(position.astype(int), 1, _TABLE - 3)
-        t = position - node
-        result = table[..., node - 1] * (-t * (t - 1) * (t - 2) / 6)
-        result += table[..., node] * ((t + 1) * (t - 1) * (t - 2) / 2)
-        result += table[..., node + 1] * (-(t + 1) * t * (t - 2) / 2)
-        result += table[..., node + 2] * ((t + 1) * t * (t - 1) / 6)
-        return np.asarray(result)
-
-    def _position(self, view: Array) -> Array:
-        """The position of N.V in the table, 0 .. 1.
-
-        The moments change fastest where N.V is less than alpha. The nodes are dense there, at any
-        roughness.
-        """
-        first, last = self._ends
-        return (np.arcsinh(np.sqrt(view / self._scale)) - first) / (last - first)
-
-    @property
-    def _scale(self) -> float:
-        return 0.3 * max(self.roughness**2, _LEAST_ALPHA)
-
-    @property
-    def _ends(self) -> tuple[float, float]:
-        first, last = np.arcsinh(np.sqrt(np.array([GRAZING, 1.0]) / self._scale)).tolist()
-        return first, last
+        return self.interpolated(self._table[:, 0], view)
 
     @cached_property
     def _table(self) -> Array:
-        """The moments at equal steps of `_position`; those of T.L are divided by sin(theta_v).
+        """The moments at the nodes; those of T.L are divided by sin(theta_v).
 
         The quotient is smooth at sin(theta_v) = 0, where T.L is not.
         """
-        nodes = self._scale * np.sinh(np.linspace(*self._ends, _TABLE)) ** 2
-        view = np.clip(nodes, GRAZING, _NEAR_NORMAL)
+        view = np.clip(self.nodes, GRAZING, _NEAR_NORMAL)
         table = lobe_moments(self.roughness, view)
         table[:, 2] /= np.sqrt(1 - view**2)
         return table
@@ -266,6 +220,38 @@ def environment_table(size: int, multiscatter: bool = False) -> Array:
     total, bias = moments[..., 0], moments[..., 3]
     table[..., 0], table[..., 1] = (bias, total) if multiscatter else (total - bias, bias)
     return table
+
+
+def columns_table(kind: str, size: int) -> Array:
+    """Compute a table of three columns, two of which are those of `environment_table`.
+
+    Parameters
+    ----------
+    kind : {"fdez-aguera", "turquin", "gltf", "filament"}
+        The third column is the light that single scattering loses where f0 is 1, ``1 - E`` with
+        ``E = scale + bias``; it as a part of E; or the albedo of cloth, after scale and bias, or
+        after the columns for multiple scattering.
+    size : int
+        As of `environment_table`.
+
+    Returns
+    -------
+    ndarray, shape (size, size, 3)
+
+    References
+    ----------
+    Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image Based Lighting";
+    Turquin 2019, "Practical multiple scattering compensation for microfacet models".
+    """
+    two = environment_table(size, kind == "filament")
+    albedo = two.sum(axis=-1)
+    if kind == "fdez-aguera":
+        third = 1 - albedo
+    elif kind == "turquin":
+        third = (1 - albedo) / albedo
+    else:
+        third = albedo_table(Charlie(visibility="neubelt"), size)[..., 0]
+    return np.concatenate([two, third[..., None]], axis=-1)
 
 
 def moments_table(size: int) -> Array:

@@ -11,8 +11,14 @@ from shrm_cli.files.parts import Part, StoredPart, peek, write_parts
 from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 
-Kind = Literal["scale-bias", "multiscatter", "moments"]
+Kind = Literal[
+    "scale-bias", "multiscatter", "moments", "fdez-aguera", "turquin", "gltf", "filament", "albedo"
+]
 
+
+_AGAIN = "make it again with shrm dfg"
+_TOLD_BY_FLAGS = "scale-bias", "multiscatter", "moments"
+"""The kinds of tables that attributes of their own tell apart."""
 _MOMENTS = 2
 """The value of ``shrm:moments`` of tables of moments. In those of 1, T was normalized."""
 
@@ -51,11 +57,40 @@ MEANINGS: dict[Kind, Meaning] = {
         "mix(tail.E, base.E, f0)",
         "(mix(tail.N, base.N, f0) * N + mix(tail.T, base.T, f0) * T) / mix(tail.E, base.E, f0)",
     ),
+    "fdez-aguera": Meaning(
+        ("R", "G", "B"),
+        "R = scale, G = bias, B = 1 - scale - bias",
+        "(f0 * R + G) * (1 + F * B / (1 - F * B)) with F = f0 + (1 - f0) / 21",
+    ),
+    "turquin": Meaning(
+        ("R", "G", "B"),
+        "R = scale, G = bias, B = (1 - E) / E with E = scale + bias",
+        "(f0 * R + G) * (1 + f0 * B)",
+    ),
+    "gltf": Meaning(
+        ("R", "G", "B"),
+        "R = scale, G = bias, B = albedo of charlie:visibility=neubelt",
+        "f0 * R + G; cloth: color * B",
+    ),
+    "filament": Meaning(
+        ("R", "G", "B"),
+        "R = bias, G = scale + bias, B = albedo of charlie:visibility=neubelt",
+        "mix(R, G, f0) * (1 + f0 * (1 / G - 1)); cloth: color * B",
+    ),
+    "albedo": Meaning(
+        ("R", "G", "B"),
+        "directional albedo",
+        "(R, G, B), and lets 1 - max(R, G, B) through to what lies below",
+    ),
 }
 
 
 def write_dfg(
-    path: str | os.PathLike[str], table: Array, kind: Kind, precision: Precision = "auto"
+    path: str | os.PathLike[str],
+    table: Array,
+    kind: Kind,
+    precision: Precision = "auto",
+    brdf: str = "ggx",
 ) -> str:
     """Write a table of `environment_table` or `moments_table`, whole or not at all.
 
@@ -66,12 +101,14 @@ def write_dfg(
     Parameters
     ----------
     path : path-like
-    table : ndarray, shape (N, N, 2), or (N, N, 6) for moments
-        Indexed [perceptual roughness, N.V, channel].
-    kind : {"scale-bias", "multiscatter", "moments"}
-        Which table it is.
+    table : ndarray, shape (N, N, channels)
+        Indexed [perceptual roughness, N.V, channel]; the channels are those of its `MEANINGS`.
+    kind : str
+        Which table it is, one of `MEANINGS`.
     precision : {"auto", "half", "float"}
         The pixel type to write.
+    brdf : str
+        The specification of the BRDF.
 
     Returns
     -------
@@ -86,17 +123,19 @@ def write_dfg(
     meaning = MEANINGS[kind]
     header = {
         "shrm:table": "dfg",
-        "shrm:brdf": "ggx",
+        "shrm:brdf": brdf,
         "shrm:multiscatter": int(kind == "multiscatter"),
         "shrm:moments": _MOMENTS if kind == "moments" else 0,
         "shrm:axes": "x = N.V, y = perceptual roughness, 0 at the top; texel centres",
         "shrm:channels": meaning.channels,
         "shrm:reflectance": meaning.reflectance,
     }
+    if kind not in _TOLD_BY_FLAGS:
+        header["shrm:columns"] = kind
     if meaning.mean:
         header["shrm:mean_direction"] = meaning.mean
     planes = {name: table[..., k] for k, name in enumerate(meaning.names)}
-    if "R" in planes:
+    if meaning.names == ("R", "G"):
         planes["B"] = np.zeros(table.shape[:2])
     return write_parts(path, [Part(planes, header)], precision)
 
@@ -112,7 +151,8 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     -------
     dict or None
         The items ``width``, ``height``, ``multiscatter``, ``moments``, ``channels`` and
-        ``reflectance``, and for moments ``mean_direction``. None if the file is anything else.
+        ``reflectance``, for moments ``mean_direction``, and ``columns`` and ``brdf`` where
+        these are others. None if the file is anything else.
 
     Raises
     ------
@@ -124,7 +164,11 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         return None
     part = found.first
     multiscatter, moments = _flag(part, "shrm:multiscatter"), _flag(part, "shrm:moments")
-    meaning = MEANINGS["moments" if moments else "multiscatter" if multiscatter else "scale-bias"]
+    kind = part.text("shrm:columns")
+    if kind and kind not in MEANINGS:
+        raise BrdfError(f"{part.path}: its attribute shrm:columns is wrong; {_AGAIN}")
+    flagged: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
+    meaning = MEANINGS[kind or flagged]
     _check_numbers(part, meaning)
     facts = {
         "width": part.width,
@@ -134,6 +178,8 @@ def read_table_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         "channels": meaning.channels,
         "reflectance": meaning.reflectance,
     }
+    if kind:
+        facts |= {"columns": kind, "brdf": part.text("shrm:brdf")}
     return {**facts, "mean_direction": meaning.mean} if moments else facts
 
 
@@ -141,17 +187,16 @@ def _flag(part: StoredPart, name: str) -> bool:
     """Read an attribute that is a number other than 0 where something is so."""
     value = part.attribute(name)
     if value is not None and type(value) is not int:
-        raise BrdfError(f"{part.path}: its attribute {name} is wrong; make it again with shrm dfg")
+        raise BrdfError(f"{part.path}: its attribute {name} is wrong; {_AGAIN}")
     return bool(value)
 
 
 def _check_numbers(part: StoredPart, meaning: Meaning) -> None:
     """Refuse a table whose numbers are not all there."""
     names = sorted({*meaning.names, "B"} if "R" in meaning.names else meaning.names)
-    again = "make it again with shrm dfg"
     if not part.holds(names) or max(part.width, part.height) > MAX_CUBE_SIZE:
-        raise BrdfError(f"{part.path}: its channels are not those of such a table; {again}")
+        raise BrdfError(f"{part.path}: its channels are not those of such a table; {_AGAIN}")
     try:
         part.read(names)
     except MapError:
-        raise BrdfError(f"{part.path}: damaged or truncated; {again}") from None
+        raise BrdfError(f"{part.path}: damaged or truncated; {_AGAIN}") from None

@@ -5,31 +5,20 @@ from functools import cached_property
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Parameter, Value, grey
+from shrm_cli.brdf.base import Parameter, Value
+from shrm_cli.brdf.environment.lobe import NormalLobe
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _NODES = 128
 
 
-def square_half_sine(light: Array, view: Array) -> Array:
-    """Return ``sin(angle / 2)^2`` of the angle between light and mirror direction, shape (...).
-
-    ``|L - R|^2 / 4`` is exact for small angles, where ``1 - R.L`` would cancel. Both directions,
-    shape (..., 3), are in the frame of the normal.
-    """
-    x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
-    z = light[..., 2] - view[..., 2]
-    value: Array = (x * x + y * y + z * z) / 4
-    return value
-
-
-class GgxLobe(Brdf):
+class GgxLobe(NormalLobe):
     """The lobe ``f_DV N.L`` of `Ggx` for ``N = V = R``, normalized to be a mean of light about R.
 
     f_DV is the BRDF without Fresnel's term. With ``c = R.L`` and H half way between R and L,
     ``rho_hat = k D(R.H) c / (c + sqrt(a^2 + (1 - a^2) c^2))``, where k makes the integral over the
-    hemisphere 1. It is no model of a material, so it is not among the models that have a name.
+    hemisphere 1.
     """
 
     name = "ggx-lobe"
@@ -40,21 +29,14 @@ class GgxLobe(Brdf):
             "roughness", 0.4, MIN_ROUGHNESS, 1.0, "perceptual roughness, the root of GGX's alpha"
         ),
     )
-    includes_cosine = True
-    has_horizon = False
-    zonal = True
 
     def __init__(self, **values: Value) -> None:
         super().__init__(**values)
-        self.ggx_alpha = self.number("roughness") ** 2
-
-    def evaluate(self, light: Array, view: Array) -> Array:
-        return grey(self.radial(square_half_sine(light, view)))
+        self.width = self.number("roughness") ** 2
 
     def radial(self, square_sine: Array) -> Array:
-        """Evaluate the lobe, from the square of the sine of half the angle to its axis."""
         cosine = np.maximum(1 - 2 * square_sine, 0)
-        a2 = self.ggx_alpha**2
+        a2 = self.width**2
         distribution = (self._peak * a2 * a2) / (a2 + (1 - a2) * square_sine) ** 2
         value: Array = distribution * cosine / (cosine + np.sqrt(a2 + (1 - a2) * cosine**2))
         return value
@@ -66,9 +48,9 @@ class GgxLobe(Brdf):
         The integral over the lobe substitutes ``tan(angle / 2) = a sinh(x)``, since lobes of all
         widths are smooth in x.
         """
-        a2 = self.ggx_alpha**2
+        a2 = self.width**2
         nodes, weights = gauss_legendre(_NODES)
-        end = np.arcsinh(1 / self.ggx_alpha)
+        end = np.arcsinh(1 / self.width)
         x = (nodes + 1) / 2 * end
         square_tangent = a2 * np.sinh(x) ** 2
         cosine = (1 - square_tangent) / (1 + square_tangent)

@@ -1,5 +1,7 @@
 """The sheen of cloth, whose microfibers stand up from the surface."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from shrm_cli.arrays import Array
@@ -17,15 +19,23 @@ class Charlie(Brdf):
     ``D = (2 + 1/r) sin(theta_h)^(1/r) / (2 pi)`` with the roughness r, and ``G = 1 / (1 +
     Lambda(N.L) + Lambda(N.V))`` with the fit of Lambda in the paper (see `source`). The paper's
     softening of the terminator is left out, because it treats light and view differently.
+
+    With ``visibility=neubelt`` it is ``f_r = color D / (4 (N.L + N.V - N.L N.V))``, as Filament and
+    Khronos's glTF-IBL-Sampler have it.
     """
 
     name = "charlie"
     summary = "sheen of cloth, brightest at grazing angles"
     source = "Estevez and Kulla 2017, Production friendly microfacet sheen BRDF"
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("roughness", 0.5, 0.05, 1.0, "r: smaller gathers the sheen at the rim"),
         Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "colour of the fibres"),
-    )
+        Parameter(
+            "visibility", "kulla", choices=("kulla", "neubelt"), is_optional=True,
+            meaning="how fibres hide each other: the fit of the paper, or as Filament has it",
+        ),
+    )  # fmt: skip
+    roughness_power = 2
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
@@ -33,6 +43,9 @@ class Charlie(Brdf):
         rate = 1 / self.number("roughness")
         sine = np.sqrt(np.minimum(half.square_sine, 1.0))
         distribution = (2 + rate) / (2 * np.pi) * sine**rate
+        if self.values.get("visibility") == "neubelt":
+            value = distribution / (4 * (light_cosine + view_cosine - light_cosine * view_cosine))
+            return colored(above_horizon(value, light, view), self.color("color"))
         shadowed = 1 + self._shadowing(light_cosine) + self._shadowing(view_cosine)
         value = distribution / (4 * light_cosine * view_cosine * shadowed)
         return colored(above_horizon(value, light, view), self.color("color"))

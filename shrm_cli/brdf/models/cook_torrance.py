@@ -30,6 +30,7 @@ class CookTorrance(Brdf):
         Parameter("roughness", 0.3, 0.005, 1.0, "m: root mean square slope"),
         NORMAL_REFLECTANCE,
     )
+    roughness_power = 2
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)

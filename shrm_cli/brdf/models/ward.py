@@ -24,6 +24,8 @@ class Ward(Brdf):
         Parameter("ay", 0.2, 0.005, 1.0, "the same in y", follows="ax"),
         Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "bound of the reflectance", names=METALS),
     )
+    roughness_names = ("ax", "ay")
+    roughness_power = 2
 
     def __init__(self, **values: Value) -> None:
         super().__init__(**values)

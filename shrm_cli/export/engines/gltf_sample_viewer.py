@@ -30,6 +30,7 @@ class GltfSampleViewer(Engine):
     wants_diffuse = True
     wants_latlong = True
     takes_table = True
+    lobes = ("ggx", "charlie")
     least = 16
     """Texels along an edge of the last level: the viewer leaves out the smallest mips of 256."""
 
@@ -42,7 +43,7 @@ class GltfSampleViewer(Engine):
             load = "view.createResourceLoader().loadEnvironment"
             made.loading.append(f"state.environment = await {load}({string(uri(name))});")
         if light.levels:
-            ktx2_file(made, f"{light.name}_ggx.ktx2", light.levels, texels, WORLD)
+            ktx2_file(made, f"{light.name}_{light.lobe}.ktx2", light.levels, texels, WORLD)
         if light.diffuse is not None:
             cube = diffuse_cube(light.diffuse)
             ktx2_file(made, f"{light.name}_lambertian.ktx2", [cube], texels, WORLD)
@@ -52,7 +53,7 @@ class GltfSampleViewer(Engine):
                 "viewer itself reads the panorama alone"
             )
             made.loading.append(
-                "// ggx: textureLod(cube, R, r * (levels - 1)); "
+                f"// {light.lobe}: textureLod(cube, R, r * (levels - 1)); "
                 "lambertian: albedo * texture(cube, N)"
             )
         if light.table is not None:

@@ -85,7 +85,8 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
     """Write the function of a map for a shader or a program.
 
     It is ``shrm_radiance(n, v)``, ``shrm_radiance(n, v, roughness, f0)`` for light of any GGX
-    surface, and ``shrm_irradiance(normal)`` for irradiance. All names begin with ``shrm_``.
+    surface, ``shrm_radiance(n, v, roughness)`` for that of another BRDF, and
+    ``shrm_irradiance(normal)`` for irradiance. All names begin with ``shrm_``.
 
     Parameters
     ----------

@@ -8,9 +8,8 @@ whose expansion rings about lamps, far into dark places.
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Value
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.lobe import NormalLobe
 from shrm_cli.maps.splitsum.expansion import DARK_ERROR, multipliers, unknown_light
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.directions import from_angles
@@ -26,24 +25,23 @@ _GROWTH = 1.25
 """How much wider each core is than the one that was tried before it."""
 
 
-class LobeCore(GgxLobe):
-    """The part of GGX's lobe about its axis that fades out at an angle.
+class LobeCore(NormalLobe):
+    """The part of a lobe about its axis that fades out at an angle.
 
     With ``x = sin(theta / 2) / sin(angle / 2)`` it is the lobe times ``1 - I_x(8, 4)``, where I is
     the regularized incomplete beta function. The tail begins as x^8, which outweighs the lobe's
-    own fall with theta^-4, and it joins the lobe with three derivatives at the angle.
+    own fall (GGX falls with theta^-4), and it joins the lobe with three derivatives at the angle.
 
     Parameters
     ----------
-    lobe : GgxLobe
+    lobe : NormalLobe
     angle : float
         Where the core ends, radians.
     """
 
-    def __init__(self, lobe: GgxLobe, angle: float) -> None:
-        values: dict[str, Value] = {"roughness": lobe.number("roughness")}
-        super().__init__(**values)
-        self.angle = angle
+    def __init__(self, lobe: NormalLobe, angle: float) -> None:
+        self.name, self.values, self.width = lobe.name, lobe.values, lobe.width
+        self.lobe, self.angle = lobe, angle
         self._end = float(np.sin(angle / 2))
 
     def radial(self, square_sine: Array) -> Array:
@@ -55,7 +53,7 @@ class LobeCore(GgxLobe):
         kept = (
             y2 * y2 * (1 + x * (4 + x * (10 + 20 * x)) + x4 * (35 + x * (56 + x * (84 + 120 * x))))
         )
-        value: Array = super().radial(square_sine) * kept
+        value: Array = self.lobe.radial(square_sine) * kept
         return value
 
     def multipliers(self) -> Array:
@@ -73,13 +71,13 @@ class LobeCore(GgxLobe):
 
 
 def split_lobe(
-    lobe: GgxLobe, coefficients: BrdfCoefficients, lighting: Lighting, tolerance: float
+    lobe: NormalLobe, coefficients: BrdfCoefficients, lighting: Lighting, tolerance: float
 ) -> tuple[LobeCore, Array, float]:
     """Find the narrowest core whose tail loses little where the light's expansion ends.
 
     Parameters
     ----------
-    lobe : GgxLobe
+    lobe : NormalLobe
     coefficients : BrdfCoefficients
         Coefficients of the lobe, to order 512.
     lighting : Lighting

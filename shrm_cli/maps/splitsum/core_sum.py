@@ -124,7 +124,7 @@ class _Table:
     @classmethod
     def of(cls, core: LobeCore) -> "_Table":
         end = np.sin(core.angle / 2)
-        steps = int(np.ceil(_STEPS * end / core.ggx_alpha))
+        steps = int(np.ceil(_STEPS * end / core.width))
         values = core.radial(np.linspace(0, end, steps + 1) ** 2)
         slopes = np.append(np.diff(values), 0)
         return cls(core.angle, steps / end, values.astype(np.float32), slopes.astype(np.float32))

@@ -1,9 +1,10 @@
 """Writing split sums to files with a part for each level, and reading them again."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
+from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile, StoredPart
 from shrm_cli.maps.arrangement import image_channels
@@ -66,7 +67,8 @@ def decode(file: StoredFile) -> SplitSum:
     if not is_rising or (count > 1 and [part.name for part in parts] != level_names(roughness)):
         raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
     for each in attributes:
-        if (each["representation"], each["center"]) != (SplitSum.representation, SplitSum.center):
+        centers = ("reflection", "normal") if _has_material(each["brdf"]) else ("reflection",)
+        if each["representation"] != SplitSum.representation or each["center"] not in centers:
             raise MapError(f"{path}: its parts are not the levels of a split sum; {_AGAIN}")
         if (each["frame"], each["layout"], each["orientation"]) != ("global", "openexr", "openexr"):
             raise MapError(f"{path}: a split sum is OpenEXR's cube in global axes; {_AGAIN}")
@@ -80,7 +82,13 @@ def decode(file: StoredFile) -> SplitSum:
         _mapping(parts, roughness[0]),
         "border" if samplings.pop() else "center",
         [map_info(each, part) for each, part in zip(attributes, parts, strict=True)],
+        attributes[-1]["center"],
     )
+
+
+def _has_material(brdf: Mapping[str, Any]) -> bool:
+    """Whether a level is of another lobe than that of GGX."""
+    return brdf.get("name") not in (None, GgxLobe.name)
 
 
 def _roughness(part: StoredPart) -> float:

@@ -7,7 +7,7 @@ DESCRIPTIONS = {
     "splitsum": Representation(
         "splitsum",
         "split sum",
-        CUBE_ARGUMENTS | {"error"},
+        CUBE_ARGUMENTS | {"brdf", "error"},
         (
             Option("levels", "splitsum: how many, or the roughness of each.", "levels"),
             Option(
@@ -27,6 +27,6 @@ DESCRIPTIONS = {
                 default=False,
             ),
         ),
-        why_no_brdf="a split sum is of GGX",
+        why_no_brdf="a split sum is of GGX, unless a BRDF is given",
     )
 }

@@ -1,4 +1,4 @@
-"""Prefiltering for the split sum: light averaged by lobes of GGX for N = V = R."""
+"""Prefiltering for the split sum: light averaged by lobes of GGX, or others, for N = V = R."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
 from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
-from shrm_cli.errors import ArgumentError
+from shrm_cli.brdf.environment.lobe import MaterialLobe, NormalLobe, check_varies
+from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.errors import ArgumentError, BrdfError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.prefiltered import Prefiltered
-from shrm_cli.maps.provenance import provenance
+from shrm_cli.maps.provenance import provenance, record_of
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import split_lobe
@@ -33,7 +36,7 @@ from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
-from shrm_cli.vocabulary import MAX_ORDER_F, Sampling
+from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, Sampling
 
 Array = NDArray[np.floating]
 
@@ -62,9 +65,12 @@ coefficients fall slowly beyond that order, and direct integration costs most fo
 _CORE_ANGLE = np.radians(5)
 """The angle at which the core of a lobe ends that either way would do for. Sharper ones end at 3.5
 degrees and more. From it the time is estimated."""
+_MIRROR = 0.01
+"""The level of roughness 0 is the light itself where the sharpest lobe of the material is as sharp
+as GGX of this ggx_alpha. Cloth has no such lobe, so that its first level is its least roughness."""
 _ROWS_A_LOBE = 1.5
 """The least number of rows of pixels, from pole to pole, that a lobe is summed over, times its
-ggx_alpha. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
+width. A probe with fewer rows is interpolated. With this many rows the levels of a uniform
 probe ripple by up to 3 %, with twice as many by 0.01 %."""
 _MOST_ROWS = 1024
 """A probe that has more rows than this, and than twice the least number of a lobe, is averaged down
@@ -104,9 +110,12 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
         If levels of these roughnesses, or this number of levels, cannot be made.
     ArgumentError
         If a mip chain is asked for whose edge texels lie on the edges.
+    BrdfError
+        If there is no split sum of the BRDF.
     ProbeError
         If the probe cannot be read.
     """
+    brdf = split_material(request.brdf)
     size, sampling, own = request.size, request.sampling, request.own
     mips, mapping, levels = own["mips"], own["mapping"], own.get("levels")
     if mips and sampling != "center":
@@ -121,8 +130,11 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     else:
         roughness = check_roughnesses([float(value) for value in levels], mapping)
     sizes = mip_sizes(largest, len(roughness)) if mips else None
-    cubes, infos = make_levels(probe, roughness, largest, sampling, request.error or _ERROR, sizes)
-    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos)
+    error = request.error or _ERROR
+    cubes, infos = make_levels(probe, roughness, largest, sampling, error, sizes, brdf)
+    center = "reflection" if brdf is None else brdf.center
+    made = SplitSum.of_levels(cubes, roughness, mapping, sampling, infos, center)
+    made = replace(made, given=brdf)
     return Prefiltered(made, _facts(made))
 
 
@@ -133,6 +145,7 @@ def make_levels(
     sampling: Sampling = "center",
     error: float = _ERROR,
     sizes: Sequence[int] | None = None,
+    brdf: Brdf | None = None,
 ) -> tuple[list[Array], list[MapInfo]]:
     """Make the cubes of the levels of a split sum.
 
@@ -150,6 +163,8 @@ def make_levels(
     sizes : sequence of int, optional
         Texels along an edge of each level, for readers that want them so, in place of what
         `largest` and the orders of the levels ask for.
+    brdf : Brdf, optional
+        The material whose lobes the levels are of, as `split_material` returns it.
 
     Returns
     -------
@@ -160,7 +175,7 @@ def make_levels(
     fixed = [None] * len(roughness) if sizes is None else list(sizes)
     with using(None):  # the coefficients of all lobes take less time than anything else
         lobes = [
-            level_lobe(value, error, rows, size or largest) if value > 0 else None
+            level_lobe(value, error, rows, size or largest, brdf)
             for value, size in zip(roughness, fixed, strict=True)
         ]
     wanted = (
@@ -169,10 +184,11 @@ def make_levels(
     lighting = project(probe, max(wanted, default=0))
     series = CubeSeries(lighting.coefficients)
     known = provenance(probe, GgxLobe(), Orders(0, 0, error, 1.0))
-    light = _Light(probe, rows, lighting, series, known, sampling)
+    whole = _Light(probe, rows, lighting, series, known, sampling)
     cubes: list[Array] = []
     infos: list[MapInfo] = []
-    for lobe, size in zip(lobes, fixed, strict=True):
+    for value, lobe, size in zip(roughness, lobes, fixed, strict=True):
+        light = replace(whole, known=replace(known, brdf=_recorded(value, brdf)))
         if lobe is None:
             cube, info = _mirror(light, size or largest)
         else:
@@ -207,7 +223,7 @@ class LevelLobe:
 
     Attributes
     ----------
-    brdf : GgxLobe
+    lobe : NormalLobe
     coefficients : BrdfCoefficients
         The lobe's zonal coefficients, to order 512.
     order : int
@@ -217,7 +233,7 @@ class LevelLobe:
         Whether the level is expanded to that order, and not integrated directly.
     """
 
-    brdf: GgxLobe
+    lobe: NormalLobe
     coefficients: BrdfCoefficients
     order: int
     in_frequency: bool
@@ -249,17 +265,57 @@ def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:
     return bool(expansion <= max(integration, _SOON))
 
 
-def level_lobe(roughness: float, error: float, rows: int, largest: int) -> LevelLobe:
-    """Choose the order of a level's lobe in white light, and the domain where the level is made."""
-    brdf = GgxLobe(roughness=roughness)
-    coefficients = cached_coefficients(brdf, MAX_ORDER_F, 0, _ACCURACY, compute_coefficients)
+def split_material(brdf: Brdf | None) -> Brdf | None:
+    """Return the material whose lobes a split sum is of; None for GGX, which has its own.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is anisotropic or has no roughness, or if a value is given that belongs to no
+        split sum: a roughness, because there is a level for each, or the reflectance of GGX, with
+        which a map of GGX is shown.
+    """
+    if brdf is None:
+        return None
+    check_varies(brdf)
+    if isinstance(brdf, Ggx):
+        if brdf.values != Ggx().values:
+            raise BrdfError(f"{brdf!r}: a split sum of GGX is shown with any f0; leave it out")
+        return None
+    return brdf
+
+
+def level_lobe(
+    roughness: float, error: float, rows: int, largest: int, material: Brdf | None = None
+) -> LevelLobe | None:
+    """Choose the order of a level's lobe in white light, and the domain where the level is made.
+
+    Returns
+    -------
+    LevelLobe or None
+        None where the level is the light itself: at roughness 0, where the lobe is a mirror's.
+    """
+    lobe = _lobe(roughness, material)
+    if roughness == 0 and lobe.width <= _MIRROR:
+        return None
+    coefficients = cached_coefficients(lobe, MAX_ORDER_F, 0, _ACCURACY, compute_coefficients)
     missed = 1 - coefficients.captured()[:, 0]
     enough = missed <= error**2
     order = int(np.argmax(enough)) if enough.any() else MAX_ORDER_F + 1
     if missed[LEAST_ORDER] <= _KINK**2:
         order = min(order, LEAST_ORDER)
-    pays = order <= MAX_ORDER_F and frequency_pays(order, brdf.ggx_alpha, rows, largest)
-    return LevelLobe(brdf, coefficients, order, pays)
+    if not lobe.is_peaked:
+        return LevelLobe(lobe, coefficients, min(order, MAX_ORDER_F), True)
+    pays = order <= MAX_ORDER_F and frequency_pays(order, lobe.width, rows, largest)
+    return LevelLobe(lobe, coefficients, order, pays)
+
+
+def _lobe(roughness: float, material: Brdf | None) -> NormalLobe:
+    """Return the lobe of a level; that of roughness 0 is the sharpest that can be integrated."""
+    roughness = max(roughness, MIN_ROUGHNESS)
+    if material is None:
+        return GgxLobe(roughness=roughness)
+    return MaterialLobe(material.at_roughness(roughness))
 
 
 @record(eq=False)
@@ -282,7 +338,7 @@ def _mirror(light: _Light, size: int) -> tuple[Array, MapInfo]:
 
     The order that it is given is the one that its texels can hold.
     """
-    info = replace(light.known, order_f=4 * size // 10, brdf=_named(0.0), domain="angular")
+    info = replace(light.known, order_f=4 * size // 10, domain="angular")
     return to_grid(light.probe, Cube(size, light.sampling)), info
 
 
@@ -301,13 +357,15 @@ def _expanded(
         order_f=expansion.order,
         captured=float(lobe.coefficients.captured()[expansion.order, 0]),
         predicted_error=expansion.error,
-        brdf=_named(lobe.brdf.number("roughness")),
     )
     return cube, info
 
 
-def _named(roughness: float) -> dict[str, Any]:
-    return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
+def _recorded(roughness: float, material: Brdf | None) -> dict[str, Any]:
+    """Return the lobe of a level as maps record it."""
+    if material is None:
+        return {"name": GgxLobe.name, "parameters": {"roughness": roughness}}
+    return record_of(material.at_roughness(roughness))
 
 
 def _integrated(
@@ -321,14 +379,13 @@ def _integrated(
     known, resolved = light.known, min(light.lighting.order, light.probe.grid.resolved_order)
     kept = light.lighting.coefficients[: (resolved + 1) ** 2]
     lighting = replace(light.lighting, coefficients=kept)
-    core, tail, predicted = split_lobe(lobe.brdf, lobe.coefficients, lighting, known.eps)
+    core, tail, predicted = split_lobe(lobe.lobe, lobe.coefficients, lighting, known.eps)
     order = min(lobe.order, MAX_ORDER_F)
     size = size or min(choose_size(order), largest)
-    pixels = latlong_light(light.probe, _source_rows(light.rows, lobe.brdf.ggx_alpha))
+    pixels = latlong_light(light.probe, _source_rows(light.rows, lobe.lobe.width))
     cube = sum_core(core, pixels, cube_directions(size, light.sampling))
     cube += synthesized(light.series, tail[: resolved + 1], size, light.sampling)
-    brdf = _named(lobe.brdf.number("roughness"))
-    info = replace(known, order_f=order, predicted_error=predicted, brdf=brdf, domain="angular")
+    info = replace(known, order_f=order, predicted_error=predicted, domain="angular")
     return cube, info
 
 

@@ -15,7 +15,9 @@ def report(result: dict[str, Any]) -> list[str]:
     """
     levels = result["levels"]
     heading = f"{'roughness':<10} {'texels':>15} {'F':>4}  {'made by':<12} RMS error predicted"
-    what = f"split sum, {counted(len(levels), 'level')} by the mapping {result['mapping']}"
+    of = result["brdf"]["name"]
+    of = "" if of == "ggx-lobe" else f" of {of}"
+    what = f"split sum{of}, {counted(len(levels), 'level')} by the mapping {result['mapping']}"
     lines = [what, heading]
     for level in levels:
         texels = f"6 x {level['size']} x {level['size']}"

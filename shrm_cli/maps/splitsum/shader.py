@@ -7,6 +7,8 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.environment.material_albedo import albedo_table
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import (
     TABLE_SIZE,
@@ -25,6 +27,8 @@ _POSITIONS: dict[str, tuple[str, Callable[[float], float]]] = {
     "unreal": ("log(max(roughness, 1e-6))", math.log),
 }
 """What grows by the same amount from each level to the next, in code and as a function."""
+_ROWS = 64
+"""Texels along an edge of the table of another BRDF than GGX, which takes seconds to integrate."""
 
 
 def source(made: SplitSum, textures: str) -> Source:
@@ -36,6 +40,8 @@ def source(made: SplitSum, textures: str) -> Source:
     textures : {"cube-array", "layers"}
         Cubes are the same in both.
     """
+    if made.material is not None:
+        return _of_material(made, made.material)
     table = Table(
         (1, TABLE_SIZE, TABLE_SIZE),
         _environment_brdf,
@@ -51,10 +57,53 @@ def source(made: SplitSum, textures: str) -> Source:
     )
 
 
+def _of_material(made: SplitSum, material: Brdf) -> Source:
+    """Return the shader of another BRDF than GGX, whose table is its directional albedo."""
+    table = Table(
+        (1, _ROWS, _ROWS),
+        lambda: albedo_table(material, _ROWS)[None],
+        "shrm dfg --brdf; RGB = directional albedo, N.V along x, roughness down",
+        in_code=False,
+    )
+    return Source(
+        f"The light of a probe as {material.name} of any roughness reflects it: a split sum.",
+        partial(_material_functions, made, table),
+        [level[:, :, None] for level in made.levels],
+        made.sampling,
+        table,
+    )
+
+
 def _environment_brdf() -> Array:
     """Return the table of scale and bias, shape (1, N, N, 3)."""
     total, bias = ggx_moments()[..., 0], ggx_moments()[..., 3]
     return np.stack([total - bias, bias, np.zeros_like(bias)], axis=-1)[None]
+
+
+def _material_functions(made: SplitSum, table: Table, words: Words) -> list[str]:
+    """Write the look-up of the light, and the radiance of a BRDF with colors of its own."""
+    speech = words.language
+    looked_up = "shrm_light(r, roughness)", "shrm_between(dot(n, v), roughness, 0)"
+    return [
+        *_light(made, words),
+        *bilinear_table(table, words),
+        "vec3 shrm_radiance(vec3 n, vec3 v, float roughness)",
+        "{",
+        f"    vec3 r = {central_direction(made.center, speech)};",
+        f"    return {speech.times(*looked_up)};",
+        "}",
+    ]
+
+
+def _light(made: SplitSum, words: Words) -> list[str]:
+    """Write the look-up of the light."""
+    return [
+        *_level(made, words),
+        "vec3 shrm_light(vec3 d, float roughness)",
+        "{",
+        *_mixture(made, words.language),
+        "}",
+    ]
 
 
 def _functions(made: SplitSum, table: Table, words: Words) -> list[str]:
@@ -62,11 +111,7 @@ def _functions(made: SplitSum, table: Table, words: Words) -> list[str]:
     speech = words.language
     scaled = speech.add(speech.scale("dfg.x", "f0"), "vec3(dfg.y, dfg.y, dfg.y)")
     return [
-        *_level(made, words),
-        "vec3 shrm_light(vec3 d, float roughness)",
-        "{",
-        *_mixture(made, speech),
-        "}",
+        *_light(made, words),
         *bilinear_table(table, words),
         "vec3 shrm_radiance(vec3 n, vec3 v, float roughness, vec3 f0)",
         "{",

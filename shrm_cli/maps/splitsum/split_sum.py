@@ -1,6 +1,7 @@
 """The split sum of game engines: prefiltered light, times a number from a table.
 
-The light is prefiltered for some roughnesses. The table holds the environment-BRDF.
+The light is prefiltered for some roughnesses. The table holds the environment-BRDF: that of GGX,
+or the directional albedo of the BRDF whose lobes the levels are of.
 """
 
 from collections.abc import Sequence
@@ -13,19 +14,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
+from shrm_cli.brdf.environment.ggx_lobe import GgxLobe
+from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
+from shrm_cli.brdf.spec import parse_recorded
+from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.light_map import Shaded, SurfaceLightMap
+from shrm_cli.maps.provenance import record_of, spec_of
 from shrm_cli.maps.splitsum.roughness import blend
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import central_directions
 from shrm_cli.sphere.sampling import CubeSampler
-from shrm_cli.vocabulary import LEVEL_MAPPINGS, LevelMapping, Sampling
+from shrm_cli.vocabulary import LEVEL_MAPPINGS, Center, LevelMapping, Sampling
 
 
 @record(eq=False)
 class SplitSum(SurfaceLightMap):
     """Light prefiltered by the lobes of GGX for N = V = R, one cube for each roughness.
+
+    They may be those of any other isotropic BRDF that has a roughness, such as cloth.
 
     Attributes
     ----------
@@ -43,6 +52,11 @@ class SplitSum(SurfaceLightMap):
         Where the samples of the cubes lie.
     level_info : tuple of MapInfo
         Orders, domain and predicted error of each level; it is `info` for all by default.
+    center : {"reflection", "normal"}
+        The direction that the cubes are looked up with, which is the normal for BRDFs about it.
+    given : Brdf, optional
+        The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
+        record of it, which tells nothing of a class of the user's.
 
     References
     ----------
@@ -55,9 +69,10 @@ class SplitSum(SurfaceLightMap):
     info: MapInfo
     sampling: Sampling = "center"
     level_info: tuple[MapInfo, ...] = ()
+    center: Center = "reflection"
+    given: Brdf | None = None
 
     representation = "splitsum"
-    center = "reflection"
 
     def __post_init__(self) -> None:
         if not self.level_info:
@@ -117,7 +132,7 @@ class SplitSum(SurfaceLightMap):
                 "roughness": roughness,
                 "size": level.shape[1],
                 "order_f": info.order_f,
-                "domain": info.domain if roughness > 0 else "probe",
+                "domain": "probe" if _is_probe(roughness, info) else info.domain,
                 "predicted_error": info.predicted_error,
             }
             for roughness, level, info in known
@@ -131,23 +146,71 @@ class SplitSum(SurfaceLightMap):
         mapping: LevelMapping,
         sampling: Sampling,
         level_info: Sequence[MapInfo],
+        center: Center = "reflection",
     ) -> "SplitSum":
         """Make a split sum whose `info` sums up that of its levels.
 
         It has the largest order and error of any level, and the least part of a lobe captured.
         """
-        # Roughness 0 is the probe itself, in neither domain.
-        domains = {i.domain for i, r in zip(level_info, roughness, strict=True) if r > 0}
-        name = level_info[-1].brdf.get("name")
+        pairs = zip(roughness, level_info, strict=True)
+        domains = {info.domain for value, info in pairs if not _is_probe(value, info)}
         whole = replace(
             level_info[-1],
             order_f=max(info.order_f for info in level_info),
             captured=min(info.captured for info in level_info),
             predicted_error=max(info.predicted_error for info in level_info),
-            brdf={"name": name, "parameters": {"roughness": list(roughness)}},
+            brdf=_record_of_all(roughness, level_info),
             domain="angular" if "angular" in domains else "frequency",
         )
-        return cls(tuple(levels), tuple(roughness), mapping, whole, sampling, tuple(level_info))
+        return cls(
+            tuple(levels), tuple(roughness), mapping, whole, sampling, tuple(level_info), center
+        )
+
+    @cached_property
+    def material(self) -> Brdf | None:
+        """The BRDF whose lobes the levels are of, at any roughness; None for GGX.
+
+        Raises
+        ------
+        MapError
+            If it is of a model that is not installed, such as one of a file of the user's.
+        """
+        if self.is_ggx or self.given is not None:
+            return self.given
+        info = self.level_info[-1]
+        try:
+            return parse_recorded(spec_of(info.brdf), lambda term: None, info.chromaticities)
+        except BrdfError as error:
+            raise MapError(
+                f"{self.what} of {spec_of(info.brdf)}, which cannot be evaluated ({error})"
+            ) from error
+
+    def mixed(self, matrix: Array, info: MapInfo) -> "SplitSum":
+        """Return the map in other primaries, as long as its BRDF has no colors.
+
+        Raises
+        ------
+        MapError
+            If it has, because these are in the primaries that they were given in.
+        """
+        values = self.level_info[-1].brdf.get("parameters")
+        is_colored = isinstance(values, dict) and any(isinstance(v, list) for v in values.values())
+        if is_colored and not self.is_ggx:
+            raise MapError(
+                f"{self.what} of {self.lobe}, whose colours stay as they are; make it again with "
+                "`working`"
+            )
+        return super().mixed(matrix, info)  # type: ignore[return-value]
+
+    @property
+    def is_ggx(self) -> bool:
+        """Whether the lobes are those of GGX, so that the map is shown with any reflectance f0."""
+        return _is_of_ggx(self.level_info[-1])
+
+    @property
+    def lobe(self) -> str:
+        """The name of the BRDF whose lobes the levels are of, such as ``ggx``."""
+        return "ggx" if self.is_ggx else str(self.level_info[-1].brdf["name"])
 
     def prefiltered(self, roughness: float, directions: ArrayLike) -> Array:
         """Return prefiltered light, mixed from two levels and filtered between their texels.
@@ -157,7 +220,7 @@ class SplitSum(SurfaceLightMap):
         roughness : float
             Perceptual roughness.
         directions : array_like, shape (..., 3)
-            Mirror directions R in world axes.
+            Mirror directions R in world axes, or normals where they are the center.
 
         Returns
         -------
@@ -169,8 +232,13 @@ class SplitSum(SurfaceLightMap):
             return value
         return (1 - weight) * value + weight * self.sampled(low + 1, directions)
 
-    def shaded(self, roughness: float, f0: Sequence[float]) -> "ShadedSplitSum":
-        """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`."""
+    def shaded(self, roughness: float, f0: Sequence[float]) -> "ShadedSplitSum | ShadedMaterial":
+        """Return a GGX surface of a roughness and reflectance under the light; see `Map.shaded`.
+
+        A map of another BRDF has colors of its own, and f0 says nothing to it.
+        """
+        if self.material is not None:
+            return ShadedMaterial(self, float(roughness), (1.0, 1.0, 1.0))
         red, green, blue = (float(channel) for channel in f0)
         return ShadedSplitSum(self, float(roughness), (red, green, blue))
 
@@ -205,3 +273,62 @@ class ShadedSplitSum(Shaded):
     @cached_property
     def _albedo(self) -> DirectionalAlbedo:
         return DirectionalAlbedo(self.roughness)
+
+
+@record
+class ShadedMaterial(Shaded):
+    """A surface of the BRDF whose lobes a split sum is of, under its light; f0 says nothing."""
+
+    light: SplitSum
+
+    @property
+    def info(self) -> MapInfo:
+        """The record of how the light's map was made, with the surface as its BRDF."""
+        return replace(self.light.info, brdf=record_of(self._brdf))
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Return the light about the center times the albedo; see `Map.radiance`."""
+        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
+        centers = central_directions(self.light.center, normals, views)
+        light = self.light.prefiltered(self.roughness, centers)
+        return light * self._albedo(np.sum(normals * views, axis=-1))
+
+    @cached_property
+    def _brdf(self) -> Brdf:
+        material = self.light.material
+        assert material is not None
+        return material.at_roughness(self.roughness)
+
+    @cached_property
+    def _albedo(self) -> MaterialAlbedo:
+        return MaterialAlbedo(self._brdf)
+
+
+def _is_probe(roughness: float, info: MapInfo) -> bool:
+    """Whether a level is the light itself, in neither domain, as a mirror reflects it.
+
+    That of another BRDF than GGX is it where the light was resampled, which makes no error.
+    """
+    is_resampled = info.domain == "angular" and info.predicted_error == 0
+    return roughness == 0 and (is_resampled or _is_of_ggx(info))
+
+
+def _is_of_ggx(info: MapInfo) -> bool:
+    """Whether a level is of GGX, as those of files are that name no BRDF."""
+    return info.brdf.get("name") in (None, GgxLobe.name)
+
+
+def _record_of_all(roughness: Sequence[float], level_info: Sequence[MapInfo]) -> dict[str, Any]:
+    """Return the BRDF of all levels, as they record it: what varies becomes a list."""
+    records = [info.brdf for info in level_info]
+    name, last = records[-1].get("name"), records[-1].get("parameters")
+    if _is_of_ggx(level_info[-1]) or not isinstance(last, dict):
+        return {"name": name, "parameters": {"roughness": list(roughness)}}
+    parts = [record.get("parameters") for record in records]
+    each = [part if isinstance(part, dict) else {} for part in parts]
+    varied = {key: [values.get(key) for values in each] for key in last}
+    same = {key: all(value == values[0] for value in values) for key, values in varied.items()}
+    return {
+        "name": name,
+        "parameters": {key: last[key] if same[key] else values for key, values in varied.items()},
+    }

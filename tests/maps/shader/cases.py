@@ -5,10 +5,13 @@ page of engines says is tested by code that shares nothing with them.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from shrm_cli.brdf.environment.material_albedo import material_albedo
+from shrm_cli.brdf.library import find_model
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.explicit import explicit
 from shrm_cli.maps.irradiance.irradiance import Irradiance
@@ -110,7 +113,15 @@ def lobe(seed, center="reflection", degrees=(3, 1, 0), size=4, albedo=True):
 def split_sum_of(mapping, roughness, sizes, sampling="center"):
     rng = np.random.default_rng(len(sizes))
     levels = [np.abs(cube(rng, size, 1))[:, :, 0] for size in sizes]
-    return SplitSum(tuple(levels), roughness, mapping, make_info(4, 0), sampling)
+    info = replace(make_info(4, 0), brdf={})
+    return SplitSum(tuple(levels), roughness, mapping, info, sampling)
+
+
+def of_material(name, parameters):
+    plain = split_sum_of("linear", (0.2, 0.6, 1.0), (8, 4, 2))
+    info = replace(plain.info, brdf={"name": name, "parameters": parameters})
+    center = "normal" if name == "disney-diffuse" else "reflection"
+    return replace(plain, info=info, level_info=(info,) * 3, center=center)
 
 
 def exponential(law):
@@ -165,6 +176,8 @@ FORMS = {
     "splitsum filament": lambda: split_sum_of("filament", (0.1, 0.5, 1.0), (8, 8, 4), "border"),
     "splitsum unreal": lambda: split_sum_of("unreal", (0.1, 0.3, 1.0), (8, 4, 1)),
     "splitsum single": lambda: split_sum_of("linear", (1.0,), (4,)),
+    "splitsum cloth": lambda: of_material("charlie", {"roughness": 1.0, "color": [0.9, 0.6, 0.2]}),
+    "splitsum about the normal": lambda: of_material("disney-diffuse", {"roughness": 1.0}),
     "she lobe": lambda: exponential("lobe"),
     "she paper": lambda: exponential("paper"),
     **{name: lambda name=name: explicit_map(name) for name in EXPLICIT},
@@ -194,6 +207,11 @@ def points(count, seed=3):
 
 def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
     """The radiance with cubes filtered bilinearly; call `filter_bilinearly` before it."""
+    if made.representation == "splitsum" and not made.is_ggx:
+        mirror = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
+        table = _filtered(albedos(made.info.brdf["name"]), normals, views, roughness)
+        centers = normals if made.center == "normal" else mirror
+        return made.prefiltered(roughness, centers) * table
     if made.representation == "splitsum":
         mirror = 2 * np.sum(normals * views, axis=1)[:, None] * normals - views
         table = _filtered(tables()[0], normals, views, roughness)
@@ -210,6 +228,15 @@ def expected(made, normals, views, roughness=0.5, f0=(1.0, 1.0, 1.0)):
             found[:, channel] = series.albedo * np.exp(np.minimum(exponent, 80))
         return found
     return made.radiance(normals, views)
+
+
+@cache
+def albedos(name):
+    """The table of another BRDF, each entry integrated on its own."""
+    centers = (np.arange(64) + 0.5) / 64
+    color = [0.9, 0.6, 0.2] if name == "charlie" else 1.0
+    brdf = find_model(name)(color=color)
+    return np.stack([material_albedo(brdf.at_roughness(p), centers) for p in centers.tolist()])
 
 
 def tables():

@@ -12,6 +12,7 @@ from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.shrm.shrm import Shrm
+from shrm_cli.render.shading import takes_f0
 from tests.maps.khronos import compile_fragment
 from tests.maps.scenes import make_info
 from tests.maps.shader import cases
@@ -58,7 +59,8 @@ FORMS = sorted(cases.FORMS)
 
 def call_of(made, language):
     vector = {"glsl": "vec3", "hlsl": "float3", "c": "shrm_vec"}[language]
-    surface = f", 0.5, {vector}(1.0, 0.5, 0.25)" if made.needs_surface else ""
+    surface = ", 0.5" if made.needs_surface else ""
+    surface += f", {vector}(1.0, 0.5, 0.25)" if takes_f0(made) else ""
     return f"shrm_radiance(normalize(n), normalize(v){surface})"
 
 
@@ -80,7 +82,8 @@ def in_c(folder, made, normals, views, roughness, f0, dtype=np.float32):
     for texture in pack(made):
         texture.values.astype(dtype).astype(np.float32).tofile(folder / texture.name)
         load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
-    surface = f", {roughness}, shrm_vec{f0}" if made.needs_surface else ""
+    surface = f", {roughness}" if made.needs_surface else ""
+    surface += f", shrm_vec{f0}" if takes_f0(made) else ""
     source, program = folder / "main.c", folder / "main"
     code = look_up_code(made, "c")
     source.write_text(C_MAIN.format(code=code, load=load, surface=surface), encoding="ascii")

@@ -1,0 +1,139 @@
+"""The lobe that a split sum knows of a material: that of the view along the normal.
+
+A split sum looks along the normal, where N = V = R, and takes what it sees for the lobe about the
+mirror direction of every view. So the lobe depends on the angle from its axis alone.
+"""
+
+from abc import abstractmethod
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Value, grey
+from shrm_cli.brdf.core import Core
+from shrm_cli.errors import BrdfError
+from shrm_cli.sphere.quadrature import gauss_legendre
+
+_NODES = 256
+_HALF = 2 * np.sqrt(np.sqrt(2) - 1)
+"""Where GGX's lobe is half of its peak, in radians, as a part of a small ggx_alpha."""
+_AXIS = np.array([0.0, 0.0, 1.0])
+
+
+def square_half_sine(light: Array, view: Array) -> Array:
+    """Return ``sin(angle / 2)^2`` of the angle between light and mirror direction, shape (...).
+
+    ``|L - R|^2 / 4`` is exact for small angles, where ``1 - R.L`` would cancel. Both directions,
+    shape (..., 3), are in the frame of the normal.
+    """
+    x, y = light[..., 0] + view[..., 0], light[..., 1] + view[..., 1]
+    z = light[..., 2] - view[..., 2]
+    value: Array = (x * x + y * y + z * z) / 4
+    return value
+
+
+class NormalLobe(Brdf):
+    """A lobe that depends on the angle from the mirror direction alone, and ends at 90 degrees.
+
+    It is no model of a material, so it is not among the models that have a name.
+
+    Attributes
+    ----------
+    width : float
+        The ggx_alpha of the lobe of GGX that is as sharp, which says how fine the pixels are to be
+        that it is summed over.
+    is_peaked : bool
+        Whether the lobe gathers about its axis. That of cloth is a ring about it.
+    """
+
+    includes_cosine = True
+    has_horizon = False
+    zonal = True
+    width: float
+    is_peaked: bool = True
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        return grey(self.radial(square_half_sine(light, view)))
+
+    @abstractmethod
+    def radial(self, square_sine: Array) -> Array:
+        """Evaluate the lobe, from the square of the sine of half the angle to its axis."""
+
+
+def check_varies(brdf: Brdf) -> None:
+    """Check that a BRDF has a lobe for every roughness, and that none is asked for.
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF has no roughness, is one that `MaterialLobe` refuses, or is given a roughness.
+    """
+    if not brdf.isotropic:
+        MaterialLobe(brdf)
+    MaterialLobe(brdf.at_roughness(1.0))
+    usual = type(brdf)().values
+    for name in brdf.roughness_names:
+        if brdf.values[name] != usual[name]:
+            level = brdf.number(name) ** (1 / brdf.roughness_power)
+            raise BrdfError(
+                f"{brdf!r}: all roughnesses are made; leave {name} out (of engines {level:.4g})"
+            )
+
+
+class MaterialLobe(NormalLobe):
+    """The lobe ``f_r N.L`` of any isotropic BRDF for ``N = V``, normalized to be a mean of light.
+
+    It is the mean of the lobes of the three channels: one lobe for all of them.
+
+    Parameters
+    ----------
+    material : Brdf
+
+    Raises
+    ------
+    BrdfError
+        If the BRDF is anisotropic, lies about a tangent or reflects light from below the surface,
+        or if what it reflects along the normal is nothing, or not finite.
+    """
+
+    def __init__(self, material: Brdf) -> None:
+        if not material.isotropic or material.center == "tangent":
+            raise BrdfError(f"{material!r}: a split sum is of a lobe that is the same all around")
+        if not material.has_horizon:
+            raise BrdfError(f"{material!r}: its lobe goes on below the surface; give another")
+        self.material = material
+        self.name = f"{material.name}-lobe"
+        self.values: dict[str, Value] = dict(material.values)
+        self._factor = 1.0
+        whole = self._whole()
+        if not (np.isfinite(whole) and whole > 0):
+            raise BrdfError(
+                f"{material!r}: along the normal it reflects nothing, or what is not finite"
+            )
+        core = Core.of(self)
+        self.width = min(float(core.widths[0] / _HALF), 1.0)
+        peak = self.radial(np.linspace(0, 0.5, _NODES)).max()
+        self.is_peaked = bool(2 * self.radial(np.zeros(1))[0] > peak)
+        self._factor = 1 / self._whole()
+
+    def radial(self, square_sine: Array) -> Array:
+        sine = 2 * np.sqrt(square_sine * np.maximum(1 - square_sine, 0))
+        light = np.stack([sine, np.zeros_like(sine), 1 - 2 * square_sine], axis=-1)
+        value: Array = self.material.transfer(light, _AXIS).mean(axis=-1) * self._factor
+        return value
+
+    def _whole(self) -> float:
+        """The integral over the hemisphere.
+
+        It substitutes ``tan(angle / 2) = width sinh(x)``, since lobes of all widths are smooth in
+        x. Before the width is known it is as fine as the sharpest lobe wants.
+        """
+        scale = getattr(self, "width", 1e-3)
+        nodes, weights = gauss_legendre(_NODES)
+        end = np.arcsinh(1 / scale)
+        x = (nodes + 1) / 2 * end
+        tangent = scale * np.sinh(x)
+        square_sine = tangent**2 / (1 + tangent**2)
+        # The solid angle is 4 pi d(square_sine).
+        rings = 8 * np.pi * scale * np.cosh(x) * tangent / (1 + tangent**2) ** 2
+        return float(end / 2 * np.sum(weights * rings * self.radial(square_sine)))

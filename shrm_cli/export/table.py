@@ -1,0 +1,76 @@
+"""Tables of `shrm dfg` as textures: KTX 2 of half or 32-bit floats, and PNG of 16 bits."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import OutputError
+from shrm_cli.export.ktx import ktx2_cube
+from shrm_cli.export.pixels import FORMATS, TexelFormat
+from shrm_cli.files.png import write_png
+from shrm_cli.files.whole import replacing
+from shrm_cli.vocabulary import Precision
+
+SUFFIXES = ".ktx2", ".png"
+_LARGEST_WORD = 2**16 - 1
+_COLUMNS = 3
+
+
+def write_texture(path: str | os.PathLike[str], table: Array, precision: Precision = "auto") -> str:
+    """Write a table as a texture, by the suffix of its name, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+    table : ndarray, shape (N, N, 2) or (N, N, 3)
+        The third column is 0 where there are two.
+    precision : {"auto", "half", "float"}
+        The texels of KTX 2; ``auto`` is half, as engines read it.
+
+    Returns
+    -------
+    str
+        What the texels are: ``"half"``, ``"float"`` or ``"16 bits"``.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written, or cannot hold the table.
+    """
+    if table.shape[-1] > _COLUMNS:
+        raise OutputError(f"{path}: textures hold three columns, not {table.shape[-1]}; take .exr")
+    values = np.zeros((*table.shape[:2], _COLUMNS))
+    values[..., : table.shape[-1]] = table
+    if Path(path).suffix.lower() == ".ktx2":
+        return _write_ktx2(path, values, precision)
+    if precision != "auto":
+        raise OutputError(f"{path}: a PNG has 16 bits, whatever `precision` is; leave it out")
+    if values.max() > 1 or values.min() < 0:
+        raise OutputError(
+            f"{path}: PNG holds 0 .. 1, and the table has {values.min():.3g} .. "
+            f"{values.max():.3g}; take .ktx2 or .exr"
+        )
+    write_png(path, np.floor(_LARGEST_WORD * values + 0.5).astype(np.uint16))
+    return "16 bits"
+
+
+def _write_ktx2(path: str | os.PathLike[str], values: Array, precision: Precision) -> str:
+    """Write RGBA, whose alpha is 1."""
+    is_float = precision == "float"
+    texels = _FLOAT if is_float else FORMATS["rgba16f"]
+    words = texels.pack(values)
+    data = words.astype(words.dtype.newbyteorder("<")).tobytes()
+    with replacing(path) as temporary:
+        temporary.write_bytes(ktx2_cube([data], len(values), texels, compress=False, faces=1))
+    return "float" if is_float else "half"
+
+
+def _pack_floats(values: Array) -> NDArray[np.uint32]:
+    opaque = np.concatenate([values, np.ones((*values.shape[:-1], 1))], axis=-1)
+    return opaque.astype(np.float32).view(np.uint32)
+
+
+_FLOAT = TexelFormat("rgba32f", "RGBA32F", (float(np.finfo(np.float32).max),) * 3, 16, _pack_floats)
