@@ -145,7 +145,6 @@ def test_a_page(folder):
         (["-o", "x.png", "--precision", "half"], 2, "--precision applies to EXR"),
         (["-o", "x.avi"], 1, "name it so"),
         (["-o", "dim.exr"], 1, "overwrite the input"),
-        (["--to", "cabral", "--error", "0.1"], 2, "--error"),
     ],
 )
 def test_what_does_not_fit_is_refused(folder, arguments, code, words):
