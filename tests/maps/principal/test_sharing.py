@@ -8,7 +8,7 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.principal.terms import Wanted
+from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import TRIED_SIZES, total_error
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.lighting import Projection
@@ -24,9 +24,8 @@ UNEVEN = "lafortune:fit=skin", "charlie:roughness=0.4", "microfacet:sigma=0.2"
 
 @cache
 def proposals_of(path, spec):
-    return Proposals(
-        Projection(as_probe(path)), parse_spec(spec), Wanted(0.03, 0.02, None, MOST, None)
-    )
+    asked = Request("principal", brdf=parse_spec(spec), eps=0.03, error=0.02, max_size=MOST)
+    return Proposals(Projection(as_probe(path)), asked)
 
 
 def every_form(planner):
