@@ -56,6 +56,7 @@ def every_form(probe, spec):
             error, before = found.total_error * 0.999, found.bytes
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("seed", "lamp", "spec"),
     [
@@ -83,6 +84,7 @@ def test_no_other_form_keeps_the_goal_in_far_fewer_bytes(seed, lamp, spec):
     assert choice.recommended.bytes <= least
 
 
+@pytest.mark.proof
 def test_sums_share_their_bytes_among_terms_best():
     """Every pair of forms of both terms is tried, with errors that are taken as independent."""
     spec = "0.5*oren-nayar+0.5*ggx:roughness=0.5"

@@ -202,7 +202,6 @@ def test_reading_options_reach_the_probe(folder, kind):
 
 FOREIGN = [
     ("irradiance", ["--brdf", "phong"], "--brdf", "white Lambertian"),
-    ("splitsum", ["--brdf", "ggx"], "--brdf", "GGX"),
     ("she", ["--brdf", "ggx"], "--brdf", "GGX"),
     *[(kind, ["--eps", 0.03], "--eps", "shrm") for kind in KINDS],
     *[(kind, ["--order-p", 2], "--order-p", "shrm") for kind in KINDS],

@@ -29,7 +29,8 @@ def light():
 
 
 def made(light, to, brdf, **given):
-    return prefilter_with_facts(light, to, {"brdf": brdf, **given})
+    few = {"texels": 16} if to == "product" else {}
+    return prefilter_with_facts(light, to, {"brdf": brdf, **few, **given})
 
 
 @pytest.mark.parametrize(("to", "brdf", "error"), CASES)
@@ -45,9 +46,9 @@ def test_the_coarsest_settings_that_keep_the_error_are_taken(light, to, brdf, er
 
 @pytest.mark.parametrize(("to", "brdf", "error"), CASES)
 def test_where_none_keeps_it_the_best_is_made_and_says_so(light, to, brdf, error):
-    with pytest.warns(shrm.ShrmWarning, match="map keeps an RMS error of 0.01%: the best one has"):
-        found = shrm.prefilter(light, brdf, to=to, error=1e-4)
-    assert found.info.options["error"] == 1e-4
+    found = made(light, to, brdf, error=1e-4)
+    assert any("map keeps an RMS error of 0.01%: the best one has" in x for x in found.warnings)
+    assert found.map.info.options["error"] == 1e-4
 
 
 def test_the_share_of_wrong_pixels_is_kept(light):

@@ -191,7 +191,7 @@ def walked(brdf, light, view, **more):
     return coated(brdf.base, light, view, alpha, ior, brdf.color("color"), **more)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "spec",
     [
@@ -217,7 +217,7 @@ def test_the_walk_agrees_about_energies(rng, spec):
 PROBES = "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset"
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("base", [GOLD, PLASTIC, PAINT])
 def test_the_walk_agrees_about_the_reflected_light(rng, shared, base):
     """RMS over normals and views, of what the base alone adds; the coat is the same for both."""

@@ -11,7 +11,7 @@ from tests.brute_force import unit
 PAINT = "coated:roughness=0.5,base=(0.7*lambertian:albedo=0.6/0.05/0.03+0.3*ggx:roughness=0.6)"
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore:.*negative radiance")
 @pytest.mark.parametrize(
     "spec",

@@ -240,6 +240,6 @@ def test_the_tolerances_that_are_tried_for_terms(name, eps, tolerance):
     """Constant light has no error, so that the loosest is taken. A studio shows what lobes miss."""
     light = Projection(open_probe(ROOT / "probes" / f"{name}.exr"))
     spec = "0.5*phong:exponent=8+0.5*phong:exponent=40"
-    plan = plan_terms(light, parse_sum(spec, parse_spec), eps)
+    plan = plan_terms(light, Request("shrm", brdf=parse_sum(spec, parse_spec), eps=eps))
     for term in plan.terms:
-        assert term.choice.orders.tolerance == pytest.approx(tolerance)
+        assert term.choice.orders.eps == pytest.approx(tolerance)
