@@ -15,7 +15,7 @@ CASES = [
     ("cabral", "microfacet:sigma=0.4", 0.2),
     ("lightfield", "oren-nayar:sigma=0.5", 0.2),
     ("irradiance", None, 0.02),
-    ("product", "lambertian", 0.03),
+    pytest.param("product", "lambertian", 0.03, marks=pytest.mark.proof),
     ("she", None, 0.3),
 ]
 

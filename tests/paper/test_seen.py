@@ -52,6 +52,7 @@ def cases(bar, rows):
     return {(each.spec, each.way): each for each in bars.BARS[bar].cases(rows)}
 
 
+@pytest.mark.proof
 def test_default_and_principal_maps_keep_the_bars_under_a_bare_sun(rows):
     phong, microfacet = SPECS
     expected = [

@@ -62,6 +62,7 @@ def albedo(model, roughness, cosine):
     return float(2 * np.einsum("ij,i,j->", value, 3 * x**2 * wx, 2 * np.pi * y * wy))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("p", [0.4, 0.7, 1.0])
 @pytest.mark.parametrize("spec", MODELS)
 def test_albedos_are_integrals_over_the_light(spec, p):

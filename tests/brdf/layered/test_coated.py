@@ -55,6 +55,7 @@ def under(brdf, light, view):
     return sum(below)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "spec",
     [
@@ -123,6 +124,7 @@ def test_what_a_smooth_coat_reflects_is_fresnels_part():
         assert reflected_share(lobe, degrees) == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("base", [GOLD, PLASTIC, "phong:exponent=9", "oren-nayar"])
 def test_a_coat_of_air_is_none(rng, base):
     light, view = upper(rng, 60), upper(rng, 60)

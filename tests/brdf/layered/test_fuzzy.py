@@ -7,6 +7,7 @@ from shrm_cli.brdf.spec import parse_spec
 from tests.brdf.layered.test_coated import reflected_share, upper
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("base", ["lambertian:albedo=0.8/0.2/0.1", "ggx:roughness=0.5", "phong"])
 def test_the_base_is_dimmed_by_what_the_fuzz_reflects(rng, base):
     brdf = parse_spec(f"fuzzy:roughness=0.4,color=0.9/0.3/0.1,base=({base})")

@@ -241,7 +241,7 @@ def test_light_finer_than_the_expansion_is_not_forgotten(tmp_path, order):
     assert 0.7 * measured < prefiltered.map.info.predicted_error < 1.1 * measured
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_the_error_falls_with_the_order_to_the_last(tmp_path):
     """A lamp of one pixel: what order 64 leaves out is not 0, and falls as l^-1.5."""
     pixels = np.zeros((128, 256, 3))

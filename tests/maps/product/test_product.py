@@ -286,7 +286,7 @@ def test_equal_to_an_shrm_of_the_same_isotropic_brdf():
     assert errors[2] < 6e-4
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_the_predicted_error_is_that_of_all_orientations():
     rng = np.random.default_rng(8)
     coefficients = rng.normal(size=(49, 3)) / (1 + np.arange(49)[:, None]) ** 0.4
