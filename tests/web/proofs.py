@@ -278,7 +278,7 @@ def compare(title, page, light, mapping, pictures, normals, used, ours=None):
     function is None it is E / pi of nine coefficients. Where the engine has levels of its own,
     `ours` are those that were exported, looked up in the same way in place of `shrm render`.
     """
-    info = (light.irradiance or light.diffuse).info
+    info = replace((light.irradiance or light.diffuse).info, brdf={"name": "ggx-lobe"})
     split = SplitSum(light.levels[: len(light.roughness)], light.roughness, mapping, info)
     view = np.array(VIEW) / np.linalg.norm(VIEW)
     rows, kept = [], {}
