@@ -69,8 +69,8 @@ float shrm_cos(float x)
 }"""
 """Frames, and functions that are exact for small angles too.
 
-Shading languages allow their own sines and arc sines errors of some 5e-4, a tenth of the radius of a
-small lamp. Here they are Taylor's series as far as these converge soon.
+Shading languages allow their own sines and arc sines errors of some 5e-4, a tenth of the radius of
+a small lamp. Here they are Taylor's series as far as these converge soon.
 """
 # The names are those of `rule`; half is a word of shaders.
 _CUT = """\
