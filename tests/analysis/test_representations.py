@@ -138,6 +138,7 @@ def maps(name, probe):
     return [prefilter_explicit(probe, Request(name, each, TOLERANCE)).map for each in surfaces]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", ["shrm", "principal", "cabral", "splitsum"])
 def test_errors_are_those_of_brute_force(probe, table, small_table, truth, name):
     results = (small_table if name == "principal" else table).results

@@ -188,7 +188,7 @@ def test_a_brdf_that_fails_is_said_and_the_others_are_there(folder):
     assert len(page.all("iframe")) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_views_of_small_pages_have_smaller_maps(folder):
     forms = ["--to", "principal", "--to", "splitsum", "--size", "128"]
     common = ["report", "probe.exr", "--brdf", "ggx:roughness=0.6", *forms, *SMALL, "--no-flip"]

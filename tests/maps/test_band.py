@@ -62,6 +62,7 @@ def test_degrees_of_the_view_fade_out_where_enough_of_them_end_too_soon():
     assert Band.of_views(0.1, 13) == Band.exact(13)
 
 
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
 def test_views_that_fade_out_do_not_ring(monkeypatch):
     """Cloth, which shines at grazing views only, in a room with a lamp, beside the truth."""

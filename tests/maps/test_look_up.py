@@ -36,6 +36,7 @@ def gpu_error(probe, made, brdf):
     return pairs.error(looked_up(made, pairs.normals, pairs.views), truth)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sun", SUNS)
 @pytest.mark.parametrize(
     ("to", "spec", "options"),

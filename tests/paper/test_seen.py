@@ -123,6 +123,7 @@ def test_the_truth_of_many_probes_is_the_reference_of_each(probe, spec):
         np.testing.assert_allclose(found[:, 3 * k : 3 * k + 3], expected, rtol=1e-3, atol=1e-5)
 
 
+@pytest.mark.proof
 def test_pairs_make_integrals_over_all_mirror_directions_and_views(probe):
     """The weighted mean of a smooth function of both is that over the whole sphere of each."""
     with settings.using(cache=False):

@@ -163,6 +163,7 @@ def test_right_angles(order):
         )
 
 
+@pytest.mark.proof
 def test_right_angles_at_order_512(eigenvectors_512):
     (quadrant,) = deque(right_angle_degrees(512), maxlen=1)
     at = 5

@@ -265,7 +265,7 @@ def test_fibres_along_the_tangent(hemisphere):
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_equal_to_an_shrm_of_the_same_isotropic_brdf():
     """A map that keeps every order of the view that counts reflects the same band-limited light."""
     rng = np.random.default_rng(2)
