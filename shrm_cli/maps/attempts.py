@@ -8,6 +8,7 @@ form has a fixed number of views, the best one is made, and a warning says what 
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -55,7 +56,7 @@ def first_that_keeps(make: Maker, probe: Probe, request: Request) -> Prefiltered
     goal = Goal.of(request.error, request.seen)
     tried: list[tuple[float, Prefiltered]] = []
     for step in form.steps:
-        made = make(probe, _with_step(request, step))
+        made = _remembering(make(probe, _with_step(request, step)))
         tried.append((_badness(made, goal), made))
         if tried[-1][0] <= ROUNDING:
             return made
@@ -72,6 +73,11 @@ def _with_step(request: Request, step: dict[str, object]) -> Request:
     own = {name: value for name, value in step.items() if name not in SHARED}
     asked = replace(request, error=None, seen=None, own={**request.own, **own})
     return replace(asked, **shared)  # type: ignore[arg-type]
+
+
+def _remembering(made: Prefiltered) -> Prefiltered:
+    """Return a map whose further facts are found once, for the choice and for reports."""
+    return replace(made, further={name: cache(find) for name, find in made.further.items()})
 
 
 def known_error(made: Prefiltered) -> float:
@@ -96,12 +102,9 @@ def _missed(best: Prefiltered, goal: Goal, title: str) -> str:
 
     share = best.further.get("predicted_wrong_share", lambda: None)()
     seen = "" if share is None else f" and {share:.0%} of pixels wrong by more than 5%"
-    remedy = (
-        "take `to` auto"
-        if registry.description(best.map.representation).needs_brdf
-        else ("take `to` principal or splitsum for glossy surfaces")
-    )
+    needs_brdf = registry.description(best.map.representation).needs_brdf
+    remedy = "auto" if needs_brdf else "principal or splitsum for glossy surfaces"
     return (
         f"no {title} map keeps {goal_text(goal)}: the best one has {known_error(best):.1%} RMS "
-        f"error{seen}, as predicted; {remedy}"
+        f"error{seen}, as predicted; take `to` {remedy}"
     )
