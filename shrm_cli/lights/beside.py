@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.transfer import compute_transfer
@@ -22,8 +22,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.reflected import reflected_rms
 from shrm_cli.vocabulary import LUMINANCE
-
-Array = NDArray[np.floating]
 
 _ORDERS = 192, 8
 """The degrees and azimuthal orders of a BRDF that tell how much light lamps reflect. What lies

@@ -8,7 +8,6 @@ Rendering" (2002), describes the method. Eq. 5.18 is one of its chapter 5.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.irradiance.irradiance import (
@@ -25,8 +24,6 @@ from shrm_cli.orders import Orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import MAX_ORDER_F
-
-Array = NDArray[np.floating]
 
 _HIGH_ORDER = 64
 """The light is projected to this order at least, to know the error of the degrees left out."""

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.maps.lamps.rule import DiscRule, integrals
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

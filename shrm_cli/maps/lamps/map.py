@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from shrm_cli.files.parts import Part
     from shrm_cli.maps.shrm.shrm import Shrm
 
-Array = NDArray[np.floating]
 
 _ERRORS = "predicted_error", "added_error", "filter_error", "storage_error"
 """What a map states of its errors."""

@@ -21,15 +21,13 @@ sines, which keep their digits in 32-bit floats, too.
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.core import Core
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
-
-Array = NDArray[np.floating]
 
 LEAST_COSINE = 0.05
 """The cosine of the view's angle below which lobes are not followed any narrower."""

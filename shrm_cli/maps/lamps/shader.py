@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.models.blinn_phong import normalization
@@ -15,8 +15,6 @@ from shrm_cli.maps.lamps.discs import LitDiscs
 from shrm_cli.maps.lamps.rule import LEAST_COSINE, chebyshev, gauss, sines
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.maps.shader.source import central_direction
-
-Array = NDArray[np.floating]
 
 _HALF = """\
     float x = l.x + v.x, y = l.y + v.y, z = l.z + v.z;

@@ -4,8 +4,8 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import Part, StoredFile
@@ -14,8 +14,6 @@ from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
 from shrm_cli.maps.principal.functions import MAX_Q
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
-
-Array = NDArray[np.floating]
 
 _MOST_ENTRIES = 4096
 """The most entries of a table that are read."""

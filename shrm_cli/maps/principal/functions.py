@@ -22,13 +22,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.records import record
 from shrm_cli.sphere.interpolation import interpolation_matrix, linear_matrix
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Center
-
-Array = NDArray[np.floating]
 
 TABLE = 91
 """The entries of the table of a function: one for each degree of the angle of the view."""

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.band import Band
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.principal.functions import Spectrum
@@ -34,8 +34,6 @@ from shrm_cli.reflected import (
 from shrm_cli.sphere.between_texels import lost_between_texels
 from shrm_cli.sphere.bilinear import bilinear_errors
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS, Sampling
-
-Array = NDArray[np.floating]
 
 _FEW_TEXELS = 48
 """The most texels along an edge of cubes that are looked through instead of predicted."""

@@ -15,8 +15,9 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -35,7 +36,6 @@ from shrm_cli.sphere.rotation import rotate_to_frames
 from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
-Array = NDArray[np.floating]
 LookUp = Callable[[Array], Array]
 """From directions, shape (n, 3), to the values of all cubes there, shape (n, 3K)."""
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo
@@ -36,8 +36,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import Sampling
-
-Array = NDArray[np.floating]
 
 _SMALL = 16
 """The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""

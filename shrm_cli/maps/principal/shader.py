@@ -13,13 +13,11 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, plane_rule
 from shrm_cli.maps.shader.harmonics import pair_function
 from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
-
-Array = NDArray[np.floating]
 
 
 def source(made: PrincipalMap, textures: str) -> Source:

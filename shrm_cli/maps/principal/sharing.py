@@ -10,14 +10,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, sizes_of
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Row, fewest_bytes
 from shrm_cli.records import record
-
-Array = NDArray[np.floating]
 
 _FIRST_BYTES = 2**16
 """The bytes that the forms of several terms may have at first; they double until the error is kept,

@@ -7,14 +7,12 @@ of them is known, so that nothing of the BRDF is sampled again.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.maps.lobes_lit import Lobes, sample_views
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.wrong_share import wrong_share
 from shrm_cli.reflected import last_visible
-
-Array = NDArray[np.floating]
 
 
 def predicted_wrong_share(terms: Sequence[tuple[Planner, Form]]) -> float:

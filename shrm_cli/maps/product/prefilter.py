@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
@@ -26,8 +26,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_ORDER, DEFAULT_PRODUCT_SIZE
-
-Array = NDArray[np.floating]
 
 _KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""

@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.environment.environment_brdf import lobe_moments, whole_lobe
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import MapError
@@ -25,8 +25,6 @@ from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Law
-
-Array = NDArray[np.floating]
 
 _ORDERS_F = 32, 128
 """The lowest and the highest order to which the light is expanded."""

@@ -9,8 +9,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo, check_names
@@ -19,8 +20,6 @@ from shrm_cli.maps.size import check_size
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.vocabulary import Center, Frame, Sampling
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli import progress
+from shrm_cli.arrays import Array
 from shrm_cli.maps.coupling import coupled, separated
 from shrm_cli.parallel import at_once
 from shrm_cli.sphere.harmonics import complex_from_real, degrees, legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.wigner import small_d_degrees
 
-Array = NDArray[np.floating]
 ComplexArray = NDArray[np.complexfloating]
 
 _BY_DEGREE = 8

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.parts import Part, StoredFile
 from shrm_cli.maps.attributes import COLORS, common_header, options_text, shortest_values
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from shrm_cli.maps.arrangement import StoredImage
     from shrm_cli.maps.shrm.compressed import CompressedShrm
     from shrm_cli.maps.shrm.summed import SummedShrm
-
-Array = NDArray[np.floating]
 
 
 def coefficient_channels(order_p: int, zonal: bool = False) -> list[str]:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.shader.harmonics import harmonic_loop
 from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
@@ -14,8 +14,6 @@ from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Center
-
-Array = NDArray[np.floating]
 
 
 @record(eq=False)

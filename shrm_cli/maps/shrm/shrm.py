@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map, refuse_arguments
 from shrm_cli.maps.info import MapInfo, check_names
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from shrm_cli.maps.request import Request
     from shrm_cli.probe.probe import Probe
 
-Array = NDArray[np.floating]
 
 _TEXELS_AT_ONCE = 2**14
 """The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""

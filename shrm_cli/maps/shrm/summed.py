@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
@@ -18,8 +19,6 @@ from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_solid_angles
 from shrm_cli.sphere.directions import bisector, views_around
 from shrm_cli.vocabulary import Frame, Sampling
-
-Array = NDArray[np.floating]
 
 AZIMUTHS = 32
 """The number of azimuths of the view over which `zonal_radiance` of sums averages."""

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_coefficients
 from shrm_cli.brdf.coefficients import BrdfCoefficients, compute_coefficients
@@ -37,8 +37,6 @@ from shrm_cli.sphere.grid.cube import Cube
 from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.sphere.synthesis import CubeSeries
 from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, Sampling
-
-Array = NDArray[np.floating]
 
 _ERROR = 0.0005
 """The relative RMS error that each level may have."""
