@@ -139,7 +139,7 @@ def test_where_nothing_holds_the_line_says_what_would(pixels):
     assert "in 200 kB" in line
     assert "shrm sun" in line
     assert "raise `max_size`" in line
-    assert f"{stated_error(found.map):.1%}" in line
+    assert f"{100 * stated_error(found.map):.2g}%" in line
 
 
 def test_dark_places_are_given_more(probe, monkeypatch):

@@ -164,9 +164,10 @@ def _judged_row(row: Sequence[Known], goal: Goal, max_size: int) -> Row[_Judged]
 
 def _offer(known: Known) -> Offer:
     """Return a map as an offer."""
-    candidate = known.candidate
+    candidate, share = known.candidate, known.candidate.wrong_share
+    assert share is not None  # both forms that are predicted know theirs
     return Offer(
-        candidate.form, known.what, candidate.bytes, candidate.total_error, candidate.wrong_share,
+        candidate.form, known.what, candidate.bytes, candidate.total_error, share,
         (), known.cost.look_ups, known.cost.multiply_adds, known.arguments,
         lambda: candidate.make().map,
     )  # fmt: skip

@@ -19,7 +19,7 @@ from shrm_cli.maps.prefiltered import Prefiltered
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.size import HALF_ERROR
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import ROUNDING, Goal
+from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.probe.probe import Probe
 
 Maker = Callable[[Probe, Request], Prefiltered]
@@ -54,17 +54,18 @@ def first_that_keeps(make: Maker, probe: Probe, request: Request) -> Prefiltered
     for name in sorted(request.given.keys() & (chosen | {"order_p"})):
         raise ArgumentError(name, f"does not apply with `{asking}`, which chooses it")
     goal = Goal.of(request.error, request.seen)
-    tried: list[tuple[float, Prefiltered]] = []
+    tried: list[Candidate[Prefiltered]] = []
     for step in form.steps:
-        made = _remembering(make(probe, _with_step(request, step)))
-        tried.append((_badness(made, goal), made))
-        if tried[-1][0] <= ROUNDING:
-            return made
+        tried.append(_candidate(make(probe, _with_step(request, step))))
+        if tried[-1].keeps(goal):
+            return tried[-1].make()
         # What a form cannot represent stays: finer settings would only take longer.
-        if len(tried) > 1 and tried[-1][0] > policy.NEARLY_BEST * tried[-2][0]:
+        last = [each.badness(goal) for each in tried[-2:]]
+        if len(last) > 1 and last[1] > policy.NEARLY_BEST * last[0]:
             break
-    _, best = min(tried, key=lambda each: each[0])
-    return replace(best, warnings=(*best.warnings, _missed(best, goal, form.title)))
+    best = min(tried, key=lambda each: each.badness(goal))
+    made = best.make()
+    return replace(made, warnings=(*made.warnings, _missed(best, goal)))
 
 
 def _with_step(request: Request, step: dict[str, object]) -> Request:
@@ -75,9 +76,14 @@ def _with_step(request: Request, step: dict[str, object]) -> Request:
     return replace(asked, **shared)  # type: ignore[arg-type]
 
 
-def _remembering(made: Prefiltered) -> Prefiltered:
-    """Return a map whose further facts are found once, for the choice and for reports."""
-    return replace(made, further={name: cache(find) for name, find in made.further.items()})
+def _candidate(made: Prefiltered) -> Candidate[Prefiltered]:
+    """Return a map that was made, whose further facts are found once, for choice and reports."""
+    found = replace(made, further={name: cache(find) for name, find in made.further.items()})
+    share = found.further.get("predicted_wrong_share", lambda: None)
+    of_map = found.map
+    return Candidate(
+        of_map.representation, 0, of_map.cube_count, known_error(found), share, lambda: found
+    )
 
 
 def known_error(made: Prefiltered) -> float:
@@ -87,24 +93,13 @@ def known_error(made: Prefiltered) -> float:
     return float(np.linalg.norm([*parts, HALF_ERROR]))
 
 
-def _badness(made: Prefiltered, goal: Goal) -> float:
-    """Return the larger of both errors, each in units of what may be missed."""
-    of_error = known_error(made) / goal.error
-    share = made.further.get("predicted_wrong_share", lambda: None)()
-    if goal.wrong_share is None or share is None:
-        return of_error
-    return float(max(of_error, share / goal.wrong_share))
-
-
-def _missed(best: Prefiltered, goal: Goal, title: str) -> str:
+def _missed(best: Candidate[Prefiltered], goal: Goal) -> str:
     """Say what the best map of a form misses."""
     from shrm_cli.maps.seen import goal_text
 
-    share = best.further.get("predicted_wrong_share", lambda: None)()
-    seen = "" if share is None else f" and {share:.0%} of pixels wrong by more than 5%"
-    needs_brdf = registry.description(best.map.representation).needs_brdf
-    remedy = "auto" if needs_brdf else "principal or splitsum for glossy surfaces"
+    form = registry.description(best.form)
+    remedy = "auto" if form.needs_brdf else "principal or splitsum for glossy surfaces"
     return (
-        f"no {title} map keeps {goal_text(goal)}: the best one has {known_error(best):.1%} RMS "
-        f"error{seen}, as predicted; take `to` {remedy}"
+        f"no {form.title} map keeps {goal_text(goal)}: the best one has {best.errors_text}, as "
+        f"predicted; take `to` {remedy}"
     )

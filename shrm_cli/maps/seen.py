@@ -77,10 +77,8 @@ def goal_text(goal: Goal) -> str:
 
 def _missed(best: Candidate[Prefiltered], goal: Goal, max_size: int) -> str:
     """Say what the best map misses of the goal, and what would keep it."""
-    seen = f" and {best.wrong_share:.0%} of pixels wrong by more than 5%"
     more = ", or raise `max_size`" if 2 * best.bytes > max_size else ""
     return (
         f"no map keeps {goal_text(goal)} in {bytes_text(max_size)}; the one made has "
-        f"{best.total_error:.1%} RMS error{seen}, as predicted. Lamps in glossy surfaces need the "
-        f"most: {REMEDY}{more}"
+        f"{best.errors_text}, as predicted. Lamps in glossy surfaces need the most: {REMEDY}{more}"
     )

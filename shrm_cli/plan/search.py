@@ -180,7 +180,7 @@ class Candidate(Generic[M]):
     total_error : float
         The relative RMS error, with those of bilinear look-ups and of half precision.
     find_wrong_share : callable
-        Predicts the share of what is visible whose luminance is wrong.
+        Predicts the share of what is visible whose luminance is wrong, or returns None.
     make : callable
         Makes the map.
     """
@@ -189,20 +189,28 @@ class Candidate(Generic[M]):
     bytes: int
     look_ups: int
     total_error: float
-    find_wrong_share: Callable[[], float] = field(repr=False)
+    find_wrong_share: Callable[[], float | None] = field(repr=False)
     make: Callable[[], M] = field(repr=False)
 
     @cached_property
-    def wrong_share(self) -> float:
-        """The predicted share of what is visible whose luminance is wrong."""
+    def wrong_share(self) -> float | None:
+        """The predicted share of what is visible whose luminance is wrong, where it is known."""
         return self.find_wrong_share()
 
     def badness(self, goal: Goal) -> float:
         """Return the larger of both errors, each in units of what the goal allows."""
         of_error = self.total_error / goal.error
-        if goal.wrong_share is None:
+        if goal.wrong_share is None or self.wrong_share is None:
             return of_error
         return max(of_error, self.wrong_share / goal.wrong_share)
+
+    @property
+    def errors_text(self) -> str:
+        """What is predicted of the picture, in words."""
+        error = f"{100 * self.total_error:.2g}% RMS error"
+        if self.wrong_share is None:
+            return error
+        return f"{error} and {100 * self.wrong_share:.2g}% of pixels wrong by more than 5%"
 
     def keeps(self, goal: Goal) -> bool:
         """Tell whether the map keeps what is asked."""

@@ -56,7 +56,10 @@ def _unmet(
 
 def _sufficient(proposals: Proposals, error: float) -> str:
     """Return which number of bytes would keep the error, or what helps without."""
-    free, is_met = proposals.sharing.kept(error, _ANY_SIZE, proposals.asked.size)
+    sharing, size = proposals.sharing, proposals.asked.size
+    free, is_met = sharing.kept(error, _ANY_SIZE, size)
+    if not is_met and sharing.within_error(error, _ANY_SIZE, size)[1]:
+        return "more bytes gain little: what it has of the view is in tables of whole degrees"
     if not is_met:
         return "dim the lamps with `clamp`"
     step = 10 ** max(len(str(free.bytes)) - 2, 0)  # rounded up to what `bytes_text` shows

@@ -6,6 +6,7 @@ part of the error depends on the light, so that the forms of all terms are compa
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property, partial
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,14 @@ from shrm_cli.maps.joint import joint_error
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.size import TRIED_SIZES, nothing_fits, sizes_of
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Row, fewest_bytes
+from shrm_cli.plan.search import ROUNDING, Row, fewest_bytes
 from shrm_cli.records import record
 
 _FIRST_BYTES = 2**16
 """The bytes that the forms of several terms may have at first; they double until the error is kept,
 so that not all forms have to be judged."""
+_NEARLY_ALL = 1 / 3
+"""What functions may miss, in units of what their tables do, where those alone are too coarse."""
 
 
 @record
@@ -156,16 +159,22 @@ class Sharing:
     def kept(self, error: float, max_size: int, size: int | None) -> tuple[Joint, bool]:
         """Find the least forms that keep an error with their tables, too, which searches leave out.
 
-        The arguments are those of `within_error`. The error that is returned is exact.
+        The arguments and results are those of `within_error`, of errors that are exact.
         """
         allowed = error
         for _ in range(policy.TRIES):
             found, is_met = self.within_error(allowed, max_size, size)
             exact = self.joint(found.forms, is_exact=True)
+            # What tables add to an error stays, however many functions there are.
+            added = exact.total_error**2 - found.total_error**2
             if not is_met or exact.total_error <= error:
                 break
-            allowed *= 0.999 * error / exact.total_error
-        return exact, is_met
+            # Functions that miss a third of what tables do make nearly the least error there is.
+            left = max(error**2 - added, added * _NEARLY_ALL**2)
+            if left >= allowed**2:
+                break
+            allowed = 0.999 * sqrt(left)
+        return exact, is_met and exact.total_error <= error * ROUNDING
 
 
 def _undominated(costs: NDArray[np.int64], squares: Array) -> NDArray[np.intp]:

@@ -105,6 +105,30 @@ def test_what_is_made_keeps_the_error_in_all_bytes_together():
     assert found.bytes <= 40_000
 
 
+def test_where_tables_alone_are_too_coarse_bytes_are_not_wasted():
+    """Charlie's steep rise near grazing is wrong by 2.7 % in tables of whole degrees."""
+    sharing = proposals_of(ROOT / "probes" / "studio.exr", "charlie:roughness=0.4").sharing
+    exact, is_met = sharing.kept(0.02, MOST, None)
+    assert not is_met
+    least = min(
+        sharing.joint((form,), is_exact=True).total_error
+        for row in sharing.planners[0].rows(MOST, TRIED_SIZES)
+        for form in row.every()[-1:]
+    )
+    assert least > 0.02
+    assert exact.total_error <= 1.06 * least
+    assert exact.bytes <= MOST / 8
+
+
+def test_what_tables_add_is_left_out_of_what_functions_may_miss():
+    sharing = proposals_of(ROOT / "probes" / "sky.exr", "charlie:roughness=0.4").sharing
+    rough, _ = sharing.within_error(0.028, MOST, None)
+    assert sharing.joint(rough.forms, is_exact=True).total_error > 0.028
+    exact, is_met = sharing.kept(0.028, MOST, None)
+    assert is_met
+    assert exact.total_error <= 0.028
+
+
 def test_a_number_of_bytes_that_holds_no_cube_for_each_term_is_refused():
     sharing = proposals_of(ROOT / "probes" / "studio.exr", THREE).sharing
     least, _ = sharing.within_error(0.9, 3 * 36 * 12**2, None)
