@@ -5,7 +5,8 @@ function T at the centroid of a cell is compared with T at those of its four qua
 how much T is curved there; the curvature times the spread of the light within a quarter is what is
 still wrong with it. The quarters that matter most are cut again, down to the pixels, until what is
 left is less than a given part of the reflected light. Where nothing is known of the lobe but that
-it is narrow, near its core, cells are cut until they are smaller than it.
+it is narrow, near its core, cells are cut until they are smaller than it; and pixels, too, each of
+which is as bright all over as it is in its middle.
 
 The curvature also corrects the sums: ``T + k s / w`` instead of T, where s is the spread and w the
 luminance of the cell, is exact for a function of even curvature k. What is stated is the size of
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.core import PART
-from shrm_cli.probe.pyramid import Level, Pyramid
+from shrm_cli.probe.pyramid import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
 from shrm_cli.vocabulary import LUMINANCE
 
@@ -42,6 +43,9 @@ _EDGE = 0.06
 it a matt sphere at night missed .5 % and stated .2 %, with it .1 and .2 %."""
 _DARK = 0.02
 """Points whose light is less than this part of the mean of their group need no better sums."""
+MOST_CUTS = 6
+"""Into how many parts each side of a pixel may be cut: of GGX of roughness .1 under a sunset of 512
+rows, 8.8 % of a right picture is wrong beside uncut pixels, 2.5 % with 4 and with 8 cuts."""
 _SAMPLES_AT_ONCE = 2**15
 """Pairs of a point and a cell that are evaluated at a time: their arrays fit into the L2 cache."""
 _ROUNDING = 1e-5
@@ -100,16 +104,36 @@ class Points:
             cells = cells[(axes @ level.directions[cells].T).max(axis=0) >= limits]
         return cells
 
-    def has_core(self, level: Level, cells: Indices) -> NDArray[np.bool_]:
+    def has_core(self, directions: Array, radii: Array) -> NDArray[np.bool_]:
         """Which cells are too large to be sure that they have seen the core of a lobe."""
         width, reach = self.core
-        radii = level.radii[cells]
-        large = radii > PART * width
+        large: NDArray[np.bool_] = radii > PART * width
         if large.any():
-            cosines = (self.centers @ level.directions[cells[large]].T).max(axis=0)
+            cosines = (self.centers @ directions[large].T).max(axis=0)
             beyond = np.arccos(np.clip(cosines, -1, 1)) - radii[large] - reach
             large[large] = radii[large] > PART * width + _GRADING * np.maximum(beyond, 0)
         return large
+
+    def of_pixels(self, pixels: Level, cells: Indices, values: Array) -> Array:
+        """Sum the light of pixels, shape (points, 3), of known values at their middles.
+
+        Those that are large beside the core of a lobe are cut into parts.
+        """
+        sides = pixel_sides(pixels, cells)
+        radii = np.linalg.norm(sides, axis=-1).max(axis=-1) / 2
+        large = self.has_core(pixels.directions[cells], radii)
+        total = _sums(values[..., ~large], pixels.light[cells[~large]])
+        if large.any():
+            cuts = int(min(np.ceil(radii[large].max() / (PART * self.core[0])), MOST_CUTS))
+            offsets = (np.arange(cuts) + 0.5) / cuts - 0.5
+            across = offsets[:, None] * sides[large, None, 0]
+            down = offsets[:, None] * sides[large, None, 1]
+            parts = pixels.directions[cells[large], None, None] + across[:, :, None] + down[:, None]
+            parts /= np.linalg.norm(parts, axis=-1, keepdims=True)
+            found = self.transfer(parts.reshape(-1, 3))
+            means = found.reshape(*found.shape[:2], -1, cuts**2).mean(axis=-1)
+            total += _sums(means, pixels.light[cells[large]])
+        return total
 
     def has_edge(self, level: Level, cells: Indices) -> NDArray[np.bool_]:
         """Which cells are large and cross the edge of a cap, where the transfer function bends or
@@ -150,7 +174,7 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         values = points.transfer(level.directions[cells])
         total += _sums(values, light) - _sums(coarse, above.light[parents])
         if level is levels[0]:
-            sums += _sums(values, light)
+            sums += points.of_pixels(level, cells, values)
             break
         weights = np.abs(light) @ np.array(LUMINANCE, light.dtype)
         curvature, is_known = _curvature(above, level, parents, values, coarse, weights)
@@ -163,7 +187,8 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         spent = np.cumsum(worst[order], dtype=float)
         cut = np.ones(len(cells), dtype=bool)
         cut[order[: np.searchsorted(spent, _SPENT * left, side="right")]] = False
-        cut |= points.has_core(level, cells) | points.has_edge(level, cells)
+        cut |= points.has_core(level.directions[cells], level.radii[cells])
+        cut |= points.has_edge(level, cells)
         cut |= ~np.repeat(is_known, 4)
         cut &= spread > 0
         done = np.flatnonzero(~cut)

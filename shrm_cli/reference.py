@@ -109,10 +109,11 @@ class Reference:
             probe.grid.shape if source_height is None else (source_height, 2 * source_height)
         )
         pixels = rows * columns
-        exact = exact or pixels <= _FEW_PIXELS
         if not exact:
             self._core = Core.of(brdf)
-            exact = self._core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)
+            is_narrow = np.median(self._core.widths) < np.sqrt(4 * np.pi / pixels)
+            exact = pixels <= _FEW_PIXELS and not is_narrow
+            exact = exact or self._core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)
         made: type[Source] | type[Pyramid] = Source if exact else Pyramid
         self.source = made.of(probe, source_height, dtype)
         self._errors: list[Array] = []

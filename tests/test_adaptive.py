@@ -15,17 +15,18 @@ from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 from tests import brute_force
 
 ROWS = 256
-POINTS = 96
+POINTS, FEW = 96, 16
+CUTS = 4
+"""Into so many parts each side of a pixel is cut that is large beside a lobe, for full sums."""
 ANALYTIC = [
     "lambertian",
     "ggx:roughness=0.3",
-    "ggx:roughness=0.1",
     "ward:ax=0.3,ay=0.1",
     "kajiya-kay",
     "phong:exponent=512",
-    "0.04*ggx:roughness=0.1+0.94*ggx:roughness=0.5",
     "ashikhmin-shirley:nu=1000,nv=10,specular=0.5/0.7/0.9,diffuse=0.5",
 ]
+NARROW = ["ggx:roughness=0.1", "0.04*ggx:roughness=0.1+0.94*ggx:roughness=0.5"]
 MEASURED = ["rgl/cc_ibiza_sunset_rgb.bsdf", "cornell/krylon_blue.brdf"]
 PROBES = ["sun", "studio", "noise", "lamps"]
 REAL = ["city", "studio", "interior", "night"]
@@ -65,9 +66,15 @@ def pairs():
     return normals[normals @ view > 0.03][:POINTS], view
 
 
-def errors_of(probe, brdf, pairs, rows=None):
+def cut(image, cuts):
+    """An image whose pixels are cut into parts that are as bright as they are."""
+    return np.repeat(np.repeat(image, cuts, axis=0), cuts, axis=1)
+
+
+def errors_of(probe, brdf, pairs, rows=None, whole=None):
     """Relative errors of the luminance, and what is stated of them."""
-    adaptive, exact = (Reference(probe, brdf, rows, exact=exact) for exact in (False, True))
+    adaptive = Reference(probe, brdf, rows)
+    exact = Reference(probe if whole is None else whole, brdf, rows, exact=True)
     assert (type(adaptive.source), type(exact.source)) == (Pyramid, Source)
     found, expected = (each.radiance(*pairs) @ LUMINANCE for each in (adaptive, exact))
     assert exact.error is None
@@ -82,6 +89,24 @@ def test_adaptive_sums_are_within_a_percent(made, pairs, name, spec):
     assert np.percentile(errors, 95) < min(0.01, stated)
     assert 1e-5 < stated < 0.03
     assert errors.max() < 0.05
+
+
+@pytest.mark.parametrize("spec", NARROW)
+@pytest.mark.parametrize("name", PROBES)
+def test_pixels_that_are_large_beside_a_lobe_are_cut(made, pairs, name, spec):
+    """As if the probe had pixels enough, which then take four to thirty-six times the memory."""
+    some, brdf = (pairs[0][:FEW], pairs[1]), parse_spec(spec)
+    errors, stated = errors_of(made[name], brdf, some, whole=as_probe(cut(pixels(name), CUTS)))
+    assert np.percentile(errors, 95) < 0.012
+    assert errors.max() < 0.02
+    assert 1e-3 < stated < 0.03
+
+
+def test_pixels_as_points_are_no_truth_for_lobes_narrower_than_they_are(made, pairs):
+    some, brdf = (pairs[0][:FEW], pairs[1]), parse_spec("ggx:roughness=0.1")
+    points, cut_up = (Reference(made["lamps"], brdf, exact=exact) for exact in (True, False))
+    wrong = points.radiance(*some) @ LUMINANCE / (cut_up.radiance(*some) @ LUMINANCE)
+    assert np.percentile(np.abs(wrong - 1), 95) > 0.05
 
 
 @pytest.mark.parametrize("material", [*MEASURED, "ggx:roughness=0.2"])

@@ -105,10 +105,12 @@ def relative_rms(found, expected):
 def test_integral_against_brute_force(probe, lights, pairs, spec):
     reflections, views, normals = pairs
     expected = truth(SPECS[spec], reflections, views, lights)
-    single = Reference(probe, parse_spec(spec)).radiance(normals, views)
+    single = Reference(probe, parse_spec(spec), exact=True).radiance(normals, views)
     assert single.dtype == np.float64
     assert relative_rms(single, expected) < 1e-4
-    double = Reference(probe, parse_spec(spec), dtype=np.float64).radiance(normals, views)
+    double = Reference(probe, parse_spec(spec), dtype=np.float64, exact=True).radiance(
+        normals, views
+    )
     np.testing.assert_allclose(double, expected, rtol=1e-9, atol=1e-12)
 
 
@@ -117,15 +119,15 @@ def test_truncated_lobe_and_its_tail(probe, lights, pairs, spec):
     reflections, views, normals = pairs
     brdf = parse_spec(spec)
     centers = normals if brdf.center == "normal" else reflections
-    truncated = Reference(probe, brdf, tolerance=0.1, dtype=np.float64)
+    truncated = Reference(probe, brdf, tolerance=0.1, dtype=np.float64, exact=True)
     inside = truncated.radiance(normals, views)
     expected = truth(SPECS[spec], reflections, views, lights, truncated.angle, centers)
     np.testing.assert_allclose(inside, expected, rtol=1e-9, atol=1e-12)
-    tail = Reference(probe, lobe_tail(brdf, truncated.angle), dtype=np.float64)
+    tail = Reference(probe, lobe_tail(brdf, truncated.angle), dtype=np.float64, exact=True)
     whole = truth(SPECS[spec], reflections, views, lights)
     np.testing.assert_allclose(inside + tail.radiance(normals, views), whole, rtol=1e-9, atol=1e-12)
     assert relative_rms(inside, whole) > 0.005
-    single = Reference(probe, brdf, tolerance=0.1).radiance(normals, views)
+    single = Reference(probe, brdf, tolerance=0.1, exact=True).radiance(normals, views)
     assert relative_rms(single, expected) < 1e-4
 
 
@@ -179,14 +181,14 @@ def test_far_tiles_are_left_out(probe, pairs, monkeypatch):
         return transfer(self, light, view)
 
     monkeypatch.setattr(type(brdf), "transfer", counted)
-    made = Reference(probe, brdf, tolerance=0.01)
+    made = Reference(probe, brdf, tolerance=0.01, exact=True)
     seen.clear()
     made.radiance(normals, views)
     # A cap is 0.45 % of the sphere; here, tiles and groups are far larger than it is.
     assert 0 < sum(seen) < 0.4 * POINTS * HEIGHT * 2 * HEIGHT
     monkeypatch.setattr(source, "_TILE_ROWS", 1)
     monkeypatch.setattr(import_module("shrm_cli.reference"), "_GROUP_SIZES", (1, 1))
-    made = Reference(probe, brdf, tolerance=0.01)
+    made = Reference(probe, brdf, tolerance=0.01, exact=True)
     seen.clear()
     made.radiance(normals, views)
     assert 0 < sum(seen) < 0.03 * POINTS * HEIGHT * 2 * HEIGHT

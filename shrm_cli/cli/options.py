@@ -130,7 +130,8 @@ precision_option = click.option(
 )  # fmt: skip
 exact_option = click.option(
     "--exact", is_flag=True,
-    help="Sum the truth over all pixels of the probe, which takes up to a hundred times as long.  "
+    help="Sum the truth over all pixels of the probe, as points, which takes up to a hundred times "
+    "as long and is wrong for lobes that are narrower than a pixel.  "
     "[default: adaptively, with an error that is stated]",
 )  # fmt: skip
 truth_options = several(

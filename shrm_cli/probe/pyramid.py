@@ -14,6 +14,7 @@ Lightcuts: a scalable approach to illumination.
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.probe.probe import Probe
@@ -98,6 +99,16 @@ class Pyramid:
             made = axes, light, np.maximum(spread, 0), radii
             levels.append(Level(*(each.astype(dtype) for each in made)))
         return cls(levels, pixels)
+
+
+def pixel_sides(pixels: Level, cells: NDArray[np.integer]) -> Array:
+    """Return how far pixels reach across and down, shape (n, 2, 3), as differences of directions.
+
+    Those to their neighbors within a cell of 2 x 2 tell it, up to a sign that does not matter.
+    """
+    own = pixels.directions[cells]
+    beside = [pixels.directions[cells ^ step] for step in (1, 2)]
+    return np.stack(beside, axis=1) - own[:, None]
 
 
 def _fours(values: Array) -> Array:
