@@ -19,7 +19,7 @@ from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate, Goal, first_kept
+from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
@@ -43,6 +43,22 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     asked = _Asked(Projection(shared(probe)), request)
     made = asked.of_single_cubes() if all(term.zonal for term in split(request.brdf)) else None
     return made or asked.of_functions()
+
+
+def foretold(probe: Probe, request: Request) -> str:
+    """Say what would be made, without making it.
+
+    It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
+
+    Raises
+    ------
+    ArgumentError, ProbeError, BrdfError
+    """
+    asked = _Asked(Projection(shared(probe)), request)
+    tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
+    best = tried[-1] if is_kept else least_wrong(tried, asked.goal)
+    best = (asked.simple_shrm(best) if is_kept else None) or best
+    return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
 @record(eq=False)
@@ -76,7 +92,7 @@ class _Asked:
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""
         most = self.request.allowed
-        made = kept_or_best(self.proposals.candidate, self.goal, most, self._simple_shrm)
+        made = kept_or_best(self.proposals.candidate, self.goal, most, self._made_simple)
         if made.map.representation == "shrm":
             return made
         return _noted(made, f"principal: {self._why_no_shrm(made)}")
@@ -100,8 +116,8 @@ class _Asked:
         error = self.goal.error
         return ShrmProposals.known(self.light, request.brdf, error, request.allowed, *form)
 
-    def _simple_shrm(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
-        """Make the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
+    def simple_shrm(self, kept: Candidate[Prefiltered]) -> Candidate[Prefiltered] | None:
+        """Return the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
         if len(self.proposals.parts) > 1:
             return None  # each term would want an SHRM of its own, with a shader of many look-ups
         # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
@@ -110,11 +126,15 @@ class _Asked:
         if not self.shrms.fits(most):
             return None
         tried, is_kept = first_kept(self.shrms.proposing(most, policy.SIMPLE_ORDER_P), self.goal)
-        if not is_kept:
+        return tried[-1] if is_kept else None
+
+    def _made_simple(self, kept: Candidate[Prefiltered]) -> Prefiltered | None:
+        """Make the SHRM that does as well as a map of principal functions, if there is one."""
+        found = self.simple_shrm(kept)
+        if found is None:
             return None
-        bytes_ = bytes_text(tried[-1].bytes)
-        why = f"SHRM, which keeps {goal_text(self.goal)} in {bytes_}"
-        return _noted_if_bright(judged(tried[-1].make(), tried[-1]), why)
+        why = f"SHRM, which keeps {goal_text(self.goal)} in {bytes_text(found.bytes)}"
+        return _noted_if_bright(judged(found.make(), found), why)
 
     def _why_no_shrm(self, made: Prefiltered) -> str:
         """Say what an SHRM of the same error takes, or what one of all the bytes is like."""

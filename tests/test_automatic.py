@@ -256,3 +256,17 @@ def test_what_says_the_opposite_is_refused(probe, form, given):
     (name,) = given
     with pytest.raises(ArgumentError, match=f"`?{name}`? does not apply with `seen`"):
         prefilter(probe, MICROFACET, to=form, seen=0.05, **given)
+
+
+@pytest.mark.parametrize("spec", [MICROFACET, "oren-nayar"])
+def test_who_asks_for_orders_at_a_terminal_hears_what_would_have_been_made(folder, probe, spec):
+    asked = ["prefilter", "probe.exr", "--brdf", spec, "--order-f", "2", "--order-p", "0"]
+    short = run(*asked, "-o", "a.exr").err
+    assert "--to auto, without --eps or orders, chooses the form that it needs" in short
+    told = run(*asked, "-o", "b.exr", terminal=True).err
+    (line,) = [each for each in told.splitlines() if "--to auto" in each]
+    made = prefilter_with_facts(probe, "auto", {"brdf": spec})
+    error = total_error(made.map.info.predicted_error, made.map.info.filter_error)
+    share = made.further["predicted_wrong_share"]()
+    assert f"would make {made.map.representation} in " in line
+    assert f" or more, with {100 * error:.2g}% RMS error and {100 * share:.2g}% of pixels" in line

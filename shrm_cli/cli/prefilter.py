@@ -20,7 +20,7 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs, force_option, keep_other_map
-from shrm_cli.cli.terminal import echo
+from shrm_cli.cli.terminal import echo, has_terminal
 from shrm_cli.cli.usage import (
     Applies,
     given_options,
@@ -32,13 +32,15 @@ from shrm_cli.cli.usage import (
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
+from shrm_cli.progress import using
 from shrm_cli.vocabulary import AUTO, AUTO_FORMS, CONTAINERS, REPRESENTATIONS, Precision
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from shrm_cli.files.parts import Storage
     from shrm_cli.maps.prefiltered import Prefiltered
+    from shrm_cli.probe.probe import Probe
 
 _OWN_BRDFS = listing(
     [each.name for each in registry.descriptions().values() if each.why_no_brdf], "and"
@@ -161,12 +163,27 @@ def prefilter(
     remarks: Sequence[str] = made.warnings
     share = summary.get("predicted_wrong_share") if to == "shrm" else None
     if share is not None and share > policy.WRONG_SHARE:
-        remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error)
+        instead = _made_by_default(given, source) if has_terminal() else None
+        remarks = with_wrong_share(made.warnings, share, made.map.info.predicted_error, instead)
     warnings += [f"{target}: {line}" for line in remarks]
     for text in [] if wants_json() else printed.values():
         echo(text.rstrip("\n"))
     lines = _report(made, result) if is_told else []
     conclude({**result, **printed}, lines, warnings, err=bool(printed))
+
+
+def _made_by_default(given: Mapping[str, Any], source: Probe) -> str:
+    """Say what --to auto would have made, which takes about as long as to make it.
+
+    Only who waits at a terminal is told, as logs of farms would pay for what nobody reads.
+    """
+    from shrm_cli.automatic import foretold
+    from shrm_cli.maps.request import Request
+
+    known = registry.description(AUTO).arguments | {"brdf"}
+    asked = {name: value for name, value in given.items() if name in known}
+    with progress_bar("looking at other forms") as progress, using(progress):
+        return foretold(source, Request.of(AUTO, asked, source))
 
 
 def _why_float(stored: Storage) -> str:

@@ -68,7 +68,9 @@ def unkept_error(asked: float, error: float, max_size: int, remedy: str) -> str:
     return wrong_light(error, within, remedy)
 
 
-def with_wrong_share(lines: Sequence[str], share: float, error: float) -> list[str]:
+def with_wrong_share(
+    lines: Sequence[str], share: float, error: float, instead: str | None = None
+) -> list[str]:
     """Add to the warnings of an SHRM which part of the picture is wrong.
 
     Whoever asks for an SHRM gets one, but not in silence. One line says it: that about the light's
@@ -82,9 +84,12 @@ def with_wrong_share(lines: Sequence[str], share: float, error: float) -> list[s
         The share of what is visible that is predicted to be wrong by more than `vocabulary.WRONG`.
     error : float
         The predicted relative RMS error.
+    instead : str, optional
+        What ``auto`` would make, where that is known.
     """
+    chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
     said = (
         f"{share:.0%} of the picture is predicted to be wrong by more than 5 %, its light by "
-        f"{error:.1%} (RMS); `to` auto, without `eps` or orders, chooses the form that it needs"
+        f"{error:.1%} (RMS); `to` auto, without `eps` or orders, {chosen}"
     )
     return [*(line for line in lines if not line.startswith(_WRONG)), said]
