@@ -95,14 +95,24 @@ class Entry:
         self._refuse_idle()
         found = []
         for to in dict.fromkeys(self.to):
-            needs_brdf = registry.description(to).needs_brdf
             given = self._arguments(to)
-            specs = self.brdfs if needs_brdf else (None,)
+            specs = self.brdfs if self._has_brdf(to) else (None,)
             found += [
                 Recipe(to, spec, given, self.precision, self.runs_code)
                 for spec in dict.fromkeys(specs)
             ]
         return found
+
+    def _has_brdf(self, to: str) -> bool:
+        """Tell whether a form is made of the BRDFs.
+
+        Split sums are, unless the BRDFs are for other forms, beside which they are of GGX.
+        """
+        if registry.description(to).needs_brdf:
+            return True
+        is_for_others = any(registry.description(each).needs_brdf for each in self.to)
+        takes_one = "brdf" in registry.description(to).arguments
+        return takes_one and bool(self.brdfs) and not is_for_others
 
     def jobs(self, left_out: list[str] | None = None) -> list[Job]:
         """Return all jobs, those of one probe after the other.
@@ -154,8 +164,7 @@ class Entry:
         chosen = registry.description(to)
         given = {name: each for name, each in self.arguments.items() if name in chosen.arguments}
         given |= self.own.get(to, {})
-        has_brdf = chosen.needs_brdf and self.brdfs
-        check_arguments(to, [*given, *(["brdf"] if has_brdf else [])])
+        check_arguments(to, [*given, *(["brdf"] if self.brdfs and self._has_brdf(to) else [])])
         return checked_options(to, given)
 
     def _refuse_idle(self) -> None:
@@ -173,7 +182,7 @@ class Entry:
                 raise ArgumentError(name, "is no argument of prefilter")
             if not set(of) & set(self.to):
                 raise ArgumentError(name, f"applies with `to` {listing(of, 'or')}")
-        if self.brdfs and not any(known[to].needs_brdf for to in self.to):
+        if self.brdfs and not any(map(self._has_brdf, self.to)):
             raise ArgumentError("brdf", f"says nothing to {listing(self.to, 'and')}")
 
     def _output(self, probe: str, folder: str, recipe: Recipe) -> str:

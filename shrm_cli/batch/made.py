@@ -11,9 +11,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import condition, holds_nothing, says_map
 from shrm_cli.files.parts import peek
+from shrm_cli.maps import registry
 from shrm_cli.maps.file import Recorded, check_amount, recorded
 from shrm_cli.maps.provenance import probe_name, record_of, same_brdf
 from shrm_cli.maps.request import Request, recorded_defaults
@@ -83,7 +85,7 @@ def difference(
             "another probe made it, or another version of this one",
             is_ours=found.info.probe == probe_name(probe),
         )
-    if brdf is not None and not same_brdf(found.info.brdf, record_of(brdf)):
+    if not _is_of(brdf, found):
         return Difference("it is for another BRDF")
     wanted = request.record(probe) | ({} if precision == "auto" else {"precision": precision})
     differing = _differing(_options(found), wanted)
@@ -94,6 +96,18 @@ def difference(
     if sources and found.sources != sources:
         return Difference("another version or state of shrm made it")
     return None
+
+
+def _is_of(brdf: Brdf | None, found: Recorded) -> bool:
+    """Whether a file was made for a BRDF, or for none where that is None.
+
+    What needs none may be made for one, and records it among its options.
+    """
+    needs_one = registry.description(found.representation).needs_brdf
+    there = found.info.brdf if needs_one else found.info.options.get("brdf")
+    if brdf is None or there is None:
+        return brdf is None and (needs_one or there is None)
+    return same_brdf(there, record_of(brdf))
 
 
 def _unreadable(path: str | os.PathLike[str]) -> Difference:
@@ -141,7 +155,7 @@ def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     here = json.loads(json.dumps(here))
     if there.get("reading") != here["reading"]:
         return "how the probe is read"
-    names = sorted({*there, *here} - {"reading"})
+    names = sorted({*there, *here} - {"reading", "brdf"})
     texts = [
         f"`{name}` {_text(there.get(name))} there, {_text(here.get(name))} here"
         for name in names

@@ -13,6 +13,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import SHARED, Representation, listing, owners
+from shrm_cli.maps.provenance import record_of
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -112,7 +113,9 @@ class Request:
         return max(DEFAULT_MAX_SIZE, 0 if self.size is None else stored_bytes(self.size, 1))
 
     def record(self, probe: Probe) -> dict[str, Any]:
-        """Return what a map's file records of the request; its BRDF has a record of its own.
+        """Return what a map's file records of the request.
+
+        The BRDF has a record of its own, but where a map is made of each of its roughnesses.
 
         Returns
         -------
@@ -126,6 +129,8 @@ class Request:
             goal = Goal.of(self.error, self.seen)
             automatic = {"to": AUTO, "error": goal.error, "seen": goal.wrong_share}
         found = recorded_defaults(self.to, self.given) | automatic | _listed(self.given)
+        if self.brdf is not None and not registry.description(self.to).needs_brdf:
+            found["brdf"] = record_of(self.brdf)
         return {**found, "reading": probe.reading()}
 
 

@@ -121,6 +121,18 @@ def test_each_form_gets_the_options_that_it_obeys(folder):
     ]  # fmt: skip
 
 
+def test_split_sums_are_of_the_brdfs_unless_these_are_for_other_forms(folder):
+    def specs(*forms):
+        recipes = Entry(("probes/day/p0.exr",), ("charlie", "ward"), forms).recipes()
+        return [(recipe.to, recipe.brdf) for recipe in recipes]
+
+    split = [("splitsum", "charlie"), ("splitsum", "ward")]
+    assert specs("splitsum") == split
+    assert specs("irradiance", "splitsum") == [("irradiance", None), *split]
+    mixed = [("principal", "charlie"), ("principal", "ward"), ("splitsum", None)]
+    assert specs("principal", "splitsum") == mixed
+
+
 @pytest.mark.parametrize(
     ("changes", "argument"),
     [

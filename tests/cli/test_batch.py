@@ -249,6 +249,17 @@ def test_why_outputs_are_made_anew_is_told(folder, here):
     assert run(*IRRADIANCE, "--force").out.splitlines()[1:] == ["  5 anew: asked for by --force"]
 
 
+def test_split_sums_are_known_by_the_brdf_that_they_were_made_for(folder, here):
+    asked = ["batch", "probes/p0.exr", "--to", "splitsum", "--levels", "2", "-o", "out/{probe}.exr"]
+    said = "1 outputs: 1 made", "  1 anew: it is for another BRDF"
+    for words in (["--brdf", "charlie"], ["--brdf", "charlie:color=0.5"], []):
+        made = run(*asked, *words)
+        assert made.code == 0
+        assert made.out.startswith(said[0])
+        assert made.out.splitlines()[1:] == list(said[1:] if words != ["--brdf", "charlie"] else [])
+        assert run(*asked, *words).out.startswith("1 outputs: 1 there already")
+
+
 @pytest.mark.parametrize("form", ["--commands", "--openjd"])
 def test_a_farm_takes_command_lines_that_end_their_options(folder, here, form):
     """Behind ``--`` every word is a name, so that the part must stand before it."""

@@ -9,14 +9,13 @@ References
 @khronosgroup/gltf-viewer 1.1, `_loadEnvironmentFromPanorama`, `iblSampler`, `ibl.glsl`.
 """
 
-import numpy as np
-
+from shrm_cli.arrays import Array
 from shrm_cli.export.cubes import WORLD, diffuse_cube, ktx2_file
 from shrm_cli.export.engine import Engine, Light, OutputFile, Package
 from shrm_cli.export.latlong import add_radiance
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string, uri
-from shrm_cli.files.png import write_png
+from shrm_cli.export.table import write_texture
 
 
 class GltfSampleViewer(Engine):
@@ -61,11 +60,9 @@ class GltfSampleViewer(Engine):
         return made
 
 
-def _add_table(made: Package, name: str, table: np.ndarray) -> None:
+def _add_table(made: Package, name: str, table: Array) -> None:
     """Add the environment BRDF as a picture: red is the scale, green the bias, blue is 0."""
-    levels = np.zeros((*table.shape[:2], 3), dtype=np.uint8)
-    levels[..., :2] = np.rint(np.clip(table, 0, 1) * 255)
-    made.files.append(OutputFile(name, lambda path: write_png(path, levels)))
+    made.files.append(OutputFile(name, lambda path: write_texture(path, table)))
     made.told.append("the table has N.V across and the roughness down, from 0 in the first row")
 
 
