@@ -5,6 +5,7 @@ import pytest
 
 from shrm_cli.brdf.film import film_reflectance
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.choose.others import others_of
 from shrm_cli.errors import BrdfError
 from tests.brdf.layered.test_coated import reflected_share, seen
 from tests.brdf.models.test_analytic import upper
@@ -143,3 +144,13 @@ def test_what_a_film_on_a_coat_keeps_out_is_not_lost():
 def test_films_that_show_nothing_are_refused(spec, why):
     with pytest.raises(BrdfError, match=why):
         parse_spec(spec)
+
+
+def test_maps_of_light_alone_show_no_film():
+    """Their surface has a roughness and an f0 only; other forms are offered."""
+    bare, film = parse_spec("ggx:f0=0.04"), parse_spec("ggx:f0=0.04,film=300")
+    assert bare.surface == (0.4, (0.04, 0.04, 0.04))
+    assert film.surface is None
+    forms = [[each.arguments["to"] for each in others_of(brdf)] for brdf in (bare, film)]
+    assert "splitsum" in forms[0]
+    assert forms[1] == ["cabral"]
