@@ -56,8 +56,8 @@ def others_of(brdf: Brdf) -> list[Wanted]:
     found = []
     if isinstance(brdf, Lambertian):
         found += [Wanted({"to": "irradiance", "order_f": order}) for order in _ORDERS]
-    if isinstance(brdf, Ggx) and brdf.isotropic:
-        own = brdf.number("roughness")
+    if isinstance(brdf, Ggx) and brdf.surface is not None:
+        own, _ = brdf.surface
         found.append(Wanted({"to": "splitsum"}))
         for size in _LEVELS:
             given = {} if size is None else {"size": size}

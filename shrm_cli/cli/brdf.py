@@ -12,6 +12,7 @@ from shrm_cli.cli.bar import progress_bar
 from shrm_cli.cli.options import conclude, report_options, tell, warn
 from shrm_cli.cli.outputs import check_outputs
 from shrm_cli.cli.types import FRACTION, Spec
+from shrm_cli.cli.usage import exclude
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
@@ -39,21 +40,31 @@ _GROUPS = {
     "--save", "target", type=click.Path(), metavar="FILE",
     help="Write it as a table instead: .exr, .npz, or MERL's .binary.",
 )  # fmt: skip
+@click.option(
+    "--walk", "paths", type=click.IntRange(2, 1024), metavar="N",
+    help="Compare coated:base=(...) with random walks between coat and base instead: N paths for "
+    "each of 512 lights.",
+)  # fmt: skip
 @report_options
 def brdf(
     spec: str | None,
     tolerances: tuple[float, ...],
     target: str | None,
+    paths: int | None,
 ) -> None:
     """List the BRDFs, or explain one: a name with parameters, or a measured file.
 
     \b
       shrm brdf ggx:roughness=0.3
       shrm brdf paint.bsdf --save paint.exr
+      shrm brdf "coated:roughness=0.4,base=(lambertian)" --walk 256
     """
+    exclude("target", "paths")
     if spec is None:
         if target is not None:
             raise click.UsageError("--save needs a BRDF to write; name one before it")
+        if paths is not None:
+            raise click.UsageError("--walk needs a coated BRDF; name one before it")
         _list()
         return
     from shrm_cli.brdf.spec import parse_spec
@@ -61,6 +72,9 @@ def brdf(
 
     if target is not None:
         _save(spec, target)
+        return
+    if paths is not None:
+        _walk(spec, paths)
         return
     remarks: list[str] = []
     with progress_bar("expanding") as progress:
@@ -120,6 +134,29 @@ def _save(spec: str, target: str) -> None:
         f"  RMS error      {error:.2%} of {chosen!r}, up to 80 degrees from the normal",
     ]
     tell({"file": target, "format": written.name, "bytes": size, "rms_difference": error}, lines)
+
+
+def _walk(spec: str, paths: int) -> None:
+    """Print how far a coated BRDF is from a random walk."""
+    from shrm_cli.brdf.layered.parts.walk import VIEWS, compared
+    from shrm_cli.brdf.spec import parse_spec
+    from shrm_cli.maps.provenance import record_of
+
+    chosen = parse_spec(spec)
+    found = compared(chosen, paths)
+    rows = [f"  {'degrees':<12} {' '.join(f'{view:>6}' for view in VIEWS)}  from the normal"]
+    for name, values in (("albedo", found.albedo), ("walk", found.walked), ("noise", found.noise)):
+        rows += [
+            _row(f"{name} {each}", column) for each, column in zip("RGB", values.T, strict=True)
+        ]
+    rows += [_row("differ", found.difference), _row("noise", found.difference_noise)]
+    lines = [f"{chosen!r}: what its base adds, by {paths} paths for each of 512 lights", *rows]
+    known = {name: getattr(found, name).tolist() for name in found.__dataclass_fields__}
+    tell({"brdf": record_of(chosen), "paths": paths, "theta": list(VIEWS), **known}, lines)
+
+
+def _row(name: str, values: Any) -> str:
+    return f"  {name:<12} {' '.join(f'{each:6.4f}' for each in values)}"
 
 
 def _describe(model: Any) -> dict[str, Any]:

@@ -139,9 +139,7 @@ class Material:
     @property
     def surface(self) -> tuple[float, Color] | None:
         """Roughness and f0 where the BRDF is GGX, so that maps of light alone can show it."""
-        if not (isinstance(self.brdf, Ggx) and self.brdf.isotropic):
-            return None
-        return self.brdf.number("roughness"), self.brdf.color("f0")
+        return self.brdf.surface if isinstance(self.brdf, Ggx) else None
 
     def numbers(self, index: int) -> dict[str, float | None]:
         """Return how far a map is from the truth, as the summary of `shrm compare` has it."""

@@ -279,3 +279,17 @@ def test_as_a_process():
     result = process("brdf", "lambertian", "--eps", "0.1")
     assert (result.code, result.err) == (0, "")
     assert result.out.startswith("lambertian:albedo=1: ")
+
+
+def test_a_coat_is_compared_with_a_walk():
+    coat = "coated:roughness=0.4,base=(lambertian:albedo=0.5)"
+    text, told = (
+        done("brdf", coat, "--walk", 16),
+        json.loads(done("brdf", coat, "--walk", 16, "--json")),
+    )
+    assert "16 paths for each of 512 lights" in text
+    assert told["theta"] == [0, 15, 30, 45, 60, 75]
+    assert told["walked"][0][0] == pytest.approx(told["albedo"][0][0], abs=0.05)
+    assert f"{told['walked'][3][1]:.4f}" in text
+    assert_refused(run("brdf", "ggx", "--walk", 16), 1, "the walk is for coated")
+    assert_refused(run("brdf", "--walk", 16), 2, "--walk needs a coated BRDF")

@@ -27,7 +27,10 @@ def completed(monkeypatch, line):
         ("shrm prefilter x.exr --brdf ggx:ro", ["ggx:roughness="]),
         (
             "shrm prefilter x.exr --brdf ggx:roughness=0.4,",
-            [f"ggx:roughness=0.4,{name}=" for name in ("anisotropy", "mapping", "ax", "ay", "f0")],
+            [
+                f"ggx:roughness=0.4,{name}="
+                for name in ("anisotropy", "mapping", "ax", "ay", "f0", "film", "film_ior")
+            ],
         ),
         ("shrm reference x.exr --brdf ggx:f0=go", ["ggx:f0=gold"]),
         ("shrm compare x.exr --brdf 0.5*lambertian+0.5*war", ["0.5*lambertian+0.5*ward"]),

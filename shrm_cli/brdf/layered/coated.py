@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from shrm_cli.brdf.base import Brdf, Parameter
+from shrm_cli.brdf.film import FILM, film_of
 from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, ThroughCoat
 from shrm_cli.brdf.layered.parts.interior import GlossyPart, Interior, UnderCoat
 from shrm_cli.brdf.layered.parts.layered import BASE, Layered
@@ -27,12 +28,14 @@ class Coated(Layered):
         Parameter("ior", 1.5, 1.0, 3.0, "the coat's index of refraction"),
         Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "what passes it along the normal and back"),
         Parameter("weight", 1.0, 0.0, 1.0, "the part of the surface that is coated"),
+        *FILM,
         BASE,
     )
 
     def _layers(self) -> Sequence[tuple[float, Brdf]]:
         weight, ior = self.number("weight"), self.number("ior")
-        coat = CoatLobe(self.number("roughness"), ior)
+        film = film_of(self)
+        coat = CoatLobe(self.number("roughness"), ior, film)
         parts = list(_parts(self.base))
         diffuse = [(share, part) for share, part in parts if part.center == "normal"]
         glossy = [_glossy(share, part, coat) for share, part in parts if part.center != "normal"]
@@ -45,7 +48,7 @@ class Coated(Layered):
             (weight * share, UnderCoat(self, part, ior, partial(inside.diffuse_lobes, k)))
             for k, (share, part) in enumerate(diffuse)
         ]
-        border = [(weight, coat)] if ior > 1 else []
+        border = [(weight, coat)] if ior > 1 or film else []
         return [*border, *glossy_terms, *diffuse_terms, (1 - weight, self.base)]
 
 

@@ -6,7 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Parameter, Value, scaled
+from shrm_cli.brdf.base import Brdf, Color, Parameter, Value, scaled
+from shrm_cli.brdf.film import FILM, film_of, film_reflectance
 from shrm_cli.brdf.vectors import (
     NORMAL_REFLECTANCE,
     Half,
@@ -33,6 +34,8 @@ class Ggx(Brdf):
     `ay`, or follow from `roughness` and `anisotropy` s by one of two mappings: that of glTF,
     ``ax = a + (1 - a) s^2, ay = a``, or that of OpenPBR, ``ax = a sqrt(2 / (1 + (1 - s)^2))``,
     ``ay = (1 - s) ax``. Both stretch the lobe along x, so that x runs across the brush marks.
+
+    With a thin film F is exact, of media without absorption: `shrm_cli.brdf.film`.
     """
 
     name = "ggx"
@@ -58,6 +61,7 @@ class Ggx(Brdf):
             "ay", 0.16, _LEAST_ALPHA, 1.0, "alpha along y, with ax", follows="ax", is_optional=True
         ),
         NORMAL_REFLECTANCE,
+        *FILM,
     )  # fmt: skip
 
     def __init__(self, **values: Value) -> None:
@@ -69,11 +73,15 @@ class Ggx(Brdf):
             del self.values["roughness"]
         elif "mapping" in values and "anisotropy" not in values:
             raise BrdfError("ggx: mapping applies with anisotropy")
+        self.film = film_of(self)
+        if self.film and min(self.color("f0")) == 1:
+            raise BrdfError("ggx: f0=1 reflects all, with a film or without; give a lower f0")
         self.alphas = self._alphas()
         self.isotropic = self.alphas[0] == self.alphas[1]
         if self.isotropic and "ax" in self.values:  # it is called as all even surfaces are
             roughness = math.sqrt(self.values.pop("ax"))  # type: ignore[arg-type]
-            self.values = {"roughness": roughness, "f0": self.values["f0"]}
+            del self.values["ay"]
+            self.values = {"roughness": roughness, **self.values}
 
     def evaluate(self, light: Array, view: Array) -> Array:
         half = half_vector(light, view)
@@ -86,7 +94,16 @@ class Ggx(Brdf):
 
     def reflectance(self, cosine: Array) -> Array:
         """The reflectance of a facet that is met at an angle, shape (..., 3)."""
+        if self.film:
+            return film_reflectance(cosine, self.color("f0"), *self.film)
         return schlick(self.color("f0"), cosine)
+
+    @property
+    def surface(self) -> tuple[float, Color] | None:
+        """The roughness and f0 of a surface that they say all of, as maps of light show them."""
+        if self.film or not self.isotropic:
+            return None
+        return self.number("roughness"), self.color("f0")
 
     def _distribution(self, half: Half) -> Array:
         """The distribution D of normals of facets, Heitz 2014, eq. 85."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color
+from shrm_cli.brdf.film import COSINES, film_table
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.models.blinn_phong import normalization
 from shrm_cli.brdf.sums import weighted_terms
@@ -247,13 +248,25 @@ def _ggx(brdf: Brdf, language: Language) -> list[str]:
     a, rest = language.number(a2), language.number(1 - a2)
     parts = ["value * (1.0 - rest)", "value * rest"]
     colors = [_color(brdf.color("f0"), language), "vec3(1.0, 1.0, 1.0)"]
+    table, place, blend = [], [], ["    rest = rest * rest * rest * rest * rest;"]
+    film = brdf.film  # type: ignore[attr-defined]
+    if film:
+        table = language.colors("film", film_table(brdf.color("f0"), *film))
+        colors, blend = ["film[k]", "film[k + 1]"], ["    rest = at - float(k);"]
+        first, per_step = (language.number(each) for each in (COSINES[0], COSINES[1] - COSINES[0]))
+        place = [
+            f"    float at = (min(0.5 * size, 1.0) - {first}) / {per_step};",
+            f"    int k = int(min(at, {len(COSINES) - 2}.0));",
+        ]
     return [
+        *table,
         *_HALF.split("\n"),
         "    float lz = max(l.z, 1e-5), vz = max(v.z, 1e-5);",
         f"    float d = sine2 / {a} + up * up, rest = 1.0 - min(0.5 * size, 1.0);",
         f"    float both = lz * sqrt({a} + {rest} * vz * vz) + vz * sqrt({a} + {rest} * lz * lz);",
         f"    float value = l.z / ({language.number(2 * math.pi * a2)} * d * d * both);",
-        "    rest = rest * rest * rest * rest * rest;",
+        *place,
+        *blend,
         "    if (l.z <= 0.0 || v.z <= 0.0) {",
         "        value = 0.0;",
         "    }",

@@ -277,6 +277,11 @@ def split_material(brdf: Brdf | None) -> Brdf | None:
         return None
     check_varies(brdf)
     if isinstance(brdf, Ggx):
+        if brdf.film:
+            raise BrdfError(
+                f"{brdf!r}: a split sum of GGX is the same with a film and without; make it "
+                f"without --brdf, and the film's table by `shrm dfg --brdf`"
+            )
         if brdf.values != Ggx().values:
             raise BrdfError(f"{brdf!r}: a split sum of GGX is shown with any f0; leave it out")
         return None

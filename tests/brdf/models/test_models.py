@@ -70,7 +70,10 @@ OPTIONAL = {
         {"anisotropy": 1.0, "mapping": "openpbr"},
         {"ax": 0.0025, "ay": 1.0},
         {"ax": 1.0, "ay": 0.0025},
-    ]
+        {"f0": 0.0, "film": 0.0, "film_ior": 1.0},
+        {"f0": [0.99, 0.2, 0.0], "film": 5000.0, "film_ior": 3.0},
+    ],
+    "coated": [{"film": 0.0, "film_ior": 1.0}, {"film": 5000.0, "film_ior": 3.0}],
 }
 """Optional parameters of the models that have some, at the ends of their ranges."""
 
@@ -87,7 +90,7 @@ def extremes(model):
         yield model(**values)
         for more in OPTIONAL.get(model.name, ()):
             kept = {} if "ax" in more else values
-            yield model(**kept, **more)
+            yield model(**{**kept, **more})
     for parameter in ordinary:
         for choice in parameter.choices:
             yield model(**{parameter.name: choice})

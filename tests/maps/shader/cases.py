@@ -185,6 +185,9 @@ FORMS = {
         "0.3*ggx:roughness=0.3,f0=0.9/0.5/0.04+0.6*lambertian:albedo=0.5/0.4/0.3",
         make_shrm(4, 3, 6),
     ),
+    "lamps with a film": lambda: lamps(
+        "ggx:roughness=0.3,f0=0.04/0.1/0.3,film=500", make_shrm(2, 2, 4)
+    ),
     "lamps beside the normal": lambda: lamps("lambertian", make_shrm(2, 0, 4, "normal", seed=2)),
     "lamps of lobes": lambda: lamps(
         "phong:exponent=60+2*blinn-phong:exponent=90,color=0.5/0.6/0.7+microfacet:sigma=0.1",

@@ -4,6 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, grey, scaled
+from shrm_cli.brdf.film import film_reflectance
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.vectors import above_horizon, cosines, half_vector
 
@@ -61,17 +62,28 @@ def swerve(inner: Array, ior: float) -> Array:
 
 
 class CoatLobe(Ggx):
-    """What the rough border of a clear medium reflects: `Ggx` with Fresnel's equations."""
+    """What the rough border of a clear medium reflects: `Ggx` with Fresnel's equations.
+
+    A film on it is its thickness, nm, and its index of refraction.
+    """
 
     name = "coat-lobe"
     summary = "reflection at the border of a clear medium"
 
-    def __init__(self, roughness: float, ior: float) -> None:
+    def __init__(
+        self, roughness: float, ior: float, film: tuple[float, float] | None = None
+    ) -> None:
         super().__init__(roughness=roughness)
         self.values = {"roughness": roughness, "ior": ior}
+        self.film = film
+        if film:
+            self.values |= {"film": film[0], "film_ior": film[1]}
 
     def reflectance(self, cosine: Array) -> Array:
-        return grey(fresnel(cosine, self.number("ior")))
+        ior = self.number("ior")
+        if self.film:
+            return film_reflectance(cosine, (((ior - 1) / (ior + 1)) ** 2,) * 3, *self.film)
+        return grey(fresnel(cosine, ior))
 
 
 class ThroughCoat(Brdf):

@@ -109,10 +109,10 @@ class Interior:
 
     @cached_property
     def _border(self) -> Array:
-        """What the border reflects of light from inside, at the cosines, (n, 1)."""
-        outside = albedos(self.coat, COSINES)[:, :1]
+        """What the border reflects of light from inside, at the cosines, (n, 3)."""
+        outside = albedos(self.coat, COSINES)
         outside[0] = 1  # light that grazes is reflected
-        return np.append(np.ones((self._beyond, 1)), outside, axis=0)
+        return np.append(np.ones((self._beyond, 3)), outside, axis=0)
 
     @cached_property
     def _way(self) -> Array:

@@ -1,0 +1,109 @@
+"""A thin film, such as of soap or oxide, which reflects some wavelengths more: iridescence.
+
+What both of its sides reflect adds up as waves do. For each wavelength and both polarizations that
+is Airy's sum with Fresnel's equations, exact. A spectrum is seen as Rec.709 under D65.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf, Color, Parameter
+from shrm_cli.brdf.vectors import GRAZING
+from shrm_cli.errors import BrdfError
+
+FILM = (
+    Parameter("film", 400.0, 0.0, 5000.0, "thickness of a thin film on it, nm", is_optional=True),
+    Parameter("film_ior", 1.3, 1.0, 3.0, "the film's index of refraction", is_optional=True),
+)
+"""The parameters of a film, as KHR_materials_iridescence has them."""
+COSINES = np.linspace(GRAZING, 1, 257)
+"""Where reflectances are tabulated. Linear between them, they are exact to 2e-3."""
+_WAVELENGTHS = np.arange(380.0, 781.0)
+_WHITE = 1 - 1e-12
+"""The most that a surface reflects: of one that reflects all, no index of refraction is known."""
+
+
+def film_of(brdf: Brdf) -> tuple[float, float] | None:
+    """The thickness and the index of refraction of a BRDF's film, whose default joins its values.
+
+    Raises
+    ------
+    BrdfError
+        If it has the index alone.
+    """
+    if "film" in brdf.values:
+        brdf.values.setdefault("film_ior", FILM[1].default)
+        return brdf.number("film"), brdf.number("film_ior")
+    if "film_ior" in brdf.values:
+        raise BrdfError(f"{brdf.name}: film_ior applies with film")
+    return None
+
+
+def film_reflectance(cosine: Array, f0: Color, thickness: float, ior: float) -> Array:
+    """Reflectance of a surface with a film, in air.
+
+    Parameters
+    ----------
+    cosine : ndarray, shape (...)
+        Of the angle to the normal, 0 .. 1.
+    f0 : tuple of 3 float
+        What the surface reflects at normal incidence without the film. Each channel has the real
+        index of refraction that follows from its f0, as in KHR_materials_iridescence.
+    thickness : float
+        Of the film, nm.
+    ior : float
+        The film's index of refraction.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Linear Rec.709, within 0 .. 1: colors outside of it become the nearest within.
+    """
+    channels = film_table(f0, thickness, ior).T
+    found = [np.interp(cosine, COSINES, each).astype(cosine.dtype) for each in channels]
+    return np.stack(found, axis=-1)
+
+
+@lru_cache(maxsize=16)
+def film_table(f0: Color, thickness: float, ior: float) -> Array:
+    """As `film_reflectance` at `COSINES`, shape (257, 3)."""
+    from shrm_cli.brdf.measured.reading.spectrum import to_linear_srgb  # only films need it
+
+    within = _refracted(COSINES, ior)
+    wave = np.cos(4 * np.pi * ior * thickness * within[:, None] / _WAVELENGTHS)
+    air, film = (1.0, COSINES), (ior, within)
+    table = np.empty((len(COSINES), 3))
+    for each in set(f0):
+        root = np.sqrt(min(each, _WHITE))
+        index = (1 + root) / (1 - root)
+        base = index, _refracted(COSINES, index)
+        spectra = [
+            _interference(_amplitude(air, film, power), _amplitude(film, base, power), wave)
+            for power in (1, -1)
+        ]
+        has_it = np.equal(f0, each)
+        table[:, has_it] = to_linear_srgb(_WAVELENGTHS, sum(spectra) / 2)[:, has_it]
+    return np.clip(table, 0, 1)
+
+
+def _refracted(cosine: Array, index: float) -> Array:
+    """The cosine, in a medium, of light that has a cosine in air: Snell's law."""
+    return np.asarray(np.sqrt(1 - (1 - cosine**2) / index**2))
+
+
+def _amplitude(above: tuple[float, Array], below: tuple[float, Array], power: int) -> Array:
+    """Fresnel's amplitude at a border of media, each an index and cosines, but for its sign.
+
+    The power of the index is 1 for light polarized across the plane of incidence, -1 along it.
+    """
+    here, there = (index**power * cosine for index, cosine in (above, below))
+    return np.asarray((here - there) / (here + there))
+
+
+def _interference(outer: Array, inner: Array, wave: Array) -> Array:
+    """Airy's sum of all reflections: amplitudes of both sides, and the cosine of the phase."""
+    both = 2 * (outer * inner)[:, None] * wave
+    squares = outer**2 + inner**2, 1 + (outer * inner) ** 2
+    return np.asarray((squares[0][:, None] + both) / (squares[1][:, None] + both))
