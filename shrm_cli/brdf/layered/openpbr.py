@@ -78,7 +78,10 @@ class OpenPbr(Sum):
         self._hold(list(self._terms()))
 
     def __repr__(self) -> str:
-        return Brdf.__repr__(self)
+        defaults = {each.name: each.checked(each.default) for each in self.parameters}
+        given = {key: each for key, each in self.values.items() if each != defaults[key]}
+        inside = ",".join(f"{key}={value_text(value)}" for key, value in given.items())
+        return f"{self.name}:{inside}" if inside else self.name
 
     def _terms(self) -> Iterator[tuple[float, Brdf]]:
         weight = self.number("coat_weight")
