@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.brdf.imported.surfaces import SURFACES
+from shrm_cli.brdf.imported.surfaces import ROTATIONS, SURFACES
 from shrm_cli.brdf.layered.openpbr import OpenPbr
 from shrm_cli.brdf.measured.reading.file import check_file, readable
 from shrm_cli.color import Primaries, from_rec709, mix_channels
@@ -53,14 +53,22 @@ def open_material(path: Path, wanted: str, primaries: Primaries | None = None) -
         from shrm_cli.brdf.imported.gltf import read_gltf_material
 
         material = read_gltf_material(str(path), data, wanted)
-    if material.averaged:
-        listed = ", ".join(dict.fromkeys(material.averaged))
-        warnings.warn(f"{path}: textures are averaged: {listed}", ShrmWarning, stacklevel=2)
     try:
         values = SURFACES[material.surface](material.values)
-        return OpenPbr(**_converted(values, primaries))
+        found = OpenPbr(**_converted(values, primaries))
     except BrdfError as error:
         raise BrdfError(f"{path}: {str(error).removeprefix('openpbr: ')}") from error
+    except (ArithmeticError, ValueError) as error:  # of numbers that no surface has
+        raise BrdfError(f"{path}: its material cannot be used ({error})") from error
+    rotations = [each for each in ROTATIONS if material.values.get(each, 0) != 0]
+    for what, names in (
+        ("left out", [*material.left_out, *rotations]),
+        ("replaced by the mean of a texture", material.averaged),
+    ):
+        if names:
+            line = f"{path}: {what}: {', '.join(dict.fromkeys(names))}"
+            warnings.warn(line, ShrmWarning, stacklevel=2)
+    return found
 
 
 def _converted(values: dict[str, Any], primaries: Primaries | None) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.imported.material import Material, chosen, left_out
+from shrm_cli.brdf.imported.material import Material, chosen
 from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.gltf import (
     Json,
@@ -99,15 +99,9 @@ class _Reader:
         values = {each: self._value(*field) for each, field in _FIELDS.items()}
         if self.given.get("alphaMode", "OPAQUE") != "OPAQUE":
             values["alpha"] = self._alpha()
-        self._say(sorted(ours - _KNOWN))
-        return Material("gltf_pbr", values, self.averaged)
-
-    def _say(self, unknown: list[str]) -> None:
-        for each in unknown:
-            left_out(self.name, f"its extension {each[:40]!r}")
-        for place, key in _NORMALS:
-            if key in self._table(place):
-                left_out(self.name, f"its {key}")
+        unread = [key for place, key in _NORMALS if key in self._table(place)]
+        unread += [f"extension {each[:40]!r}" for each in sorted(ours - _KNOWN)]
+        return Material("gltf_pbr", values, self.averaged, unread)
 
     def _table(self, place: str) -> Json:
         if place in ("", _BASE):

@@ -1,10 +1,9 @@
 """What readers of materials return and say."""
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
-from shrm_cli.errors import BrdfError, ShrmWarning
+from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 
 _LISTED = 12
@@ -22,11 +21,14 @@ class Material:
         Numbers, and colors in linear Rec.709.
     averaged : list of str
         The textures whose mean is in the values.
+    left_out : list of str
+        What is not read.
     """
 
     surface: str
     values: dict[str, Any]
     averaged: list[str]
+    left_out: list[str]
 
 
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:
@@ -49,8 +51,3 @@ def chosen(name: str, names: Sequence[str], wanted: str) -> int:
     more = ", ..." if len(names) > _LISTED else ""
     what = f"no material is called {wanted[:40]!r}" if wanted else "it has several materials"
     raise BrdfError(f"{name}: {what}; name one after a '#': {listed}{more}")
-
-
-def left_out(name: str, what: str) -> None:
-    """Warn of a part of a material that is not read."""
-    warnings.warn(f"{name}: {what} is left out", ShrmWarning, stacklevel=3)

@@ -11,7 +11,7 @@ from xml.parsers import expat
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.imported.material import Material, chosen, left_out
+from shrm_cli.brdf.imported.material import Material, chosen
 from shrm_cli.brdf.imported.surfaces import SURFACES
 from shrm_cli.color import conversion, mix_channels, srgb_to_linear
 from shrm_cli.errors import BrdfError
@@ -27,6 +27,8 @@ _LINEAR = ("", "none", "raw", "lin_rec709", "lin_rec709_scene")
 _ACESCG = ("acescg", "lin_ap1", "lin_ap1_scene")
 _IMAGES = "image", "tiledimage", "gltf_image", "gltf_colorimage"
 _PASSING = "convert", "dot"
+_COLORS = "emissive", "opacity"
+"""Inputs that are colors, besides those whose names end so."""
 _PLACES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2, "a": 3}
 
 
@@ -109,18 +111,19 @@ def _shaders(package: Any, document: Any) -> dict[str, Any]:
 
 def _material(name: str, shader: Any) -> Material:
     averaged: list[str] = []
+    unread: list[str] = []
     values = {}
     for given in shader.getInputs():
         if given.getType() in ("vector3", "string", "filename"):
             if given.getConnectedNode() is not None:
-                left_out(name, f"its {given.getName()}")
+                unread.append(given.getName())
             continue
         found, is_texture = _Value(name).of(given)
         if is_texture:
             averaged.append(given.getName())
-        is_color = given.getType() == "color3"
+        is_color = given.getName().endswith("color") or given.getName() in _COLORS
         values[given.getName()] = tuple(map(float, found[:3])) if is_color else float(found[0])
-    return Material(shader.getCategory(), values, averaged)
+    return Material(shader.getCategory(), values, averaged, unread)
 
 
 class _Value:
@@ -184,11 +187,13 @@ def _input(node: Any, name: str) -> Any:
 
 def _constant(given: Any) -> Array:
     value = given.getValue()
-    if given.getType().startswith("color"):
+    if given.getType() in ("color3", "color4"):
         curve = _curve(given.getActiveColorSpace())
         color = np.array(value.asTuple(), dtype=float)
         color[:3] = color[:3] if curve is None else curve(color[:3])
         return np.append(color, 1.0)[:4]
+    if isinstance(value, str):
+        raise ValueError(f"the input {given.getName()!r} is no number")
     if not isinstance(value, bool | int | float):
         values = np.array(value.asTuple(), dtype=float)
         return np.append(values, np.ones(4))[:4]

@@ -5,15 +5,13 @@ colors. What is left out has its default.
 """
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from shrm_cli.errors import ShrmWarning
-
 Values = Mapping[str, Any]
 
-_ROTATIONS = "anisotropy_rotation", "specular_rotation", "coat_rotation"
+ROTATIONS = "anisotropy_rotation", "specular_rotation", "coat_rotation"
+"""How far what is brushed is turned, which is left out: tangents say where it runs."""
 
 
 def of_openpbr(given: Values) -> dict[str, Any]:
@@ -49,7 +47,6 @@ def of_gltf(given: Values) -> dict[str, Any]:
         "geometry_opacity": given.get("alpha", 1.0),
     }
     alpha, strength = given.get("roughness", 1.0) ** 2, given.get("anisotropy_strength", 0.0)
-    _say_rotations(given)
     return {**found, **_brushed(alpha + (1 - alpha) * strength**2, alpha)}
 
 
@@ -63,7 +60,6 @@ def of_standard_surface(given: Values) -> dict[str, Any]:
     aspect = math.sqrt(1 - min(given.get("specular_anisotropy", 0.0), 0.98))
     alpha = given.get("specular_roughness", 0.2) ** 2
     coat = given.get("coat", 0.0)
-    _say_rotations(given)
     return {
         "base_weight": given.get("base", 1.0),
         "base_color": given.get("base_color", (0.8, 0.8, 0.8)),
@@ -107,10 +103,3 @@ def _brushed(across: float, along: float) -> dict[str, float]:
     ratio = along / across if across > 0 else 1.0
     root = math.sqrt(across * math.sqrt((1 + ratio**2) / 2))
     return {"specular_roughness": root, "specular_roughness_anisotropy": 1 - ratio}
-
-
-def _say_rotations(given: Values) -> None:
-    for name in _ROTATIONS:
-        if given.get(name, 0.0) != 0:
-            line = f"{name}={given[name]:g} is left out: turn the tangents instead"
-            warnings.warn(line, ShrmWarning, stacklevel=4)

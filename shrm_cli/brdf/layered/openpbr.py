@@ -76,6 +76,10 @@ class OpenPbr(Sum):
     def __init__(self, **values: Value) -> None:
         Brdf.__init__(self, **_held(values))
         self._hold(list(self._terms()))
+        for name, (harmless, effect) in _LEFT_OUT.items():
+            if values.get(name, harmless) != harmless:
+                line = f"openpbr: {name}={value_text(values[name])} is left out: {effect}"
+                warnings.warn(line, ShrmWarning, stacklevel=2)
 
     def __repr__(self) -> str:
         defaults = {each.name: each.checked(each.default) for each in self.parameters}
@@ -128,20 +132,16 @@ class OpenPbr(Sum):
 
 
 def _held(values: dict[str, Value]) -> dict[str, Value]:
-    """The parameters that decide the surface; of others it is said what they would have done.
+    """The parameters that decide the surface.
 
     Raises
     ------
     BrdfError
-        If one of them has a weight that cannot be left out.
+        If another one has a weight that cannot be left out.
     """
     for name, what in _REFUSED.items():
         if values.get(name, 0.0) != 0:
             given = value_text(values[name])
             raise BrdfError(f"openpbr: {name}={given}: {what} is not held by maps; make it 0")
-    for name, (harmless, effect) in _LEFT_OUT.items():
-        if values.get(name, harmless) != harmless:
-            line = f"openpbr: {name}={value_text(values[name])} is left out: {effect}"
-            warnings.warn(line, ShrmWarning, stacklevel=3)
     unheld = {*_REFUSED, *_LEFT_OUT, *_UNUSED}
     return {name: value for name, value in values.items() if name not in unheld}

@@ -165,8 +165,8 @@ def test_textures_are_averaged(tmp_path, rng, kind):
     assert found.number("base_metalness") == pytest.approx(flat[:, 2].mean(), rel=1e-5)
     lines = sorted(str(each.message) for each in said)
     assert lines == [
-        f"{path}: its normalTexture is left out",
-        f"{path}: textures are averaged: baseColorTexture, metallicRoughnessTexture",
+        f"{path}: left out: normalTexture",
+        f"{path}: replaced by the mean of a texture: baseColorTexture, metallicRoughnessTexture",
     ]
 
 
@@ -265,6 +265,8 @@ def test_textures_are_not_trusted(tmp_path, rng, uri, words):
         (metal_rough(float("nan")), "damaged|not finite"),
         (metal_rough("shiny"), "could not convert"),
         (metal_rough(color=(1, 1)[:1]), "is|baseColor"),
+        (metal_rough(1.0, 1e200), "cannot be used"),
+        (metal_rough(1.0, -1e9), "is outside"),
         (metal_rough(7.0), "base_metalness=7 is outside"),
         ({"extensions": 3}, "table"),
         (3, "table"),

@@ -179,8 +179,9 @@ def test_textures_are_averaged(tmp_path, rng):
     assert found.number("specular_roughness") == pytest.approx(flat[:, 1].mean(), rel=1e-5)
     assert found.number("base_metalness") == pytest.approx(flat[:, 2].mean(), rel=1e-5)
     assert sorted(str(each.message) for each in said) == [
-        f"{path}: its geometry_normal is left out",
-        f"{path}: textures are averaged: base_color, specular_roughness, base_metalness",
+        f"{path}: left out: geometry_normal",
+        f"{path}: replaced by the mean of a texture: "
+        "base_color, specular_roughness, base_metalness",
     ]
 
 
