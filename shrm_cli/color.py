@@ -79,6 +79,13 @@ def from_rec709(primaries: Primaries | None) -> Array | None:
     return conversion(REC709, primaries)
 
 
+def srgb_to_linear(values: Array) -> Array:
+    """Linear values from those encoded as sRGB has it (IEC 61966-2-1)."""
+    return np.where(
+        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
+    )
+
+
 def same_primaries(one: Primaries | None, other: Primaries | None) -> bool:
     """Whether two sets of primaries are the same but for rounding; None is Rec.709."""
     one, other = (REC709 if each is None else each for each in (one, other))

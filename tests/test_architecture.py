@@ -67,6 +67,7 @@ USERS = {
 """The stops that alone may open images or talk to the terminal, by what they do it with."""
 EXTRAS = {
     "analysis/plots.py": {"matplotlib"},
+    "brdf/imported/materialx.py": {"MaterialX"},
     "batch/cluster.py": {"distributed", "dask", "threadpoolctl"},
     "batch/collect.py": {"pyarrow"},
     "export/ktx.py": {"zstandard"},

@@ -5,6 +5,7 @@ A specification is one of
 - the name of a model, ``NAME`` or ``NAME:key=value,key=value``,
 - a class in a Python file of one's own, ``path/to/mine.py:Mine`` or with ``:key=value`` after it,
 - the path of a measured file,
+- a material in a file of MaterialX or glTF, ``material.mtlx`` or ``asset.glb#name``,
 - a sum of these, such as ``0.5*lambertian+0.5*ggx``.
 
 A value is a number, a color (one number, ``1/0.78/0.34`` or a name such as ``gold``), the name of a
@@ -12,6 +13,7 @@ choice, or a specification in parentheses.
 """
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +30,8 @@ from shrm_cli.errors import BrdfError
 
 if TYPE_CHECKING:
     from shrm_cli.brdf.python_file import FileTerm
+
+_MATERIAL = re.compile(r"([^=]+?\.(?:mtlx|gltf|glb))(?:#(.*))?", re.IGNORECASE | re.DOTALL)
 
 
 def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None = None) -> Brdf:
@@ -55,6 +59,11 @@ def parse_spec(spec: str, *, run_code: bool = True, primaries: Primaries | None 
 
     if not _is_one_file(spec) and is_sum(spec):
         return parse_sum(spec, parse)
+    place = material_place(spec)
+    if place is not None:
+        from shrm_cli.brdf.imported.file import open_material  # few runs need it
+
+        return open_material(*place, primaries)
     if names_file(spec):
         from shrm_cli.brdf.measured import open_measured  # it is slow to load
 
@@ -124,8 +133,14 @@ def _of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brd
     return make_checked(model, values, name)
 
 
+def material_place(spec: str) -> tuple[Path, str] | None:
+    """The file and the material's name that a specification is; None if it is no such one."""
+    found = _MATERIAL.fullmatch(spec.strip())
+    return None if found is None else (Path(found[1]), (found[2] or "").strip())
+
+
 def names_file(spec: str) -> bool:
-    """Whether a specification is the path of a measured file rather than the name of a model.
+    """Whether a specification is the path of a file rather than the name of a model.
 
     It is where no model has that name, and the file exists or the text looks like a path: it has
     a folder, or the suffix of a measured file.
@@ -133,6 +148,8 @@ def names_file(spec: str) -> bool:
     name, _, rest = spec.strip().partition(":")
     if name in built_in_names() or _python_term(spec) is not None:
         return False
+    if material_place(spec) is not None:
+        return True
     path = Path(spec)
     if os.path.isfile(path):
         return len(path.parts) > 1 or name not in model_names()
@@ -145,8 +162,8 @@ def named_files(spec: str) -> list[Path]:
     """The files that a specification names: what must not be overwritten."""
     found = []
     for part in [spec] if _is_one_file(spec) else term_texts(spec):
-        term = _python_term(part)
-        path = Path(part) if term is None else term.path
+        term, place = _python_term(part), material_place(part)
+        path = term.path if term is not None else Path(part) if place is None else place[0]
         if os.path.isfile(path):
             found.append(path)
         else:
@@ -164,7 +181,8 @@ def file_label(spec: str) -> str:
     if term is not None and (_is_one_file(spec) or not is_sum(spec)):
         text = term.label
     elif names_file(spec) and not is_sum(spec):
-        text = Path(spec).stem
+        path, name = material_place(spec) or (Path(spec), "")
+        text = f"{path.stem}-{name}" if name else path.stem
     return "".join(c if c.isalnum() or c in "._+" else "-" for c in text)
 
 
@@ -179,9 +197,9 @@ def _python_term(spec: str) -> "FileTerm | None":
 
 def _is_one_file(spec: str) -> bool:
     """Whether a specification is as a whole a file that exists, though it may hold a ``+``."""
-    term = _python_term(spec)
+    term, place = _python_term(spec), material_place(spec)
     is_code = term is not None and term.is_there and not is_sum(term.label)
-    return is_code or os.path.isfile(spec)
+    return is_code or os.path.isfile(spec if place is None or is_sum(place[1]) else place[0])
 
 
 def is_measured_file(name: str) -> bool:

@@ -265,6 +265,11 @@ def parse_sum(spec: str, parse: Callable[[str], Brdf]) -> Brdf:
         except ValueError:
             raise BrdfError(f"{spec!r}: {part!r} has no sound weight") from None
         terms.append((weight, parse(part[match.end() :] if match else part)))
+    return joined(terms)
+
+
+def joined(terms: Sequence[tuple[float, Brdf]]) -> Brdf:
+    """The sum of terms, of which there may be one."""
     if len(terms) == 1:
         _check_weight(*terms[0])
         return _Weighted(*terms[0])

@@ -101,6 +101,7 @@ def _list() -> None:
             lines += [f"  {'':<18}   {line}" for line in _anisotropy(model)]
     lines.append("Measured, by the path of a file:")
     lines += [f"  {kind.name:<18} {kind.reads}" for kind in formats()]
+    lines += ["Materials, as openpbr:", "  material.mtlx#name or asset.glb#name"]
     tell([_describe(model) for group in groups.values() for model in group], lines)
     warn(problems)
 

@@ -16,7 +16,7 @@ from shrm_cli import settings
 from shrm_cli.cli.terminal import echo_message, tell_nobody
 from shrm_cli.cli.threads import limit_small_products
 from shrm_cli.cli.usage import flags
-from shrm_cli.errors import ArgumentError, ShrmError
+from shrm_cli.errors import ArgumentError, ShrmError, ShrmWarning
 from shrm_cli.files.whole import protecting
 
 # The module of a command is imported only when the command runs, so that --help is immediate.
@@ -117,6 +117,8 @@ def main(arguments: list[str] | None = None) -> None:
     if "--debug" not in arguments:
         # Numpy's warnings are hidden, because values are checked to be finite when written.
         warnings.simplefilter("ignore")
+    warnings.simplefilter("default", ShrmWarning)
+    warnings.showwarning = _show_warning
     try:
         # A command that fails halfway leaves no settings behind.
         with settings.using(), protecting():
@@ -149,6 +151,13 @@ def main(arguments: list[str] | None = None) -> None:
         if "--debug" in arguments:
             raise
         _fail(_one_line(error, arguments), 1)
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Say what the library warns of, such as what of a material is left out."""
+    from shrm_cli.cli.options import warn
+
+    warn([str(message)])
 
 
 def _one_line(error: BaseException, arguments: list[str]) -> str:

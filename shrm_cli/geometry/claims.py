@@ -6,9 +6,6 @@ import re
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import MOST_FACES, too_many
 
-MOST_BYTES = 2**28
-"""The most bytes of a mesh's file, and of all buffers of a glTF together."""
-
 _MOST_TEXT = 2**27
 _MOST_ROWS = 2**22
 """The most bytes of text, and rows of PLY as text, which take 250 bytes each to be read."""

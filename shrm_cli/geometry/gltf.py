@@ -1,24 +1,32 @@
 """glTF files, checked and rewritten into the plain GLB that trimesh then reads.
 
 A glTF file is a text that says where in its buffers the numbers are. Every count, offset and index
-of it is checked here against what is really there, before anything is read by it. The GLB that is
+of it is checked against what is really there, before anything is read by it. The GLB that is
 handed on holds nodes, triangles and their attributes only: no names, addresses, images or
 extensions, which trimesh might follow. Materials are read here.
 """
 
-import base64
-import binascii
 import json
 import struct
 from math import isfinite
-from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 from shrm_cli.errors import MeshError
-from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.whole import note
-from shrm_cli.geometry.claims import MOST_BYTES
+from shrm_cli.files.gltf import (
+    BIN,
+    GLB_HEAD,
+    JSON,
+    MOST_BYTES,
+    MOST_ITEMS,
+    Json,
+    buffers_of,
+    index_in,
+    list_of,
+    natural,
+    read_tree,
+    table,
+    view_of,
+)
 from shrm_cli.geometry.mesh import MOST_FACES, SurfaceMaterial, too_many
 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
@@ -38,16 +46,10 @@ _TEXTURES = (
     "emissiveTexture",
 )  # fmt: skip
 """Kinds of textures that materials have."""
-_MOST_ITEMS = 2**16
-"""The most nodes, meshes, primitives, accessors and the like."""
 _MOST_PRIMITIVES = 2**12
 """The most primitives, each of which becomes a mesh of its own."""
-_MOST_DEPTH = 64
-_GLB_HEAD, _JSON, _BIN = b"glTF", b"JSON", b"BIN\0"
 _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_")
 """Beginnings of extensions without which the shape of a mesh is the same."""
-
-Json = dict[str, Any]
 
 
 def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial | None]]:
@@ -73,13 +75,7 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
     MeshError
         If it is damaged, claims more than is there, or needs what is not read.
     """
-    text, chunk = _chunks(name, data) if data.startswith(_GLB_HEAD) else (data, None)
-    try:
-        tree = parse_json(text.decode("utf-8-sig"), most_depth=_MOST_DEPTH)
-    except (ValueError, RecursionError) as error:
-        raise MeshError(
-            f"{name}: its JSON is damaged ({str(error)[:80]}); export it again"
-        ) from error
+    tree, chunk = read_tree(name, data)
     try:
         return _rewritten(name, tree, chunk)
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
@@ -87,58 +83,38 @@ def read_gltf(name: str, data: bytes) -> tuple[bytes, str, list[SurfaceMaterial 
         raise MeshError(f"{name}: its glTF is damaged ({why}); export it again") from error
 
 
-def _chunks(name: str, data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the text of a GLB and its binary chunk."""
-    if len(data) < 20 or data[4:8] != b"\2\0\0\0":
-        raise MeshError(f"{name}: not GLB of version 2; export it as glTF 2")
-    found: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(data):
-        size, kind = int.from_bytes(data[at : at + 4], "little"), data[at + 4 : at + 8]
-        if at + 8 + size > len(data):
-            raise MeshError(f"{name}: it ends within a chunk; copy or export it again")
-        found.setdefault(kind, data[at + 8 : at + 8 + size])
-        at += 8 + size
-    if _JSON not in found:
-        raise MeshError(f"{name}: it has no JSON; export it again")
-    return found[_JSON], found.get(_BIN)
-
-
 def _rewritten(
     name: str, tree: Json, chunk: bytes | None
 ) -> tuple[bytes, str, list[SurfaceMaterial | None]]:
-    version = str(_table(tree.get("asset", {})).get("version", ""))
-    if not version.startswith("2"):
-        raise MeshError(f"{name}: glTF of version {version[:10]!r}; export it as glTF 2")
-    for needed in _list(tree, "extensionsRequired"):
+    for needed in list_of(tree, "extensionsRequired"):
         if not str(needed).startswith(_KNOWN):
             raise MeshError(
                 f"{name}: it needs the extension {str(needed)[:40]!r}; export it without"
             )
-    buffers = _buffers(name, tree, chunk)
-    views = [_view(each, buffers) for each in _list(tree, "bufferViews")]
+    buffers = buffers_of(name, tree, chunk)
+    views = [view_of(each, buffers) for each in list_of(tree, "bufferViews")]
     _check_sum(name, [each["byteLength"] for each in views])  # trimesh copies each of them
-    materials = [_material(each) for each in _list(tree, "materials")]
-    plain = _Plain(name, _list(tree, "accessors"), views)
+    materials = [_material(each) for each in list_of(tree, "materials")]
+    plain = _Plain(name, list_of(tree, "accessors"), views)
     meshes, owners = [], []
-    for mesh in _list(tree, "meshes"):
+    for mesh in list_of(tree, "meshes"):
         primitives = []
-        for primitive in _list(mesh, "primitives", required=True):
+        for primitive in list_of(mesh, "primitives", required=True):
             if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP):
                 primitives.append(plain.primitive(primitive))
                 owner = primitive.get("material")
-                owners.append(None if owner is None else materials[_index(owner, materials)])
+                owners.append(None if owner is None else materials[index_in(owner, materials)])
         meshes.append({"name": "mesh", "primitives": primitives})
     if not owners:
         raise MeshError(f"{name}: it has no triangles; export it with its faces")
     if len(owners) > _MOST_PRIMITIVES:
         raise MeshError(f"{name}: more than {_MOST_PRIMITIVES:,} primitives; join its meshes")
     _check_sum(name, plain.sizes)
-    nodes = [_node(each, tree) for each in _list(tree, "nodes")]
+    nodes = [_node(each, tree) for each in list_of(tree, "nodes")]
     roots = _roots(tree, nodes)
     _check_tree(nodes, roots)
     shown = sum(len(meshes[node["mesh"]]["primitives"]) for node in nodes if "mesh" in node)
-    if shown > _MOST_ITEMS:
+    if shown > MOST_ITEMS:
         raise MeshError(f"{name}: it shows {shown:,} primitives; join its meshes")
     header = {
         "asset": {"version": "2.0"},
@@ -177,7 +153,7 @@ class _Plain:
 
     def primitive(self, primitive: Json) -> Json:
         """Return a primitive with the attributes that are used."""
-        given = _table(primitive["attributes"])
+        given = table(primitive["attributes"])
         kept = {}
         for label, (known, types) in _ATTRIBUTES.items():
             if label in given:
@@ -197,8 +173,8 @@ class _Plain:
 
     def _accessor(self, index: Any, types: tuple[str, ...]) -> int:
         """Return the place of an accessor among those that are used, after checking its bounds."""
-        number = _index(index, self._given)
-        given = _table(self._given[number])
+        number = index_in(index, self._given)
+        given = table(self._given[number])
         if "sparse" in given or "bufferView" not in given:
             raise MeshError(f"{self.name}: sparse or compressed accessors; export it without")
         kind, component = given["type"], given["componentType"]
@@ -206,8 +182,8 @@ class _Plain:
             raise ValueError(f"an accessor of type {str(kind)[:20]}")
         if component not in _BYTES:
             raise ValueError("an accessor of no known component type")
-        view = self._views[_index(given["bufferView"], self._views)]
-        count, start = _natural(given["count"]), _natural(given.get("byteOffset", 0))
+        view = self._views[index_in(given["bufferView"], self._views)]
+        count, start = natural(given["count"]), natural(given.get("byteOffset", 0))
         width = _COLUMNS[kind] * _BYTES[component]
         stride = view.get("byteStride", width)
         if count < 1 or stride < width or start + (count - 1) * stride + width > view["byteLength"]:
@@ -225,67 +201,9 @@ class _Plain:
         return self._places[number]
 
 
-def _buffers(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
-    found, total = [], 0
-    for index, each in enumerate(_list(tree, "buffers")):
-        size, uri = _natural(each["byteLength"]), each.get("uri")
-        if size + total > MOST_BYTES:
-            raise MeshError(f"{name}: its buffers exceed {MOST_BYTES:,} bytes; simplify the mesh")
-        if uri is None:
-            if index or chunk is None:
-                raise ValueError("a buffer without its bytes")
-            data = chunk
-        else:
-            data = _from_uri(name, str(uri), size)
-        if len(data) < size:
-            raise MeshError(
-                f"{name}: a buffer of {size:,} bytes has {len(data):,}; copy or export it again"
-            )
-        found.append(data[:size])
-        total += size
-    return found
-
-
-def _from_uri(name: str, uri: str, size: int) -> bytes:
-    """Return the bytes of a buffer: those in the text, or a file's beside it."""
-    if uri.startswith("data:"):
-        _, comma, payload = uri.partition(";base64,")
-        if not comma:
-            raise ValueError("data that are not base64")
-        try:
-            return base64.b64decode(payload, validate=True)
-        except binascii.Error:
-            raise ValueError("data that are not base64") from None
-    part = unquote(uri)
-    if ":" in part or "/" in part or "\\" in part or part in ("", ".", "..") or "\0" in part:
-        raise MeshError(
-            f"{name}: a buffer is to be read from {part[:80]!r}; only files in its own folder are"
-        )
-    path = Path(name).parent / part
-    try:
-        if not path.is_file():
-            raise MeshError(f"{name}: the file of its buffer, {part[:80]!r}, is missing; copy it")
-        note(path)
-        with open(path, "rb") as stream:
-            return stream.read(size)
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
-
-
-def _view(given: Json, buffers: list[bytes]) -> Json:
-    index = _index(given["buffer"], buffers)
-    start, length = _natural(given.get("byteOffset", 0)), _natural(given["byteLength"])
-    if start + length > len(buffers[index]):
-        raise ValueError("a view beyond its buffer")
-    result = {"buffer": index, "byteOffset": start, "byteLength": length}
-    if "byteStride" in given:
-        result["byteStride"] = _natural(given["byteStride"])
-    return result
-
-
 def _material(given: Json) -> SurfaceMaterial:
     """Return a material's factors, and what textures it has, which are not read."""
-    pbr = _table(given.get("pbrMetallicRoughness", {}))
+    pbr = table(given.get("pbrMetallicRoughness", {}))
     color = [_unit(each) for each in pbr.get("baseColorFactor", (1, 1, 1))][:3]
     if len(color) < 3:
         raise ValueError("a base colour of less than three numbers")
@@ -301,10 +219,10 @@ def _material(given: Json) -> SurfaceMaterial:
 def _node(given: Json, tree: Json) -> Json:
     result: Json = {}
     if "mesh" in given:
-        result["mesh"] = _index(given["mesh"], _list(tree, "meshes"))
-    children = _list(given, "children")
+        result["mesh"] = index_in(given["mesh"], list_of(tree, "meshes"))
+    children = list_of(given, "children")
     if children:
-        result["children"] = [_index(each, _list(tree, "nodes")) for each in children]
+        result["children"] = [index_in(each, list_of(tree, "nodes")) for each in children]
     for key, length in _TRANSFORMS.items():
         if key in given:
             numbers = [float(each) for each in given[key]]
@@ -316,52 +234,24 @@ def _node(given: Json, tree: Json) -> Json:
 
 def _roots(tree: Json, nodes: list[Json]) -> list[int]:
     """Return the nodes that the scene begins with; without a scene, those that have no parent."""
-    scenes = _list(tree, "scenes")
+    scenes = list_of(tree, "scenes")
     if scenes:
-        scene = scenes[_index(tree.get("scene", 0), scenes)]
-        return [_index(each, nodes) for each in _list(scene, "nodes")]
+        scene = scenes[index_in(tree.get("scene", 0), scenes)]
+        return [index_in(each, nodes) for each in list_of(scene, "nodes")]
     owned = {child for node in nodes for child in node.get("children", ())}
     return [index for index in range(len(nodes)) if index not in owned]
 
 
 def _packed(header: Json, buffers: list[bytes]) -> bytes:
     text = json.dumps(header).encode()
-    chunks = [_chunk(text, _JSON, b" "), *(_chunk(each, _BIN, b"\0") for each in buffers)]
+    chunks = [_chunk(text, JSON, b" "), *(_chunk(each, BIN, b"\0") for each in buffers)]
     length = 12 + sum(len(each) for each in chunks)
-    return struct.pack("<4sII", _GLB_HEAD, 2, length) + b"".join(chunks)
+    return struct.pack("<4sII", GLB_HEAD, 2, length) + b"".join(chunks)
 
 
 def _chunk(data: bytes, kind: bytes, filling: bytes) -> bytes:
     padded = data + filling * (-len(data) % 4)
     return struct.pack("<I4s", len(padded), kind) + padded
-
-
-# ---- values of JSON, which may be of any type ----------------------------------------------------
-
-
-def _list(table: Json, key: str, required: bool = False) -> list[Any]:
-    values = _table(table)[key] if required else _table(table).get(key, [])
-    if not isinstance(values, list) or len(values) > _MOST_ITEMS:
-        raise ValueError(f"its {key} are no list, or too many")
-    return values
-
-
-def _table(value: Any) -> Json:
-    if not isinstance(value, dict):
-        raise ValueError("a value in place of a table")
-    return value
-
-
-def _natural(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**40:
-        raise ValueError("a count or offset that is no natural number")
-    return value
-
-
-def _index(value: Any, of: list[Any]) -> int:
-    if _natural(value) >= len(of):
-        raise ValueError("an index beyond its list")
-    return int(value)
 
 
 def _unit(value: Any) -> float:

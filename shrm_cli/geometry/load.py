@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError, ShrmError
 from shrm_cli.extras import install
+from shrm_cli.files.gltf import MOST_BYTES
 from shrm_cli.files.whole import note
-from shrm_cli.geometry.claims import MOST_BYTES, check_ply, check_stl
+from shrm_cli.geometry.claims import check_ply, check_stl
 from shrm_cli.geometry.gltf import read_gltf
 from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.obj import read_obj

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.color import srgb_to_linear
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.parts import sound_primaries
 from shrm_cli.records import record
@@ -258,10 +259,3 @@ def _integer_curve(path: Path, spec: Any, file_format: str) -> tuple[str, Curve 
             "it to linear light and EXR first"
         )
     return "sRGB", srgb_to_linear
-
-
-def srgb_to_linear(values: Array) -> Array:
-    """Linear values from those encoded as sRGB has it (IEC 61966-2-1)."""
-    return np.where(
-        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
-    )

@@ -50,8 +50,8 @@ def test_each_module_has_exactly_one_model_of_its_name(name):
     assert model.__doc__
 
 
-def test_there_are_sixteen():
-    assert len(built_in_names()) == 16
+def test_there_are_eighteen():
+    assert len(built_in_names()) == 18
     assert built_in_names() == sorted(built_in_names())
     assert {"ggx", "kajiya-kay", "lambertian"} <= set(built_in_names())
 

@@ -102,6 +102,11 @@ _BRDF = (
     "reference sound.exr --brdf FILE --size 16 --source-height 2 -o OUT.exr --json",
     "reference sound.exr --brdf 0.5*lambertian+0.5*FILE --size 16 --source-height 2 -o OUT.png",
 )
+_MATERIAL = (
+    "brdf FILE --eps 0.9 --quiet",
+    "brdf FILE#paint --eps 0.9 --json",
+    "reference sound.exr --brdf FILE#0 --size 16 --source-height 2 -o OUT.exr",
+)
 _ARGUMENTS = (
     "WORD",
     "info WORD",
@@ -205,6 +210,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         Seed("mip levels", "mips.exr", _MIPS),
         Seed("layers of a map", "map.layers.exr", _LAYERS),
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
+        *(Seed(kind, name, _MATERIAL) for kind, name in _materials(folder)),
         Seed("product texture", "product.exr", _PRODUCT),
         *(Seed("light file", name, _LIGHTS) for name in _lights(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
@@ -478,6 +484,47 @@ def _brdfs(folder: Path) -> list[tuple[str, str]]:
         *(("Zernike", name) for name in ("a.csv", "b.csv")),
         *(("table of a BRDF", name) for name in tables),
     ]
+
+
+def _materials(folder: Path) -> list[tuple[str, str]]:
+    """Materials with a texture, in files of every format."""
+    scenes.write(folder / "paint.png", np.full((2, 3, 3), 0.5), "uint8")
+    image = (folder / "paint.png").read_bytes()
+    tree = {
+        "asset": {"version": "2.0"},
+        "images": [{"bufferView": 0}, {"uri": SOUND}],
+        "textures": [{"source": 0}, {"source": 1}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": len(image)}],
+        "buffers": [{"byteLength": len(image)}],
+        "materials": [
+            {
+                "name": "paint",
+                "pbrMetallicRoughness": {
+                    "baseColorTexture": {"index": 0},
+                    "metallicRoughnessTexture": {"index": 1},
+                    "baseColorFactor": [0.1, 0.1, 0.1, 1],
+                    "metallicFactor": 0.1,
+                    "roughnessFactor": 0.4,
+                },
+                "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.5}},
+            }
+        ],
+    }
+    (folder / "material.glb").write_bytes(shapes.glb(tree, image))
+    (folder / "material.gltf").write_bytes(shapes.gltf(tree, image))
+    (folder / "material.mtlx").write_text(
+        '<?xml version="1.0"?>\n<materialx version="1.39" colorspace="lin_rec709">\n'
+        '<image name="picture" type="color3">\n<input name="file" type="filename" '
+        f'value="{SOUND}" colorspace="srgb_texture"/></image>\n'
+        '<multiply name="darker" type="color3"><input name="in1" type="color3" nodename="picture"/>'
+        '\n<input name="in2" type="color3" value="0.1, 0.1, 0.1"/></multiply>\n'
+        '<open_pbr_surface name="paint" type="surfaceshader">\n'
+        '<input name="base_color" type="color3" nodename="darker"/>\n'
+        '<input name="specular_roughness" type="float" value="0.8"/>\n'
+        "</open_pbr_surface></materialx>\n"
+    )
+    names = ("material.glb", "material.gltf", "material.mtlx")
+    return [(f"material, {Path(name).suffix}", name) for name in names]
 
 
 def _meshes(folder: Path) -> list[tuple[str, str]]:

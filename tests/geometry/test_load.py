@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MeshError
+from shrm_cli.files.gltf import MOST_BYTES
 from shrm_cli.files.whole import is_input, protecting
-from shrm_cli.geometry import claims
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import MOST_FACES
 from tests.geometry import shapes
@@ -301,7 +301,7 @@ def test_bytes_are_not_read_again_and_again(tmp_path):
     """As those of an archive that unpacks to a thousand times its size."""
     tree, data = gltf_tree(*TETRAHEDRON)
     data += bytes(5000 * len(data))
-    many = 2 * claims.MOST_BYTES // len(data) + 2
+    many = 2 * MOST_BYTES // len(data) + 2
     tree["buffers"][0]["byteLength"] = len(data)
     tree["bufferViews"] += [{"buffer": 0, "byteLength": len(data)}] * many
     with pytest.raises(MeshError, match="bytes of its buffers"):
@@ -327,7 +327,7 @@ def test_a_mesh_of_many_parts_is_not_shown_many_times(tmp_path):
 def test_files_of_gigabytes_are_not_read(tmp_path, monkeypatch):
     path = tmp_path / "a.obj"
     with open(path, "wb") as stream:
-        stream.truncate(claims.MOST_BYTES + 1)  # no block of it is on the disk
+        stream.truncate(MOST_BYTES + 1)  # no block of it is on the disk
     with pytest.raises(MeshError, match="simplify"):
         load_mesh(path)
 

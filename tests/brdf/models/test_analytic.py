@@ -65,7 +65,7 @@ def directional_albedo(brdf, view):
 
 def quickly(names):
     """The models by name; those whose layers are integrated anew for each example are proofs."""
-    layers = {"coated", "fuzzy"}
+    layers = {"coated", "fuzzy", "openpbr"}
     return [
         pytest.param(name, marks=pytest.mark.proof if name in layers else ())
         for name in sorted(names)

@@ -22,7 +22,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
 from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted, refracted_cosine
 from shrm_cli.brdf.layered.parts.layered import Layered
-from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos, transport
+from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos, strength, transport
 from shrm_cli.records import record
 
 Terms = Sequence[tuple[float, Brdf]]
@@ -32,7 +32,6 @@ _BEYOND = np.linspace(0, 1, 9)[:-1]
 """Cosines beyond the critical angle that are tabulated, in parts of its cosine."""
 _LOSSLESS = 0.9999
 """The most that comes back: without a loss, light beyond the critical angle would stay for ever."""
-_STEPS = 20
 
 
 @record(eq=False)
@@ -86,26 +85,35 @@ class Interior:
         seen = self._cosines[self._beyond :]
         matrix = part.weight * transport(part.wider, seen, self._cosines)
         wanted = (later * once[number] / whole)[self._beyond :]
-        strength = _strength(matrix[:, self._beyond :], self._passing, wanted)
+        gain = strength(matrix[:, self._beyond :], self._passing, wanted)
         return [
             (part.lobe, Table(self._passing / self.ior)),
-            (part.wider, Table(self._passing * strength / self.ior)),
+            (part.wider, Table(self._passing * gain / self.ior)),
         ]
 
     def diffuse_lobes(self, number: int) -> Lobes:
         """As `glossy_lobes`, of a diffuse part.
 
         Diffuse light that comes back is reflected as ``E(l) E(v) / mean(E)``, with the albedo E.
+        Where a part itself is no such product, it is weighed so that as much light leaves.
         """
         visits = self._visits(np.ones_like(self._leaving))
-        found = sum(weight * albedos(part, self._cosines) for weight, part in self._diffuse)
+        found = np.asarray(
+            sum(weight * albedos(part, self._cosines) for weight, part in self._diffuse)
+        )
         mean, again = (
-            np.trapezoid(2 * self._cosines[:, None] * each, self._cosines, axis=0)
-            for each in (found, found**2 * self._returned * visits)
+            _mean(each, self._cosines) for each in (found, found**2 * self._returned * visits)
         )
         series = 1 - np.minimum(again / np.maximum(mean, 1e-300), _LOSSLESS)
         gain = self._passing * visits[self._beyond :] / np.sqrt(series) / self.ior
-        return [(self._diffuse[number][1], Table(gain))]
+        part = self._diffuse[number][1]
+        if not part.zonal:
+            own = albedos(part, self._cosines)
+            passing = gain * own[self._beyond :]
+            share = _mean(passing, COSINES) / np.maximum(_mean(own, self._cosines), 1e-300)
+            matrix = transport(_Inside(part, self.ior), COSINES, COSINES)
+            gain = strength(matrix, np.ones_like(passing), passing * share)
+        return [(part, Table(gain))]
 
     @cached_property
     def _border(self) -> Array:
@@ -156,13 +164,21 @@ class Interior:
         return np.asarray(found[..., 0].T)
 
 
-def _strength(matrix: Array, passing: Array, wanted: Array) -> Array:
-    """Factors h of light and view, the same for both, with ``h (M (passing h)) = wanted``."""
-    strength = np.ones_like(wanted)
-    for _ in range(_STEPS):
-        found = strength * np.einsum("ijc,jc->ic", matrix, passing * strength)
-        strength = strength * np.sqrt(wanted / np.maximum(found, 1e-300))
-    return strength
+def _mean(values: Array, cosines: Array) -> Array:
+    """The mean of values at cosines, (n, 3), over even light."""
+    return np.asarray(np.trapezoid(2 * cosines[:, None] * values, cosines, axis=0))
+
+
+class _Inside(Brdf):
+    """A part of a base for light and views that are refracted before they meet it."""
+
+    name = "inside"
+
+    def __init__(self, part: Brdf, ior: float) -> None:
+        self.part, self.ior, self.values = part, ior, {}
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        return self.part.evaluate(refracted(light, self.ior), refracted(view, self.ior))
 
 
 class UnderCoat(Brdf):

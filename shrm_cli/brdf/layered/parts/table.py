@@ -16,6 +16,7 @@ _ACCURACY = 1e-4
 """Of albedos, relative."""
 _LEAST = 1e-3
 """Directions closer to the horizon, .06 degrees, are taken as this cosine."""
+_STEPS = 20
 
 
 @record(eq=False)
@@ -80,3 +81,19 @@ def albedos(brdf: Brdf, cosines: Array) -> Array:
     """The part of light from angles that a BRDF reflects, shape (n, 3)."""
     thetas = np.arccos(np.maximum(cosines, _LEAST))
     return np.stack([directional_albedo(brdf, float(theta), _ACCURACY) for theta in thetas])
+
+
+def strength(matrix: Array, passing: Array, wanted: Array) -> Array:
+    """Factors h of light and view, the same for both, with ``h (M (passing h)) = wanted``.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n, 3)
+        As `transport` returns it.
+    passing, wanted : ndarray, shape (n, 3)
+    """
+    factors = np.ones_like(wanted)
+    for _ in range(_STEPS):
+        found = factors * np.einsum("ijc,jc->ic", matrix, passing * factors)
+        factors = factors * np.sqrt(wanted / np.maximum(found, 1e-300))
+    return factors

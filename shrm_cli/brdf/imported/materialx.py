@@ -1,0 +1,212 @@
+"""Materials of MaterialX files: constants of their surface nodes, and the means of textures.
+
+The package `MaterialX` reads the files, and is used by this module alone. Files may come from
+anywhere: how deep they are nested is counted before, and no other file is included in them.
+"""
+
+from collections.abc import Callable
+from typing import Any
+from xml.parsers import expat
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.imported.material import Material, chosen
+from shrm_cli.brdf.imported.surfaces import SURFACES
+from shrm_cli.color import conversion, mix_channels, srgb_to_linear
+from shrm_cli.errors import BrdfError
+from shrm_cli.extras import install
+from shrm_cli.files.texture import beside, mean_color
+from shrm_cli.vocabulary import PRIMARIES
+
+_MOST_BYTES = 2**24
+_MOST_ELEMENTS = 2**16
+_MOST_DEPTH = 32
+"""Of elements within each other, and of nodes one after the other."""
+_LINEAR = ("", "none", "raw", "lin_rec709", "lin_rec709_scene")
+_ACESCG = ("acescg", "lin_ap1", "lin_ap1_scene")
+_IMAGES = "image", "tiledimage", "gltf_image", "gltf_colorimage"
+_PASSING = "convert", "dot"
+_COLORS = "emissive", "opacity"
+"""Inputs that are colors, besides those whose names end so."""
+_PLACES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2, "a": 3}
+
+
+def read_materialx(name: str, data: bytes, wanted: str) -> Material:
+    """A material of a MaterialX file, by its name or its number.
+
+    Parameters
+    ----------
+    name : str
+        The path of the file. Textures are looked for in its folder.
+    data : bytes
+    wanted : str
+        The name of a material, or of a surface; empty for the only material.
+
+    Raises
+    ------
+    BrdfError
+        If the file is damaged, has no such material, or needs what is not read.
+    """
+    try:
+        import MaterialX
+    except ImportError as error:
+        needed = "materials of MaterialX need the package MaterialX"
+        raise BrdfError(f"{name}: {needed}; {install('materialx')}") from error
+    damaged: tuple[type[Exception], ...] = (
+        ValueError, LookupError, expat.ExpatError, MaterialX.Exception,
+        MaterialX.ExceptionParseError,
+    )  # fmt: skip
+    try:
+        _check(data)
+        document, options = MaterialX.createDocument(), MaterialX.XmlReadOptions()
+        options.readXIncludeFunction = None
+        text = data.decode("utf-8-sig")
+        MaterialX.readFromXmlString(document, text, MaterialX.FileSearchPath(), options)
+        shaders = _shaders(MaterialX, document)
+        shader = list(shaders.values())[chosen(name, list(shaders), wanted)]
+        return _material(name, shader)
+    except damaged as error:
+        why = " ".join(str(error).split())[:160]
+        raise BrdfError(f"{name}: its material cannot be used ({why})") from error
+
+
+def _check(data: bytes) -> None:
+    """Refuse files that are nested too deeply, too long, or that include others."""
+    if len(data) > _MOST_BYTES:
+        raise ValueError(f"more than {_MOST_BYTES:,} bytes")
+    depth = count = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > _MOST_DEPTH or count > _MOST_ELEMENTS:
+            raise ValueError("too many elements, or nested too deeply")
+        if tag.endswith(":include"):
+            raise ValueError("it includes other files; write it as one")
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def doctype(*_: Any) -> None:
+        raise ValueError("it declares a document type; leave it out")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = doctype
+    parser.Parse(data, True)
+
+
+def _shaders(package: Any, document: Any) -> dict[str, Any]:
+    """The surfaces that are read, by the names of their materials or, without such, their own."""
+    found = {}
+    for material in document.getMaterialNodes():
+        for shader in package.getShaderNodes(material):
+            if shader.getCategory() in SURFACES:
+                found[material.getName()] = shader
+    alone = {each.getName(): each for each in document.getNodes() if each.getCategory() in SURFACES}
+    return found or alone
+
+
+def _material(name: str, shader: Any) -> Material:
+    averaged: list[str] = []
+    unread: list[str] = []
+    values = {}
+    for given in shader.getInputs():
+        if given.getType() in ("vector3", "string", "filename"):
+            if given.getConnectedNode() is not None:
+                unread.append(given.getName())
+            continue
+        found, is_texture = _Value(name).of(given)
+        if is_texture:
+            averaged.append(given.getName())
+        is_color = given.getName().endswith("color") or given.getName() in _COLORS
+        values[given.getName()] = tuple(map(float, found[:3])) if is_color else float(found[0])
+    return Material(shader.getCategory(), values, averaged, unread)
+
+
+class _Value:
+    """Follows the nodes that an input is connected to, and multiplies constants and textures."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self._steps = name, 0
+
+    def of(self, given: Any) -> tuple[Array, bool]:
+        """The value of an input, four channels, and whether it is the mean of a texture."""
+        self._steps += 1
+        if self._steps > _MOST_DEPTH:
+            raise ValueError("too many nodes one after the other")
+        given = given.getInterfaceInput() or given
+        node = given.getConnectedNode()
+        if node is None:
+            if given.getValue() is None:
+                raise ValueError(f"the input {given.getName()!r} has no value")
+            return _constant(given), False
+        link = given.getConnectedOutput() if given.getNodeGraphString() else given
+        return self._of_node(node, link.getOutputString())
+
+    def _of_node(self, node: Any, output: str) -> tuple[Array, bool]:
+        kind = node.getCategory()
+        if kind in _IMAGES:
+            return self._image(node), True
+        if kind == "constant":
+            return self.of(_input(node, "value"))
+        if kind == "multiply":
+            one, first = self.of(_input(node, "in1"))
+            other, second = self.of(_input(node, "in2"))
+            if first and second:
+                raise ValueError(f"{node.getName()} multiplies two textures; bake them into one")
+            return one * other, first or second
+        if kind in _PASSING:
+            return self.of(_input(node, "in"))
+        if kind == "extract" or kind.startswith("separate"):
+            found, is_texture = self.of(_input(node, "in"))
+            place = _PLACES[output[-1:]] if output else _input(node, "index").getValue()
+            return np.full(4, found[place]), is_texture
+        raise ValueError(f"it is computed by a node {kind!r}; bake it to a texture")
+
+    def _image(self, node: Any) -> Array:
+        file = _input(node, "file")
+        own, file = file.getColorSpace(), file.getInterfaceInput() or file
+        named = own or file.getActiveColorSpace()
+        space = _curve(named) if node.getType().startswith("color") else None
+        path = beside(self.name, str(file.getValue()))
+        if space is srgb_to_linear:
+            return mean_color(path, True)
+        mean = mean_color(path, False)
+        return mean if space is None else np.append(space(mean[:3]), mean[3])
+
+
+def _input(node: Any, name: str) -> Any:
+    found = node.getInput(name)
+    if found is None:
+        raise ValueError(f"the node {node.getName()!r} has no input {name!r}")
+    return found
+
+
+def _constant(given: Any) -> Array:
+    value = given.getValue()
+    if given.getType() in ("color3", "color4"):
+        curve = _curve(given.getActiveColorSpace())
+        color = np.array(value.asTuple(), dtype=float)
+        color[:3] = color[:3] if curve is None else curve(color[:3])
+        return np.append(color, 1.0)[:4]
+    if isinstance(value, str):
+        raise ValueError(f"the input {given.getName()!r} is no number")
+    if not isinstance(value, bool | int | float):
+        values = np.array(value.asTuple(), dtype=float)
+        return np.append(values, np.ones(4))[:4]
+    return np.full(4, float(value))
+
+
+def _curve(space: str) -> Callable[[Array], Array] | None:
+    """What makes values of a color space linear Rec.709; None where they are so."""
+    if space in _LINEAR:
+        return None
+    if space in ("srgb_texture", "srgb_rec709_scene"):
+        return srgb_to_linear
+    if space in _ACESCG:
+        matrix = conversion(PRIMARIES["acescg"], None)
+        return lambda values: values if matrix is None else mix_channels(values, matrix)
+    raise ValueError(f"its color space {space[:40]!r} is not read; convert it to lin_rec709")

@@ -1,0 +1,105 @@
+"""Surfaces of other programs with OpenPBR's parameters.
+
+What a surface has is a mapping of names, as the node of MaterialX calls its inputs, to numbers and
+colors. What is left out has its default.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+Values = Mapping[str, Any]
+
+ROTATIONS = "anisotropy_rotation", "specular_rotation", "coat_rotation"
+"""How far what is brushed is turned, which is left out: tangents say where it runs."""
+
+
+def of_openpbr(given: Values) -> dict[str, Any]:
+    """The parameters of ``open_pbr_surface``, which are OpenPBR's own."""
+    return dict(given)
+
+
+def of_gltf(given: Values) -> dict[str, Any]:
+    """The parameters of a glTF material, or of ``gltf_pbr``.
+
+    The factor and the color of KHR_materials_specular are those of the dielectric alone, where
+    OpenPBR has the metal's too: they fade out as the surface becomes metal.
+    """
+    metal, sheen = given.get("metallic", 1.0), given.get("sheen_color", (0.0, 0.0, 0.0))
+    tint = given.get("specular_color", (1.0, 1.0, 1.0))
+    found = {
+        "base_color": given.get("base_color", (1.0, 1.0, 1.0)),
+        "base_metalness": metal,
+        "specular_weight": _fading(given.get("specular", 1.0), metal),
+        "specular_color": [_fading(each, metal) for each in tint],
+        "specular_ior": given.get("ior", 1.5),
+        "coat_weight": given.get("clearcoat", 0.0),
+        "coat_roughness": given.get("clearcoat_roughness", 0.0),
+        "coat_ior": 1.5,
+        "fuzz_weight": float(max(sheen) > 0),
+        "fuzz_color": sheen,
+        "fuzz_roughness": given.get("sheen_roughness", 0.0),
+        "transmission_weight": max(
+            given.get("transmission", 0.0), given.get("diffuse_transmission", 0.0)
+        ),
+        "thin_film_weight": given.get("iridescence", 0.0),
+        "emission_luminance": max(given.get("emissive", (0.0,))),
+        "geometry_opacity": given.get("alpha", 1.0),
+    }
+    alpha, strength = given.get("roughness", 1.0) ** 2, given.get("anisotropy_strength", 0.0)
+    return {**found, **_brushed(alpha + (1 - alpha) * strength**2, alpha)}
+
+
+def of_standard_surface(given: Values) -> dict[str, Any]:
+    """The parameters of Autodesk's ``standard_surface``, as MaterialX translates it.
+
+    Its `specular` is that of the dielectric alone, as glTF's is, and its coat does not darken what
+    lies under it.
+    """
+    metal = given.get("metalness", 0.0)
+    aspect = math.sqrt(1 - min(given.get("specular_anisotropy", 0.0), 0.98))
+    alpha = given.get("specular_roughness", 0.2) ** 2
+    coat = given.get("coat", 0.0)
+    return {
+        "base_weight": given.get("base", 1.0),
+        "base_color": given.get("base_color", (0.8, 0.8, 0.8)),
+        "base_diffuse_roughness": given.get("diffuse_roughness", 0.0),
+        "base_metalness": metal,
+        "specular_weight": _fading(given.get("specular", 1.0), metal),
+        "specular_color": given.get("specular_color", (1.0, 1.0, 1.0)),
+        "specular_ior": given.get("specular_IOR", 1.5),
+        "coat_weight": coat,
+        "coat_color": given.get("coat_color", (1.0, 1.0, 1.0)),
+        "coat_roughness": given.get("coat_roughness", 0.1),
+        "coat_roughness_anisotropy": given.get("coat_anisotropy", 0.0) * (coat > 0),
+        "coat_ior": given.get("coat_IOR", 1.5),
+        "coat_darkening": 1.0 if coat == 0 else 0.0,
+        "fuzz_weight": given.get("sheen", 0.0),
+        "fuzz_color": given.get("sheen_color", (1.0, 1.0, 1.0)),
+        "fuzz_roughness": given.get("sheen_roughness", 0.3),
+        "transmission_weight": given.get("transmission", 0.0),
+        "subsurface_weight": given.get("subsurface", 0.0),
+        "thin_film_weight": float(given.get("thin_film_thickness", 0.0) > 0),
+        "emission_luminance": given.get("emission", 0.0),
+        "geometry_opacity": min(given.get("opacity", (1.0,))),
+        **_brushed(min(alpha / aspect, 1.0), alpha * aspect),
+    }
+
+
+SURFACES: dict[str, Callable[[Values], dict[str, Any]]] = {
+    "open_pbr_surface": of_openpbr,
+    "gltf_pbr": of_gltf,
+    "standard_surface": of_standard_surface,
+}
+"""The surfaces that are read, by the names of their nodes in MaterialX."""
+
+
+def _fading(value: float, metal: float) -> float:
+    return float(1 - (1 - value) * (1 - metal))
+
+
+def _brushed(across: float, along: float) -> dict[str, float]:
+    """The roughness and anisotropy that give alphas by OpenPBR's mapping."""
+    ratio = along / across if across > 0 else 1.0
+    root = math.sqrt(across * math.sqrt((1 + ratio**2) / 2))
+    return {"specular_roughness": root, "specular_roughness_anisotropy": 1 - ratio}

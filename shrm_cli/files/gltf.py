@@ -1,0 +1,166 @@
+"""What readers of glTF share: the JSON and the binary chunk of a file, buffers, and checked values.
+
+Files may come from anywhere. Every count, offset and index is checked against what is really there.
+Only files in the folder of a glTF file are opened for it.
+"""
+
+import base64
+import binascii
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from shrm_cli.errors import MeshError
+from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.whole import note
+
+Json = dict[str, Any]
+
+MOST_BYTES = 2**28
+"""The most bytes of a file, and of all buffers of a glTF together."""
+GLB_HEAD, JSON, BIN = b"glTF", b"JSON", b"BIN\0"
+"""How a GLB begins, and the kinds of its chunks."""
+MOST_ITEMS = 2**16
+"""The most nodes, meshes, primitives, accessors and the like."""
+_MOST_DEPTH = 64
+
+
+def read_tree(name: str, data: bytes) -> tuple[Json, bytes | None]:
+    """Return the JSON of a glTF or GLB file, and the binary chunk of a GLB.
+
+    Parameters
+    ----------
+    name : str
+        The path of the file, for messages.
+    data : bytes
+
+    Raises
+    ------
+    MeshError
+        If it is damaged, or not of version 2.
+    """
+    text, chunk = _chunks(name, data) if data.startswith(GLB_HEAD) else (data, None)
+    try:
+        tree = table(parse_json(text.decode("utf-8-sig"), most_depth=_MOST_DEPTH))
+        version = str(table(tree.get("asset", {})).get("version", ""))
+    except (ValueError, RecursionError) as error:
+        raise MeshError(
+            f"{name}: its JSON is damaged ({str(error)[:80]}); export it again"
+        ) from error
+    if not version.startswith("2"):
+        raise MeshError(f"{name}: glTF of version {version[:10]!r}; export it as glTF 2")
+    return tree, chunk
+
+
+def _chunks(name: str, data: bytes) -> tuple[bytes, bytes | None]:
+    """Return the text of a GLB and its binary chunk."""
+    if len(data) < 20 or data[4:8] != b"\2\0\0\0":
+        raise MeshError(f"{name}: not GLB of version 2; export it as glTF 2")
+    found: dict[bytes, bytes] = {}
+    at = 12
+    while at + 8 <= len(data):
+        size, kind = int.from_bytes(data[at : at + 4], "little"), data[at + 4 : at + 8]
+        if at + 8 + size > len(data):
+            raise MeshError(f"{name}: it ends within a chunk; copy or export it again")
+        found.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    if JSON not in found:
+        raise MeshError(f"{name}: it has no JSON; export it again")
+    return found[JSON], found.get(BIN)
+
+
+def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
+    """Return the bytes of all buffers, of a GLB's chunk and of files beside it."""
+    found, total = [], 0
+    for index, each in enumerate(list_of(tree, "buffers")):
+        size, uri = natural(each["byteLength"]), each.get("uri")
+        if size + total > MOST_BYTES:
+            raise MeshError(f"{name}: its buffers exceed {MOST_BYTES:,} bytes; simplify the mesh")
+        if uri is None:
+            if index or chunk is None:
+                raise ValueError("a buffer without its bytes")
+            data = chunk
+        else:
+            data = _from_uri(name, str(uri), size)
+        if len(data) < size:
+            raise MeshError(
+                f"{name}: a buffer of {size:,} bytes has {len(data):,}; copy or export it again"
+            )
+        found.append(data[:size])
+        total += size
+    return found
+
+
+def _from_uri(name: str, uri: str, size: int) -> bytes:
+    """Return the bytes of a buffer: those in the text, or a file's beside it."""
+    if uri.startswith("data:"):
+        return embedded(uri)
+    part = unquote(uri)
+    if ":" in part or "/" in part or "\\" in part or part in ("", ".", "..") or "\0" in part:
+        raise MeshError(
+            f"{name}: a buffer is to be read from {part[:80]!r}; only files in its own folder are"
+        )
+    path = Path(name).parent / part
+    try:
+        if not path.is_file():
+            raise MeshError(f"{name}: the file of its buffer, {part[:80]!r}, is missing; copy it")
+        note(path)
+        with open(path, "rb") as stream:
+            return stream.read(size)
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
+
+
+def embedded(uri: str) -> bytes:
+    """Return the bytes that an address ``data:...;base64,...`` holds itself."""
+    _, comma, payload = uri.partition(";base64,")
+    if not comma:
+        raise ValueError("data that are not base64")
+    try:
+        return base64.b64decode(payload, validate=True)
+    except binascii.Error:
+        raise ValueError("data that are not base64") from None
+
+
+def view_of(given: Json, buffers: list[bytes]) -> Json:
+    """Return a view of the buffers, within the one that it names."""
+    index = index_in(given["buffer"], buffers)
+    start, length = natural(given.get("byteOffset", 0)), natural(given["byteLength"])
+    if start + length > len(buffers[index]):
+        raise ValueError("a view beyond its buffer")
+    result = {"buffer": index, "byteOffset": start, "byteLength": length}
+    if "byteStride" in given:
+        result["byteStride"] = natural(given["byteStride"])
+    return result
+
+
+# ---- values of JSON, which may be of any type ----------------------------------------------------
+
+
+def list_of(given: Any, key: str, required: bool = False) -> list[Any]:
+    """Return a list of a table, which is empty where it may be missing."""
+    values = table(given)[key] if required else table(given).get(key, [])
+    if not isinstance(values, list) or len(values) > MOST_ITEMS:
+        raise ValueError(f"its {key} are no list, or too many")
+    return values
+
+
+def table(value: Any) -> Json:
+    """Return a value that is a table."""
+    if not isinstance(value, dict):
+        raise ValueError("a value in place of a table")
+    return value
+
+
+def natural(value: Any) -> int:
+    """Return a value that is a count or an offset."""
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**40:
+        raise ValueError("a count or offset that is no natural number")
+    return value
+
+
+def index_in(value: Any, of: list[Any]) -> int:
+    """Return a value that is an index of a list."""
+    if natural(value) >= len(of):
+        raise ValueError("an index beyond its list")
+    return int(value)

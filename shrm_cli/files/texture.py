@@ -1,0 +1,158 @@
+"""The mean of a texture's pixels, for materials that are even where the texture is not.
+
+Textures may come from anywhere: only files of a few formats, and of a bounded size, reach the
+library that reads them, and only from the folder of the file that names them or from below it.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.color import srgb_to_linear
+from shrm_cli.files.exr_header import excess
+from shrm_cli.files.openimageio import oiio, quiet
+from shrm_cli.files.scratch import scratch_folder
+from shrm_cli.files.whole import note
+
+_BEGINNINGS = {
+    b"\x89PNG\r\n\x1a\n": ".png",
+    b"\xff\xd8\xff": ".jpg",
+    b"v/1\x01": ".exr",
+    b"#?RA": ".hdr",
+    b"#?RG": ".hdr",
+    b"II*\0": ".tif",
+    b"MM\0*": ".tif",
+}
+"""How files of the formats that are read begin, and what their names end with."""
+_MOST_BYTES = 2**28
+"""The most bytes of a texture's file, and of its pixels in memory."""
+
+
+def beside(name: str, path: str) -> Path:
+    """Return the file that another file names, which lies in that one's folder or below it.
+
+    Parameters
+    ----------
+    name : str
+        The file that names it.
+    path : str
+        What it is called there, with slashes.
+
+    Raises
+    ------
+    ValueError
+        If it leads elsewhere, or there is no such file.
+    """
+    shown = repr(path[:80])
+    parts = path.split("/")
+    if ".." in parts or path.startswith("/") or any(each in path for each in ":\\\0%") or not path:
+        raise ValueError(f"the texture {shown} is not in its folder; copy it there")
+    folder = Path(name).parent
+    found = folder / path
+    try:
+        real = os.path.realpath(found)
+        if os.path.commonpath([real, os.path.realpath(folder)]) != os.path.realpath(folder):
+            raise ValueError(f"the texture {shown} is not in its folder; copy it there")
+        if not os.path.isfile(real):
+            raise ValueError(f"the texture {shown} is missing; copy it")
+    except OSError as error:  # such as a name too long
+        raise ValueError(f"the texture {shown} cannot be read ({error.strerror})") from error
+    return found
+
+
+def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
+    """Return the mean of a texture's pixels.
+
+    Parameters
+    ----------
+    texture : Path or bytes
+        A file, or its content.
+    is_srgb : bool
+        Whether colors are encoded as sRGB has it; alpha never is.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Linear red, green, blue, and alpha. A channel that is missing is as the first one; alpha
+        is 1 then.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, with why and what to do.
+    """
+    with _file(texture) as path:
+        pixels = _pixels(path)
+    channels = pixels.shape[1]
+    alpha = _mean(pixels[:, -1], False) if channels in (2, 4) else 1.0
+    found = [_mean(pixels[:, k if channels > 2 else 0], is_srgb) for k in range(3)]
+    return np.array([*found, alpha])
+
+
+def _mean(channel: Array, is_srgb: bool) -> float:
+    """Return the mean of a channel, of bytes by how often each of them is there."""
+    is_byte = channel.dtype == np.uint8
+    values = np.arange(256) / 255 if is_byte else channel.astype(float)
+    weights = np.bincount(channel, minlength=256) if is_byte else None
+    mean = float(np.average(srgb_to_linear(values) if is_srgb else values, weights=weights))
+    if not np.isfinite(mean):
+        raise ValueError("a texture has pixels that are no numbers; export it again")
+    return mean
+
+
+@contextmanager
+def _file(texture: Path | bytes) -> Iterator[Path]:
+    """Context manager that yields the path of a texture, which begins as it should."""
+    if isinstance(texture, bytes):
+        with scratch_folder() as folder:
+            copy = folder / f"texture{_suffix(texture[:8])}"
+            copy.write_bytes(texture)
+            yield copy
+        return
+    note(texture)
+    try:
+        if texture.stat().st_size > _MOST_BYTES:
+            raise ValueError(f"{texture.name} is larger than {_MOST_BYTES:,} bytes; scale it down")
+        with open(texture, "rb") as stream:
+            suffix = _suffix(stream.read(8))
+    except OSError as error:
+        raise ValueError(f"{texture.name} cannot be read ({error.strerror})") from error
+    if suffix == ".exr" and excess(texture):
+        raise ValueError(f"{texture.name} claims more than it holds; export it again")
+    yield texture
+
+
+def _suffix(head: bytes) -> str:
+    for start, suffix in _BEGINNINGS.items():
+        if head.startswith(start):
+            return suffix
+    raise ValueError("a texture is neither PNG, JPEG, TIFF, EXR nor Radiance; convert it")
+
+
+@quiet
+def _pixels(path: Path) -> Array:
+    """Return the pixels, shape (n, channels), 8-bit integers as they are and others as floats."""
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(os.fspath(path), config)
+    if source is None:
+        oiio.geterror()
+        raise ValueError(f"{path.name} cannot be read; export it again")
+    try:
+        spec = source.spec()
+        kind = "uint8" if str(spec.format) == "uint8" else "float"
+        channels = min(spec.nchannels, 4)
+        size = spec.width * spec.height * spec.depth * channels * (1 if kind == "uint8" else 4)
+        if not 0 < size <= _MOST_BYTES:
+            raise ValueError(f"{path.name}: {spec.width} x {spec.height} pixels; scale it down")
+        pixels = source.read_image(0, 0, 0, channels, kind)
+        if pixels is None:
+            source.geterror()
+            raise ValueError(f"{path.name} is damaged; export it again")
+    finally:
+        source.close()
+    return np.asarray(pixels).reshape(-1, channels)
