@@ -11,6 +11,7 @@ from shrm_cli.vocabulary import TAP_COUNTS
 from tests.paper.inputs import probe_files
 from tests.taps.fit import fitted, kinds, nodes
 from tests.taps.lobes import Norm, mean_spectrum
+from tests.taps.table import table
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "shrm_cli" / "brdf" / "environment" / "taps.csv"
@@ -21,7 +22,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.taps", description=__doc__)
     parser.add_argument("--probes", type=Path, default=ROOT / "probes" / "real")
     parser.add_argument("--output", type=Path, default=TABLE)
+    parser.add_argument("--table", action="store_true", help="measure what the taps miss instead")
+    parser.add_argument("--levels", type=int, help="of the split sums of the table")
     given = parser.parse_args(arguments)
+    if given.table:
+        more = {} if given.levels is None else {"levels": given.levels}
+        print("\n".join(table(probe_files(given.probes), **more)))
+        return
     norm = Norm(mean_spectrum(probe_files(given.probes)))
     among = nodes(norm)
     lines = ["taps,number," + ",".join(MONOMIALS)]
