@@ -21,6 +21,12 @@ _AZIMUTHS = 0.0, np.pi / 4, np.pi / 2
 _HELD = 0.01
 """How much of a number's distance from its start counts as an error, so that none runs away whose
 tap weighs next to nothing."""
+_STARTS = {
+    3: [0.8, 0.7, 0.8, 1.0, 0.3, 1.0],
+    5: [0.5, 0.9, 0.85, 0.6, 0.8, 0.85, 1.1, 0.2, 0.5, 1.5],
+    8: [0.25, 0.45, 0.7, 0.9, 0.95, 0.55, 0.6, 0.75, 0.85, 0.8, 1.15, 0.15, 0.5, 1.0, 2.0],
+}
+"""The numbers that all nodes begin with, in the order of `kinds`: medians of a fit before."""
 _STEP = 1e-4
 _ENOUGH = 1e-3
 """The part of the squared error by which a step has to lower it."""
@@ -61,14 +67,6 @@ def kinds(count: int) -> str:
     return "u" * pairs + "w" * (pairs + odd - 1) + "r" * (pairs + odd) + "t" * (pairs + odd)
 
 
-def start(count: int) -> np.ndarray:
-    """Return the numbers that all nodes begin with."""
-    pairs, odd = divmod(count, 2)
-    spreads = np.linspace(0.5, 1.1, pairs) if odd else np.linspace(0.2, 1.3, pairs)
-    weights = np.full(pairs, 0.8) if odd else np.linspace(0.9, 0.4, pairs - 1)
-    return np.concatenate([spreads, weights, np.full(pairs + odd, 0.9), np.full(pairs + odd, 0.5)])
-
-
 def missed(norm: Norm, node: Node, numbers: np.ndarray, names: str) -> np.ndarray:
     """Return what taps miss of a lobe, as a vector relative to it."""
     rows = np.array(list(names))
@@ -92,7 +90,7 @@ def fitted(
     count: int, norm: Norm, among: list[Node], told: Callable[[str], None] = print
 ) -> np.ndarray:
     """Return the coefficients of all polynomials, shape (numbers, 10), in the order of `kinds`."""
-    names, first = kinds(count), start(count)
+    names, first = kinds(count), np.array(_STARTS[count])
     size = len(names), len(MONOMIALS)
 
     def errors(node: Node, numbers: np.ndarray) -> np.ndarray:
