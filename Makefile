@@ -23,6 +23,8 @@ BENCH ?=
 PROBE ?=
 # make tables TABLES_FLAGS="--short", or "--probes FOLDER" with real probes in another folder
 TABLES_FLAGS ?=
+# make taps TAPS_FLAGS="--probes FOLDER": the light that the look-ups of brushed GGX are fitted to
+TAPS_FLAGS ?=
 # make survey MEASURED="a.bsdf b.binary": measured BRDFs beside the models; `make tables` draws two
 MEASURED ?=
 PREFILTER_FLAGS ?=
@@ -35,7 +37,7 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web .web-setup engines fuzz mutants bench tables survey scale probes batch clean distclean
+.PHONY: help install demo test prove web .web-setup engines fuzz mutants bench tables survey scale taps probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
@@ -49,6 +51,7 @@ help:
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
 	@echo 'make scale     what batches take and what limits them, into build/paper/'
+	@echo 'make taps      fit the look-ups of brushed GGX anew'
 	@echo 'make probes    fetch real probes into probes/real (Debian and Ubuntu)'
 	@echo 'make batch     PROBES="..." BRDFS="..." FORMS="...": bake every pair into build/'
 	@echo 'make install   set up .venv with shrm in it'
@@ -139,6 +142,10 @@ survey: $(VENV)/.dev
 # A quarter of an hour of an idle machine; docs/scale.md takes its tables from it.
 scale: $(VENV)/.dev
 	$(BIN)/python -m tests.paper build/paper --scale $(TABLES_FLAGS)
+
+# Five minutes; the table is part of the package, so that nothing needs this unless the fit changes.
+taps: $(VENV)/.dev
+	$(BIN)/python -m tests.taps $(TAPS_FLAGS)
 
 probes:
 	@bash probes/fetch.sh

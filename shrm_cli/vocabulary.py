@@ -118,6 +118,9 @@ MAX_PRODUCT_SIZE = 1024
 """The most texels along the edge of a product texture."""
 MAX_EXPONENTIAL_ORDER = 16
 """The largest order of the factors P and Q of a spherical harmonic exponential."""
+TAP_COUNTS = 3, 5, 8
+"""How many look-ups of a split sum may stand for a brushed surface."""
+DEFAULT_TAPS = 5
 MIN_ROUGHNESS = 0.05
 """The least perceptual roughness of GGX, at which its lobe is 0.3 degrees wide."""
 MAX_LEVELS = 64

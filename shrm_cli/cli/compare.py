@@ -22,6 +22,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
 from shrm_cli.cli.shading import (
+    brushed_options,
     f0_option,
     lit_maps,
     shaded_maps,
@@ -51,7 +52,7 @@ _TRUTH = "truth"
 _SIZE = 256
 """Default width and height of a sphere's picture where maps are compared, pixels."""
 _NO_FLIP = f"flip-evaluator is not installed, so HDR-FLIP is left out; {install('flip')}"
-_OF_MAPS = ("spec", "window", "amplify", "no_picture", "no_flip")
+_OF_MAPS = ("spec", "anisotropy", "taps", "window", "amplify", "no_picture", "no_flip")
 """Arguments that do not apply with --representations."""
 _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
 """Arguments that apply only with --representations."""
@@ -78,6 +79,7 @@ _OF_REPRESENTATIONS = ("eps", "steps", "max_memory")
     "as; of --representations A..B.  [default: 0.5; 0.5..1]",
 )  # fmt: skip
 @f0_option
+@brushed_options
 @window_option
 @click.option(
     "--steps", type=click.IntRange(2, 32), metavar="N",
@@ -122,6 +124,8 @@ def compare(
     representations: bool,
     roughness: tuple[float, float] | None,
     f0: str | None,
+    anisotropy: float | None,
+    taps: int | None,
     window: str | None,
     exact: bool,
     source_height: int | None,
@@ -181,7 +185,9 @@ def compare(
         check_outputs([target], files=maps, specs=[spec])
         comparison_layout(len(names), len(views), size)  # raises if the sheet is too large
     opened, warnings = lit_maps([open_map(path) for path in maps], maps, source, window)
-    loaded, surface, outside = shaded_maps(opened, maps, roughness and roughness[0], f0)
+    loaded, surface, outside = shaded_maps(
+        opened, maps, roughness and roughness[0], f0, anisotropy, taps
+    )
     warnings += outside
     infos = {path: each.info for path, each in zip(maps, loaded, strict=True)}
     primaries = loaded[0].info.chromaticities if source is None else source.chromaticities

@@ -78,7 +78,9 @@ def dfg(
     charlie:visibility=neubelt, beside the columns that each has for GGX.
 
     With --brdf, such as charlie, R, G and B are the directional albedo of that BRDF, with its
-    colours, for each roughness. Of charlie it is the E of KHR_materials_sheen: what lies below
+    colours, for each roughness. Of brushed GGX, ggx:anisotropy=0.6, the channels are scale and
+    bias of views along the tangent, across it and between both; the file says how a shader mixes
+    them. Of charlie it is the E of KHR_materials_sheen: what lies below
     cloth is scaled by 1 - max(color) * E.
 
     \b
@@ -87,9 +89,11 @@ def dfg(
       shrm dfg --columns filament -o dfg.ktx2
     """
     from shrm_cli.brdf.environment import environment_brdf as tables
+    from shrm_cli.brdf.environment.brushed_table import brushed_table
     from shrm_cli.brdf.environment.file import MEANINGS, write_dfg
     from shrm_cli.brdf.environment.lobe import check_varies
     from shrm_cli.brdf.environment.material_albedo import albedo_table
+    from shrm_cli.brdf.models.ggx import Ggx
     from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.export.table import SUFFIXES, write_texture
 
@@ -99,11 +103,16 @@ def dfg(
     kind: Kind = "moments" if moments else "multiscatter" if multiscatter else "scale-bias"
     kind = "albedo" if brdf is not None else columns or kind
     material = None if brdf is None else parse_spec(brdf)
-    if material is not None:
+    brushed = None
+    if isinstance(material, Ggx) and not material.isotropic:
+        kind, brushed = "brushed", material
+    elif material is not None:
         check_varies(material)
     named = "ggx" if material is None else _named(material)
     with progress_bar("integrating") as progress, using(progress):
-        if material is not None:
+        if brushed is not None:
+            table = brushed_table(brushed, size)
+        elif material is not None:
             table = albedo_table(material, size)
         elif columns is not None:
             table = tables.columns_table(columns, size)
@@ -128,6 +137,7 @@ def dfg(
         "gltf": table[..., :2].sum(axis=-1),
         "filament": table[..., 1],
         "albedo": table.max(axis=-1),
+        "brushed": table[..., :2].sum(axis=-1),
     }[kind]
     result = {
         "file": os.fspath(output),
@@ -140,7 +150,7 @@ def dfg(
         "white_furnace": {"minimum": float(white.min()), "maximum": float(white.max())},
         "precision": pixel_type,
     }
-    if kind == "albedo" or columns:
+    if material is not None or columns:
         result |= {"columns": kind, "brdf": named}
     if moments:
         result["mean_direction"] = meaning.mean
@@ -151,7 +161,7 @@ def dfg(
         f"  reflects       {meaning.reflectance}",
         *([f"  mean           {meaning.mean}"] if moments else []),
         f"  white furnace  {white.min():.2%} to {white.max():.2%}"
-        + ("" if material else " at f0 = 1 by single scattering"),
+        + ("" if kind == "albedo" else " at f0 = 1 by single scattering"),
     ]
     tell(result, lines)
 

@@ -33,7 +33,14 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.options import all_options, listing, own_options
 from shrm_cli.naming import brdf_label, probe_stem
 from shrm_cli.progress import using
-from shrm_cli.vocabulary import AUTO, AUTO_FORMS, CONTAINERS, REPRESENTATIONS, Precision
+from shrm_cli.vocabulary import (
+    AUTO,
+    AUTO_FORMS,
+    CONTAINERS,
+    DEFAULT_TAPS,
+    REPRESENTATIONS,
+    Precision,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,6 +53,8 @@ _OWN_BRDFS = listing(
     [each.name for each in registry.descriptions().values() if each.why_no_brdf], "and"
 )
 
+_PRINTED_WITH = {"textures": "shader", "anisotropy": "shader", "taps": "anisotropy"}
+"""Which option each option of more output needs."""
 _PRINTS = [name for name, each in all_options(registry.descriptions()).items() if each.prints]
 _OWN_OPTIONS = {
     f"Options of --to {listing(names, 'and')}": [option.name for option in options]
@@ -151,7 +160,8 @@ def prefilter(
         if prints["shader"] is not None:
             from shrm_cli.maps.shader.code import look_up_code
 
-            printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"])
+            taps = int(prints["taps"] or DEFAULT_TAPS) if prints["anisotropy"] else None
+            printed["shader"] = look_up_code(made.map, prints["shader"], prints["textures"], taps)
         stored = store(target, made.map, precision)
         # What nobody is told need not be found out.
         summary = made.summary() if is_told else made.quick_summary()
@@ -203,8 +213,9 @@ def _rules_of_printing(to: str) -> dict[str, Applies]:
             continue
         of = [each.name for each in known.values() if name in (own.name for own in each.options)]
         rules[name] = Applies(to in of, f"with --to {listing(of, 'or')}")
-    if rules["textures"].holds:
-        rules["textures"] = Applies("shader" in given_options(), "with --shader")
+    for name, other in _PRINTED_WITH.items():
+        if rules[name].holds:
+            rules[name] = Applies(other in given_options(), f"with --{other}")
     return rules
 
 

@@ -20,6 +20,7 @@ from shrm_cli.cli.options import (
 )
 from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
+    brushed_options,
     lit_maps,
     shaded_maps,
     surface_options,
@@ -60,6 +61,7 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
 )  # fmt: skip
 @mesh_options
 @surface_options
+@brushed_options
 @exposure_option
 @click.option(
     "--background", type=click.Path(), metavar="PROBE",
@@ -147,7 +149,8 @@ def render(
         width, height = size
         if width != height:
             raise click.UsageError("--size of a sphere's picture is one number")
-        loaded, surface, warnings = shaded_maps(opened, maps, values["roughness"], values["f0"])
+        asked = (values[name] for name in ("roughness", "f0", "anisotropy", "taps"))
+        loaded, surface, warnings = shaded_maps(opened, maps, *asked)
         primaries = opened[0].info.chromaticities
         loaded = in_same_primaries(loaded, primaries)
         sky = None if sky is None else sky.in_primaries(primaries)

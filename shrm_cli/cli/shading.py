@@ -9,8 +9,8 @@ import click
 
 from shrm_cli.cli.options import several
 from shrm_cli.cli.types import Parsed, within
-from shrm_cli.cli.usage import Applies, refuse_inapplicable
-from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, MIN_ROUGHNESS
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
+from shrm_cli.vocabulary import DEFAULT_ROUGHNESS, DEFAULT_TAPS, MIN_ROUGHNESS, TAP_COUNTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,6 +35,10 @@ def _reflectance(text: str) -> str:
     return text
 
 
+def _as_number(context: object, parameter: object, value: str | None) -> int | None:
+    return None if value is None else int(value)
+
+
 roughness_option = click.option(
     "--roughness", type=within(MIN_ROUGHNESS, 1), metavar="R",
     help="Perceptual roughness of the GGX surface that split sums and SH exponentials are shown "
@@ -45,6 +49,18 @@ f0_option = click.option(
     help="Its reflectance at normal incidence: a number, R/G/B or a metal's name.  [default: 1]",
 )  # fmt: skip
 surface_options = several(roughness_option, f0_option)
+brushed_options = several(
+    click.option(
+        "--anisotropy", type=within(0, 1), metavar="S",
+        help="Anisotropy of that surface under split sums, as in glTF: its brush marks run across "
+        "the tangents, which run around +Y on spheres.  [default: 0]",
+    ),
+    click.option(
+        "--taps", type=click.Choice([str(each) for each in TAP_COUNTS]), callback=_as_number,
+        help="Look-ups of the light with --anisotropy.  "
+        f"[default: {DEFAULT_TAPS}]",
+    ),
+)  # fmt: skip
 
 
 def needs_surface(maps: Sequence[Map]) -> dict[str, Applies]:
@@ -54,12 +70,33 @@ def needs_surface(maps: Sequence[Map]) -> dict[str, Applies]:
     return {"roughness": applies, "f0": applies}
 
 
-def surface_of(roughness: float | None, f0: str | None, primaries: tuple[float, ...] | None) -> Ggx:
+def brushed_rules(maps: Sequence[Map]) -> dict[str, Applies]:
+    """Return when the options of brushed surfaces apply."""
+    from shrm_cli.render.shading import can_be_brushed
+
+    lit = [each for each in maps if each.needs_surface]
+    holds = bool(lit) and all(map(can_be_brushed, lit))
+    is_brushed = "anisotropy" in given_options()
+    return {
+        "anisotropy": Applies(
+            holds, "to split sums of GGX; other forms take a BRDF, ggx:anisotropy=, when made"
+        ),
+        "taps": Applies(holds and is_brushed, "with --anisotropy"),
+    }
+
+
+def surface_of(
+    roughness: float | None,
+    f0: str | None,
+    primaries: tuple[float, ...] | None,
+    anisotropy: float | None = None,
+) -> Ggx:
     """Return the surface that the options ask for, under light of some primaries."""
     from shrm_cli.render.shading import ggx_surface, reflectance
 
     color = None if f0 is None else reflectance(f0, primaries)
-    return ggx_surface(DEFAULT_ROUGHNESS if roughness is None else roughness, color)
+    chosen = DEFAULT_ROUGHNESS if roughness is None else roughness
+    return ggx_surface(chosen, color, anisotropy)
 
 
 def shaded_maps(
@@ -67,6 +104,8 @@ def shaded_maps(
     names: Sequence[str],
     roughness: float | None,
     f0: str | None,
+    anisotropy: float | None = None,
+    taps: int | None = None,
 ) -> tuple[list[KnownMap], dict[str, Any], list[str]]:
     """Give a surface to the maps of light alone, such as split sums and SH exponentials.
 
@@ -80,6 +119,8 @@ def shaded_maps(
     f0 : str, optional
         Its reflectance at normal incidence, as `reflectance` takes it; that of `Ggx` by default.
         The colors of metals are converted to the primaries of each map.
+    anisotropy, taps
+        Of a brushed surface, as `shown_as` takes them.
 
     Returns
     -------
@@ -96,21 +137,24 @@ def shaded_maps(
     click.UsageError
         If a surface is asked for, and no map needs one.
     """
-    from shrm_cli.render.shading import outside_range, takes_f0
+    from shrm_cli.render.shading import outside_range, shown_as, takes_f0
 
     refuse_inapplicable(needs_surface(maps))
+    refuse_inapplicable(brushed_rules(maps))
     if not any(each.needs_surface for each in maps):
         return list(maps), {}, []
     is_ggx = any(map(takes_f0, maps))
     refuse_inapplicable({"f0": Applies(is_ggx, "to maps of GGX, and no MAP is one")})
-    surfaces = [surface_of(roughness, f0, each.info.chromaticities) for each in maps]
+    surfaces = [surface_of(roughness, f0, each.info.chromaticities, anisotropy) for each in maps]
     rough = surfaces[0].number("roughness")
     surface: dict[str, Any] = {"roughness": rough, "f0": list(surfaces[0].color("f0"))}
+    if anisotropy is not None:
+        surface["anisotropy"] = anisotropy
     warnings = outside_range(dict(zip(names, maps, strict=True)), rough)
     if not takes_f0(next(each for each in maps if each.needs_surface)):
         del surface["f0"]
     pairs = zip(maps, surfaces, strict=True)
-    shown = [each.shaded(own.number("roughness"), own.color("f0")) for each, own in pairs]
+    shown = [shown_as(each, own, taps) if each.needs_surface else each for each, own in pairs]
     return shown, surface, warnings
 
 

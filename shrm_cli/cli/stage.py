@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.options import several
+from shrm_cli.cli.shading import brushed_rules
 from shrm_cli.cli.types import BRUSH, VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from shrm_cli.render.stage import Stage
 
 _OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "transfer")
-OF_SURFACES = ("roughness", "f0", "brush", "vary", "irradiance")
+OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance")
 """The names of options that say what a mesh is like; scenes say it of each object."""
 _LARGEST = 1e30
 _NAMED = 3
@@ -107,6 +108,7 @@ def open_stage(
         lit = any(each.needs_surface for each in maps)
         alone = Applies(lit, "to maps of light alone, such as split sums")
         refuse_inapplicable({"roughness": alone, "f0": alone, "irradiance": alone})
+        refuse_inapplicable(brushed_rules(maps))
         varies = Applies(any(each.varies for each in maps), "to maps of shrm product --vary")
         refuse_inapplicable({"vary": varies})
         irradiance = values["irradiance"]

@@ -123,6 +123,10 @@ class Shaded:
         if not all(0 <= channel <= 1 for channel in self.f0):
             raise MapError(f"f0 {'/'.join(f'{x:g}' for x in self.f0)} is outside 0 .. 1")
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Return what `radiance` does, since the surface is not brushed."""
+        return self.radiance(normals, views)  # type: ignore[attr-defined]
+
     @property
     def info(self) -> MapInfo:
         """The record of how the light's map was made, with the surface as its BRDF."""

@@ -62,6 +62,8 @@ class Shown:
         As `Actor` has it.
     vary : str, optional
         What a parameter that varies follows, as `open_variation` takes it.
+    anisotropy, taps
+        As `Look` has them.
     """
 
     map: Map | None = None
@@ -70,6 +72,8 @@ class Shown:
     irradiance: Irradiance | None = None
     brush: "str | tuple[float, float, float] | None" = None
     vary: str | None = None
+    anisotropy: float | None = None
+    taps: int | None = None
 
     def actor(self, mesh: Mesh, primaries: tuple[float, ...] | None) -> Actor:
         """Return the mesh as it is shown.
@@ -85,7 +89,9 @@ class Shown:
         BrdfError
             If `f0` is no colour.
         """
-        given: dict[str, Any] = {"map": self.map}
+        given: dict[str, Any] = {
+            "map": self.map, "anisotropy": self.anisotropy, "taps": self.taps
+        }  # fmt: skip
         if self.vary is not None:
             given["variation"] = open_variation(self.vary, mesh)
         if self.roughness is not None:

@@ -1,7 +1,7 @@
 """The surface that maps of light alone are shown as, and a check of its roughness."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
@@ -11,7 +11,9 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
 from shrm_cli.maps.splitsum.split_sum import SplitSum
+from shrm_cli.vocabulary import DEFAULT_TAPS
 
 _ROUNDING = 1e-6
 """How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
@@ -28,7 +30,9 @@ class KnownMap(Protocol):
         """Return reflected radiance (..., 3) for unit vectors (..., 3) in world axes."""
 
 
-def ggx_surface(roughness: float | None = None, f0: Color | None = None) -> Ggx:
+def ggx_surface(
+    roughness: float | None = None, f0: Color | None = None, anisotropy: float | None = None
+) -> Ggx:
     """Return the GGX surface that maps are shown as.
 
     Parameters
@@ -37,19 +41,44 @@ def ggx_surface(roughness: float | None = None, f0: Color | None = None) -> Ggx:
         Perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
     f0 : tuple of 3 float, optional
         Reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
+    anisotropy : float, optional
+        That of glTF; without it the surface is not brushed.
 
     Raises
     ------
     BrdfError
         If a parameter is out of its range.
     """
-    given = {"roughness": roughness, "f0": f0}
+    given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
 
 
 def takes_f0(made: Map) -> bool:
     """Tell whether a map is shown with a reflectance at normal incidence, as those of GGX are."""
     return made.needs_surface and not (isinstance(made, SplitSum) and not made.is_ggx)
+
+
+def shown_as(made: Map, surface: Ggx, taps: int | None = None) -> Any:
+    """Return the light of a map as a GGX surface reflects it; see `Map.shaded`.
+
+    Parameters
+    ----------
+    made : Map
+    surface : Ggx
+        It may be brushed, if the map is a split sum of GGX.
+    taps : {3, 5, 8}, optional
+        How many directions the light of a brushed surface is looked up in; 5 by default.
+    """
+    roughness, f0 = surface.number("roughness"), surface.color("f0")
+    if surface.isotropic:
+        return made.shaded(roughness, f0)
+    assert isinstance(made, SplitSum)
+    return BrushedSplitSum(made, roughness, f0, surface.number("anisotropy"), taps or DEFAULT_TAPS)
+
+
+def can_be_brushed(made: Map) -> bool:
+    """Tell whether a map is shown with an anisotropy, as split sums of GGX are."""
+    return isinstance(made, SplitSum) and made.is_ggx
 
 
 def reflectance(value: str, primaries: tuple[float, ...] | None = None) -> Color:

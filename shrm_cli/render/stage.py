@@ -14,7 +14,7 @@ from shrm_cli.geometry.tangents import projected_tangents, tangents_from_uvs
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
-from shrm_cli.render.shading import ggx_surface, outside_range
+from shrm_cli.render.shading import ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation
 from shrm_cli.sphere.directions import horizontal_tangents
 
@@ -40,6 +40,10 @@ class Look:
         The light of the diffuse part, which is added to that of maps of light alone.
     variation : Variation, optional
         What a parameter of the BRDF follows, where the map lets one vary.
+    anisotropy : float, optional
+        That of glTF, of the GGX surface that split sums are shown as.
+    taps : {3, 5, 8}, optional
+        How many directions the light of such a surface is looked up in.
     unread : str
         The name of its material and the kinds of textures that are not drawn; empty without any.
     """
@@ -50,6 +54,8 @@ class Look:
     albedo: Color = (0.0, 0.0, 0.0)
     irradiance: Irradiance | None = None
     variation: Variation | None = None
+    anisotropy: float | None = None
+    taps: int | None = None
     unread: str = ""
 
     @classmethod
@@ -83,8 +89,7 @@ class Look:
             raise MapError("an object of the scene has no map; name one")
         if not chosen.needs_surface:
             return Reflector(chosen, variation=self.variation)
-        surface = ggx_surface(self.roughness, self.f0)
-        shown = chosen.shaded(surface.number("roughness"), surface.color("f0"))
+        shown = shown_as(chosen, ggx_surface(self.roughness, self.f0, self.anisotropy), self.taps)
         return Reflector(chosen, shown, self.albedo, self.irradiance)
 
     def warnings(self, name: str, given: Map | None) -> list[str]:
@@ -129,7 +134,10 @@ class Reflector:
             if tangents is None:
                 return self.map.radiance(normals, views)
             return self.map.brushed_radiance(normals, tangents, views)
-        found = self.shaded.radiance(normals, views)
+        if tangents is None:
+            found = self.shaded.radiance(normals, views)
+        else:
+            found = self.shaded.brushed_radiance(normals, tangents, views)
         if self.irradiance is None or not any(self.albedo):
             return found
         return found + self.irradiance.radiance(normals, views) * np.array(self.albedo)

@@ -8,6 +8,8 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
+from shrm_cli.brdf.environment.brushed_table import brushed_table
+from shrm_cli.brdf.models.ggx import Ggx
 from tests.cli.helpers import assert_refused, done, read_exr, run, snapshot, write_exr
 
 
@@ -214,10 +216,23 @@ def test_a_table_of_cloth_in_every_container(tmp_path):
     np.testing.assert_allclose(words[..., 0] / 65535, planes["R"], atol=5e-4)
 
 
+def test_a_table_of_brushed_surfaces(tmp_path):
+    path = tmp_path / "brushed.exr"
+    told = done("dfg", "--brdf", "ggx:anisotropy=0.6", "--size", "8", "-o", path)
+    assert "along.R, along.G, between.R, between.G, across.R, across.G" in told
+    header, planes = read_exr(path)
+    assert header["shrm:columns"] == "brushed"
+    table = brushed_table(Ggx(anisotropy=0.6), 8)
+    np.testing.assert_allclose(planes["across.G"], table[..., 5], rtol=2e-3, atol=1e-6)
+    assert "columns       brushed" in done("info", path)
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
         (["--brdf", "phong"], "no roughness"),
+        (["--brdf", "ggx:ax=0.3,ay=0.1"], "give only anisotropy and mapping"),
+        (["--brdf", "ggx:anisotropy=0.6", "-o", "a.ktx2"], "three columns, not 6"),
         (["--brdf", "charlie:roughness=0.09"], "leave roughness out"),
         (["--brdf", "ward:ax=0.1,ay=0.3"], "the same all around"),
         (["--brdf", "charlie", "--columns", "gltf"], "exclude each other"),

@@ -1,12 +1,21 @@
 """The surface that maps of light alone are shown as."""
 
+import json
+import shutil
 from dataclasses import dataclass, field
 
 import click
+import numpy as np
 import pytest
 
 from shrm_cli.cli.shading import shaded_maps
+from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.sphere import render_sphere
+from tests.cli.helpers import ROOT, assert_refused, done, read_exr, run
+from tests.maps.shader import cases
 from tests.render.materials import furnace
 
 
@@ -49,3 +58,53 @@ def test_the_surface_where_none_is_asked_for(command):
 def test_maps_of_a_brdf_get_no_surface(command):
     white = furnace((1, 1, 1))
     assert shaded_maps([white], "a", None, None) == ([white], {}, [])
+
+
+@pytest.fixture
+def splits(tmp_path, monkeypatch):
+    """A folder with a split sum of GGX, one of cloth, and a map of a BRDF."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("linear", "cloth"):
+        save(f"{name}.exr", cases.FORMS[f"splitsum {name}"]())
+    save("shrm.exr", cases.FORMS["shrm"]())
+
+
+def test_brushed_surfaces_are_drawn(splits):
+    drawn = {}
+    for name, more in {
+        "even": [], "none": ["--anisotropy", 0], "five": ["--anisotropy", 0.6],
+        "eight": ["--anisotropy", 0.6, "--taps", 8],
+    }.items():  # fmt: skip
+        done(
+            "render", "linear.exr", "--size", 32, "--precision", "float", *more, "-o", f"{name}.exr"
+        )
+        drawn[name] = np.stack([read_exr(f"{name}.exr")[1][c] for c in "RGB"], axis=-1)
+    np.testing.assert_array_equal(drawn["even"], drawn["none"])
+    assert np.abs(drawn["five"] - drawn["even"]).max() > 0.01
+    assert np.abs(drawn["five"] - drawn["eight"]).max() > 0.001
+    made = open_map("linear.exr")
+    shown = BrushedSplitSum(made, 0.5, (1.0, 1.0, 1.0), 0.6)
+    np.testing.assert_allclose(drawn["five"], render_sphere(shown, Viewer(0, 0), 32), atol=1e-6)
+
+
+def test_brushed_surfaces_are_compared_with_their_own_truth(splits):
+    shutil.copy(ROOT / "probes" / "studio.exr", "studio.exr")
+    told = run(
+        "compare", "linear.exr", "--probe", "studio.exr", "--anisotropy", 0.6, "--size", 16,
+        "--no-picture", "--no-flip", "--json", "--source-height", 32,
+    )  # fmt: skip
+    assert json.loads(told.out)["brdf"]["parameters"]["anisotropy"] == 0.6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["shrm.exr", "--anisotropy", 0.6], "--anisotropy applies to split sums of GGX"),
+        (["cloth.exr", "--anisotropy", 0.6], "--anisotropy applies to split sums of GGX"),
+        (["linear.exr", "--taps", 5], "--taps applies with --anisotropy"),
+        (["linear.exr", "--anisotropy", 1.1], "--anisotropy"),
+        (["linear.exr", "--anisotropy", 0.6, "--taps", 4], "--taps"),
+    ],
+)
+def test_what_is_not_brushed_is_refused(splits, arguments, message):
+    assert_refused(run("render", *arguments, "--size", 16), 2, message)

@@ -12,12 +12,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
+from shrm_cli.brdf.environment.taps import taps
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.export.cubes import diffuse_cube
 from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, gather
 from shrm_cli.export.pixels import FORMATS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
+from shrm_cli.reference import Reference
+from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.vocabulary import DEFAULT_TAPS
 from tests.web import ball
 from tests.web.browser import HERE, MODULES, Page, bundle
 from tests.web.glb import ball_file
@@ -135,6 +140,57 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256):
     page.call("lightProbe", f"{address}/three/light_sh.json")
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
     return compare("three.js", page, light, "filament", pictures, normals, used)
+
+
+def three_brushed(browser, folder, address, probe, size, surface, patch, code, pixels=192):
+    """A brushed ball in three.js as it is and patched, and what it would show of the true light.
+
+    `surface` is its roughness and anisotropy. All pictures have three.js' own reflectance, which
+    is that of an even surface, with the light that meets several facets.
+
+    Returns
+    -------
+    pictures : dict of ndarray, shape (pixels, pixels, 3)
+        Those of three.js, ``bent`` and ``taps``, the look-ups evaluated in numpy, ``documented``,
+        and ``truth``.
+    used : ndarray of bool
+        The pixels to compare.
+    errors : list of str
+        What the pages complained about.
+    """
+    light, _ = exported(folder / "three", "three", probe, size)
+    found, errors = {}, []
+    for name, patches in {"bent": (), "taps": ((patch, code),)}.items():
+        page = Page(browser, address, "three.bundle.js")
+        for each in patches:
+            page.call("patch", *each)
+        page.call("start", pixels, VIEW)
+        page.call("environment", f"{address}/three/light.ktx2")
+        found[name] = ball.decoded(page.call("brush", *surface), pixels)
+        errors += page.errors
+        page.close()
+    normals, used, facing = shown(pixels)
+    last = len(light.levels) - 1
+    diffuse = diffuse_cube(light.diffuse, light.levels[-1].shape[1])
+    levels = (*light.levels[:-1], diffuse)
+    view = np.broadcast_to(np.array(VIEW) / np.linalg.norm(VIEW), normals.shape)
+    brdf = Ggx(roughness=surface[0], anisotropy=surface[1])
+    normals_used, views = normals[used], view[used]
+    albedo = DirectionalAlbedo(surface[0])(facing[used], WHITE)
+    several = (1 - albedo) * ball.trilinear(levels, normals_used, last)
+    frames = surface_frames(normals_used, horizontal_tangents(normals_used))
+    tapped = taps(brdf.alphas, np.einsum("nij,nj->ni", frames, views), DEFAULT_TAPS)
+    rough = tapped.roughness
+    each = ball.trilinear(levels, tapped.directions @ frames, last * rough * (2 - rough))
+    white = Probe.from_array(np.ones((64, 128, 3)), "latlong")
+    lit, furnace = (Reference(x, brdf).radiance(normals_used, views) for x in (probe, white))
+    for name, light_alone in {
+        "documented": np.einsum("nk,nkc->nc", tapped.weights, each),
+        "truth": lit / furnace,
+    }.items():
+        found[name] = np.zeros((pixels, pixels, 3))
+        found[name][used] = albedo * light_alone + several
+    return found, used, errors
 
 
 def babylon(browser, folder, address, probe, size, roughnesses, pixels=256, form="babylon"):
@@ -291,12 +347,12 @@ def compare(title, page, light, mapping, pictures, normals, used, ours=None):
             want = documented(light.levels)
             to_shrm = None
             if ours is not None:
-                to_shrm = _rms(found[used], documented(ours)[used])
+                to_shrm = relative(found[used], documented(ours)[used])
             elif not what.startswith("diffuse"):
                 radiance = split.shaded(float(what), WHITE).radiance(normals[used], view)
-                to_shrm = _rms(found[used], radiance)
-        rms = _rms(found[used], want[used])
-        turned = min(_rms(found[used], each[used]) for each in wrong) / rms
+                to_shrm = relative(found[used], radiance)
+        rms = relative(found[used], want[used])
+        turned = min(relative(found[used], each[used]) for each in wrong) / rms
         largest = float(np.abs(found - want)[used].max() / want[used].max())
         rows.append(Row(what, largest, rms, to_shrm, turned))
         kept[what] = found, want
@@ -318,5 +374,5 @@ def _turned(level, axis):
     return look_up(level, directions).reshape(level.shape)
 
 
-def _rms(found, want):
+def relative(found, want):
     return float(np.sqrt(np.mean((found - want) ** 2) / np.mean(want**2)))

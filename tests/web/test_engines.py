@@ -4,9 +4,14 @@ Where a light is mirrored along any axis, the pictures differ dozens of times as
 allow.
 """
 
+import re
+
 import numpy as np
 import pytest
 
+from shrm_cli.maps.splitsum.brushed_shader import taps_code
+from shrm_cli.vocabulary import DEFAULT_TAPS
+from tests.cli.helpers import ROOT
 from tests.web import proofs, viewer
 
 ROUGHNESSES = (0.0, 0.2, 0.5, 1.0)
@@ -36,6 +41,23 @@ def test_three(browser, site, probe):
     proof = proofs.three(browser, folder, address, probe, 64, ROUGHNESSES, pixels=192)
     assert_shaded(proof, address)
     assert len(proof.rows) == len(ROUGHNESSES) + 2
+
+
+@pytest.mark.parametrize("surface", [(0.5, 0.6), (0.3, 0.9)])
+def test_three_patched_for_brushed_surfaces(browser, site, probe, surface):
+    """The patch of docs/anisotropy.md; without it, the light of a bent normal is shown."""
+    folder, address = site
+    proofs.prepare(folder, "three")
+    text = (ROOT / "docs" / "anisotropy.md").read_text()
+    patch = re.search(r"```js\n(.*?)```", text, re.S)[1]
+    found, used, errors = proofs.three_brushed(
+        browser, folder, address, probe, 64, surface, patch, taps_code(DEFAULT_TAPS, "glsl")
+    )
+    assert not errors
+    rms = {k: proofs.relative(v[used], found["truth"][used]) for k, v in found.items()}
+    assert proofs.relative(found["taps"][used], found["documented"][used]) < 0.02
+    assert rms["taps"] < rms["bent"] / 3
+    assert rms["taps"] < 0.1
 
 
 @pytest.mark.parametrize("form", ["babylon", "gltf"])

@@ -12,7 +12,15 @@ from shrm_cli.records import record
 from shrm_cli.vocabulary import MAX_CUBE_SIZE, Precision
 
 Kind = Literal[
-    "scale-bias", "multiscatter", "moments", "fdez-aguera", "turquin", "gltf", "filament", "albedo"
+    "scale-bias",
+    "multiscatter",
+    "moments",
+    "fdez-aguera",
+    "turquin",
+    "gltf",
+    "filament",
+    "albedo",
+    "brushed",
 ]
 
 
@@ -81,6 +89,13 @@ MEANINGS: dict[Kind, Meaning] = {
         ("R", "G", "B"),
         "directional albedo",
         "(R, G, B), and lets 1 - max(R, G, B) through to what lies below",
+    ),
+    "brushed": Meaning(
+        tuple(f"{kind}.{part}" for kind in ("along", "between", "across") for part in "RG"),
+        "R = scale, G = bias; along, between, across = views in the plane of the tangent, which "
+        "runs across the brush marks, at 45 degrees and at 90 degrees to it",
+        "f0 * R + G, where R and G are across * w * (w - 1) / 2 + between * (1 - w * w) + along * "
+        "w * (w + 1) / 2 with w = cos(2 phi) of the view's azimuth phi from the tangent",
     ),
 }
 

@@ -81,7 +81,9 @@ _VERSIONS = {
 }
 
 
-def look_up_code(made: "Map", language: str, textures: str | None = None) -> str:
+def look_up_code(
+    made: "Map", language: str, textures: str | None = None, taps: int | None = None
+) -> str:
     """Write the function of a map for a shader or a program.
 
     It is ``shrm_radiance(n, v)``, ``shrm_radiance(n, v, roughness, f0)`` for light of any GGX
@@ -96,6 +98,9 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
         Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
         wants them, or from the arrays of images that `file.pack` returns. Code in C reads the
         latter; for the other languages, arrays of cube maps are the default.
+    taps : {3, 5, 8}, optional
+        Of a split sum of GGX: add ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, the light
+        of brushed GGX, by so many look-ups.
 
     Returns
     -------
@@ -117,6 +122,8 @@ def look_up_code(made: "Map", language: str, textures: str | None = None) -> str
     write = _with_layers if chosen == "layers" else _with_cube_arrays
     head, words, comment = write(source, speech)
     functions = source.functions(words)
+    if taps is not None:
+        functions += _brushed(made, taps, speech)
     if made.stored is not made:
         functions = _with_lamps(made, functions, speech)
         comment = [*comment, "shrm_lamps: the lamps beside the map, integrated over their discs."]
@@ -135,6 +142,22 @@ def _with_lamps(made: "Map", functions: Sequence[str], language: Language) -> li
     assert isinstance(made, LampMap)
     own = [line.replace("vec3 shrm_radiance(", "vec3 shrm_map(") for line in functions]
     return own + lamps_source(made.lamps, language)
+
+
+def _brushed(made: "Map", taps: int, language: Language) -> list[str]:
+    """Write the functions of brushed surfaces.
+
+    Raises
+    ------
+    MapError
+        If the map is no split sum of GGX.
+    """
+    from shrm_cli.maps.splitsum.brushed_shader import brushed_functions
+    from shrm_cli.maps.splitsum.split_sum import SplitSum
+
+    if not (isinstance(made, SplitSum) and made.is_ggx):
+        raise MapError(f"{made.what}: only split sums of GGX have code for `anisotropy`")
+    return brushed_functions(taps, language)
 
 
 def source_of(made: "Map", textures: str) -> Source:

@@ -1,7 +1,7 @@
 """The options of `shrm prefilter --to splitsum`. This module loads no numpy."""
 
 from shrm_cli.maps.options import CUBE_ARGUMENTS, SHADER, TEXTURES, Option, Representation
-from shrm_cli.vocabulary import LEVEL_MAPPINGS
+from shrm_cli.vocabulary import DEFAULT_TAPS, LEVEL_MAPPINGS, TAP_COUNTS
 
 DESCRIPTIONS = {
     "splitsum": Representation(
@@ -19,6 +19,20 @@ DESCRIPTIONS = {
             ),
             SHADER,
             TEXTURES,
+            Option(
+                "anisotropy",
+                "splitsum, with --shader: print shrm_brushed(n, t, v, roughness, anisotropy, f0) "
+                "too, of brushed GGX.",
+                "switch",
+                prints=True,
+            ),
+            Option(
+                "taps",
+                f"splitsum, with --anisotropy: look-ups it takes.  [default: {DEFAULT_TAPS}]",
+                "choice",
+                choices=tuple(str(each) for each in TAP_COUNTS),
+                prints=True,
+            ),
             Option(
                 "mips",
                 "splitsum: sizes that halve from level to level, down to one texel.  "

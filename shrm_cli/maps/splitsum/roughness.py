@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.vocabulary import MAX_LEVELS, MIN_ROUGHNESS, LevelMapping
 
@@ -122,3 +123,15 @@ def blend(roughness: float, levels: Sequence[float], mapping: LevelMapping) -> t
     position = _POSITIONS[mapping]
     start, end = position(levels[low]), position(levels[low + 1])
     return low, (position(roughness) - start) / (end - start)
+
+
+def level_numbers(roughness: Array, levels: Sequence[float], mapping: LevelMapping) -> Array:
+    """Return the places of many roughnesses among the levels: 1.25 is a quarter of level 2.
+
+    The weights are those of `blend`, for roughnesses of any shape.
+    """
+    position = _POSITIONS[mapping]
+    known = [position(level) for level in levels]
+    within = np.clip(roughness, levels[0], levels[-1]).ravel().tolist()
+    places = np.interp([position(each) for each in within], known, np.arange(len(levels)))
+    return places.reshape(np.shape(roughness))

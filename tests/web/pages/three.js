@@ -36,6 +36,13 @@ window.shade = (roughness) => {
   return draw(new THREE.MeshPhysicalMaterial(diffuse));
 };
 
+// Shade a brushed white metal; its stretched axis runs around y.
+window.brush = (roughness, anisotropy) =>
+  draw(new THREE.MeshPhysicalMaterial({ color: "white", metalness: 1, roughness, anisotropy }));
+
+// Run a patch of docs/anisotropy.md, which knows the code TAPS.
+window.patch = (text, taps) => new Function("THREE", "TAPS", text)(THREE, taps);
+
 // The light itself, 90 degrees across, along a horizontal direction.
 window.background = (to) => {
   scene.background = scene.environment;

@@ -1,0 +1,168 @@
+"""Brushed GGX under a split sum as source code: what `BrushedSplitSum` computes, step by step.
+
+The taps need nothing but ``shrm_light(d, roughness)``, so that engines with levels of their own can
+use them; `taps_code` writes them alone, for WGSL as well.
+"""
+
+import re
+
+from shrm_cli.brdf.environment.equal_roughness import TURNS
+from shrm_cli.brdf.environment.taps import LEAST_FITTED, polynomials
+from shrm_cli.maps.shader.language import Language
+from shrm_cli.vocabulary import MIN_ROUGHNESS
+
+_HEAD = """\
+vec3 shrm_cross(vec3 a, vec3 b)
+{
+    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+float shrm_fit(vec3 q, float a, vec3 b, vec3 c, vec3 d)
+{
+    vec3 e = vec3(q.x * q.x, q.x * q.y, q.x * q.z);
+    vec3 f = vec3(q.y * q.y, q.y * q.z, q.z * q.z);
+    return a + dot(b, q) + dot(c, e) + dot(d, f);
+}
+vec3 shrm_tap(vec3 n, vec3 t, vec3 b, vec3 w, vec3 h, float roughness)
+{
+    float twice = 2.0 * dot(h, w) / dot(h, h);
+    vec3 l = LIGHT;
+    return shrm_light(WORLD, roughness);
+}
+/* The light alone, of alphas ax >= ay; t runs along x, across the brush marks. */
+vec3 shrm_taps(vec3 n, vec3 t, vec3 v, float ax, float ay)
+{
+    vec3 b = shrm_cross(n, t);
+    vec3 w = vec3(dot(t, v), dot(b, v), max(dot(n, v), 1e-5));
+    float masking = sqrt(ax * ax * w.x * w.x + ay * ay * w.y * w.y + w.z * w.z);
+    float x = ax * ax * w.x / masking;
+    float y = ay * ay * w.y / masking;
+    float wide = sqrt(max(ax * ax - ay * ay, 0.0));
+    float rough = sqrt(ay);
+    vec3 q = vec3(max(sqrt(ay / ax), LEAST_S), max(rough, LEAST_P), w.z);
+    vec3 h;
+    vec3 sum = vec3(0.0, 0.0, 0.0);
+    float total = 0.0;
+    float weight;
+    float part;
+    float width;
+    float tilt;"""
+_TAP = """\
+    part = weight * max(dot(h, w), 0.0);
+    total += part;
+    GROW"""
+_TAIL = """\
+    return SUM;
+}"""
+_SURFACE = """\
+float shrm_equal(vec3 w, float ax, float ay, float turn)
+{
+    float square = ax * ax + ay * ay + turn * (w.x * w.x - w.y * w.y) * (ax * ax - ay * ay);
+    return sqrt(sqrt(min(max(0.5 * square, 0.0), 1.0)));
+}
+/* Roughness and anisotropy are those of glTF. */
+vec3 shrm_brushed(vec3 n, vec3 t, vec3 v, float roughness, float anisotropy, vec3 f0)
+{
+    float a = max(roughness, LEAST), ay = a * a, ax = ay + (1.0 - ay) * anisotropy * anisotropy;
+    vec3 w = vec3(dot(t, v), dot(shrm_cross(n, t), v), max(dot(n, v), 1e-5));
+    vec3 dfg = shrm_between(w.z, shrm_equal(w, ax, ay, TOTAL), 0);
+    float bias = shrm_between(w.z, shrm_equal(w, ax, ay, BIAS), 0).y;
+    float scale = dfg.x + dfg.y - bias;
+    return PRODUCT;
+}"""
+_WGSL = [
+    (r"^(vec3|float) (shrm_\w+)\((.*)\)$", r"fn \2(\3) -> \1"),
+    (r"^    (vec3|float) (\w+)(?= =|;)", r"    var \2: \1"),
+    (r"\b(vec3|float) (\w+)(?=[,)])", r"\2: \1"),
+    (r"\bvec3\b", "vec3f"),
+    (r"\bfloat\b", "f32"),
+]
+"""Patterns of the taps' GLSL, and what stands for them in WGSL."""
+
+
+def brushed_functions(count: int, language: Language) -> list[str]:
+    """Write ``shrm_brushed(n, t, v, roughness, anisotropy, f0)``, and what it uses.
+
+    Parameters
+    ----------
+    count : int
+        How many look-ups it takes, one of `vocabulary.TAP_COUNTS`.
+    language : Language
+    """
+    albedo = language.add(language.scale("scale", "f0"), "vec3(bias, bias, bias)")
+    total, bias = (
+        f"{language.number(c)} + {language.number(d)} * w.z"
+        for c, d in (TURNS[part] for part in ("total", "bias"))
+    )
+    words = {
+        "LEAST": language.number(MIN_ROUGHNESS), "TOTAL": total, "BIAS": bias,
+        "PRODUCT": language.times("shrm_taps(n, t, v, ax, ay)", albedo),
+    }  # fmt: skip
+    return [*_taps(count, language), *_written(_SURFACE, words)]
+
+
+def taps_code(count: int, language: str) -> str:
+    """Write ``shrm_taps(n, t, v, ax, ay)`` for an engine with a function ``shrm_light`` of its own.
+
+    Parameters
+    ----------
+    count : int
+        One of `vocabulary.TAP_COUNTS`.
+    language : {"glsl", "hlsl", "wgsl", "c"}
+        In C the code begins with the vectors that it needs.
+    """
+    if language != "wgsl":
+        speech = Language(language)
+        return "\n".join(speech.translated(_taps(count, speech))) + "\n"
+    text = "\n".join(_taps(count, Language("glsl"))) + "\n"
+    for pattern, word in _WGSL:
+        text = re.sub(pattern, word, text, flags=re.MULTILINE)
+    return text
+
+
+def _taps(count: int, language: Language) -> list[str]:
+    """Write the functions that look up the light."""
+    least_p, least_s = (language.number(each) for each in LEAST_FITTED)
+    tapped = "shrm_tap(n, t, b, w, h, width)"
+    words = {
+        "LEAST_P": least_p, "LEAST_S": least_s,
+        "LIGHT": language.minus(language.scale("twice", "h"), "w"),
+        "WORLD": language.combined(("l.x", "l.y", "l.z"), ("t", "b", "n")),
+        "GROW": language.grow("sum", language.scale("part", tapped)),
+        "SUM": language.scale("(1.0 / total)", "sum"),
+    }  # fmt: skip
+    return _written("\n".join([_HEAD, *_all_taps(count, language), _TAIL]), words)
+
+
+def _written(text: str, words: dict[str, str]) -> list[str]:
+    """Return lines of a text whose words in capitals are replaced."""
+    for word, meaning in words.items():
+        text = text.replace(word, meaning)
+    return text.split("\n")
+
+
+def _all_taps(count: int, language: Language) -> list[str]:
+    """Write the lines of each tap."""
+    numbers = {
+        kind: [_polynomial(row, language) for row in rows.tolist()]
+        for kind, rows in polynomials(count).items()
+    }
+    odd = count % 2
+    lines = []
+    for tap, (width, tilt) in enumerate(zip(numbers["r"], numbers["t"], strict=True)):
+        weight = f"max({numbers['w'][tap - 1]}, 0.0)" if tap else "1.0"
+        lines += [f"    weight = {weight};", f"    width = min(rough * {width}, 1.0);"]
+        lines += [f"    tilt = {tilt};"]
+        if tap < odd:
+            lines += ["    h = vec3(tilt * x, tilt * y, 1.0);", _TAP]
+            continue
+        spread = f"wide * {numbers['u'][tap - odd]}"
+        lines += [f"    h = vec3(tilt * x + {spread}, tilt * y, 1.0);", _TAP]
+        lines += ["    h.x = 2.0 * tilt * x - h.x;", _TAP]
+    return lines
+
+
+def _polynomial(row: list[float], language: Language) -> str:
+    """Write a polynomial, whose numbers are in the order of `taps.MONOMIALS`."""
+    first, *others = map(language.number, row)
+    vectors = [f"vec3({', '.join(others[k : k + 3])})" for k in (0, 3, 6)]
+    return f"shrm_fit(q, {first}, {', '.join(vectors)})"

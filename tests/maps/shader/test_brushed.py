@@ -1,0 +1,75 @@
+"""The code of brushed surfaces: run in C beside the map, and compiled for graphics cards."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import MapError
+from shrm_cli.maps.shader.code import look_up_code
+from shrm_cli.maps.shader.file import pack
+from shrm_cli.maps.splitsum.brushed import BrushedSplitSum
+from shrm_cli.vocabulary import TAP_COUNTS
+from tests.brute_force import unit
+from tests.maps.shader import cases
+from tests.maps.shader.test_code import C_MAIN, HEADS, STRICT, compiled, compiler_of_c, run
+
+SURFACES = (0.62, 0.5, (0.9, 0.5, 0.04)), (0.3, 0.9, (1.0, 1.0, 1.0)), (0.9, 0.1, (0.04,) * 3)
+CALL = (
+    "shrm_brushed(normalize(n), normalize(cross(n, v)), normalize(v), 0.5, 0.6, {}(1.0, 0.5, 0.2))"
+)
+
+
+def frames(count):
+    """Normals, tangents and visible views."""
+    normals, views = cases.points(count)
+    tangents = np.cross(normals, unit(np.random.default_rng(8), count))
+    return normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), views
+
+
+def in_c(folder, made, points, surface, taps):
+    """What the code computes for each point."""
+    roughness, anisotropy, f0 = surface
+    load = "double g, h, i;\n"
+    for texture in pack(made):
+        texture.values.astype(np.float32).tofile(folder / texture.name)
+        load += f'{texture.name} = loaded("{folder / texture.name}", {texture.values.size});\n'
+    program = C_MAIN.format(code=look_up_code(made, "c", taps=taps), load=load, surface="")
+    program = program.replace("%lf %lf %lf %lf %lf %lf", "%lf " * 9).replace(
+        "&e, &f) == 6", "&e, &f, &g, &h, &i) == 9"
+    )
+    program = program.replace(
+        "shrm_radiance(shrm_vec(a, b, c), shrm_vec(d, e, f))",
+        "shrm_brushed(shrm_vec(a, b, c), shrm_vec(d, e, f), shrm_vec(g, h, i), "
+        f"{roughness}, {anisotropy}, shrm_vec{f0})",
+    )
+    (folder / "main.c").write_text(program, encoding="ascii")
+    done = run([compiler_of_c(), *STRICT, folder / "main.c", "-o", folder / "main", "-lm"])
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = "".join(" ".join(map(repr, row)) + "\n" for row in np.hstack(points).tolist())
+    return np.array(run([folder / "main"], lines).stdout.split(), dtype=float).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("taps", TAP_COUNTS)
+@pytest.mark.parametrize("name", ["splitsum linear", "splitsum unreal", "splitsum single"])
+def test_c_computes_what_the_map_does(tmp_path, monkeypatch, name, taps):
+    cases.filter_bilinearly(monkeypatch)
+    made, points = cases.FORMS[name](), frames(60)
+    for surface in SURFACES:
+        roughness, anisotropy, f0 = surface
+        shown = BrushedSplitSum(made, roughness, f0, anisotropy, taps)
+        truth = shown.brushed_radiance(*points)
+        found = in_c(tmp_path, made, points, surface, taps)
+        np.testing.assert_allclose(found, truth, rtol=0, atol=2e-7 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("taps", TAP_COUNTS)
+@pytest.mark.parametrize(("language", "textures"), HEADS)
+def test_code_compiles(tmp_path, language, textures, taps):
+    code = look_up_code(cases.FORMS["splitsum linear"](), language, textures, taps)
+    call = CALL.format({"glsl": "vec3", "hlsl": "float3"}[language])
+    assert compiled(tmp_path, language, code, HEADS[language, textures], call) == []
+
+
+@pytest.mark.parametrize("name", ["shrm", "she lobe", "splitsum cloth"])
+def test_other_forms_are_refused(name):
+    with pytest.raises(MapError, match="only split sums of GGX"):
+        look_up_code(cases.FORMS[name](), "glsl", taps=5)
