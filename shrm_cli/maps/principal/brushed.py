@@ -20,6 +20,8 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
 
+_ALONG = 1e-12
+"""The sine of the angle of a view from the normal, below which it has no azimuth."""
 _CONES = 400
 """The cones of which the best one is taken."""
 
@@ -64,12 +66,7 @@ class BrushedLobe(Lobe):
         )
 
     def _radiance(self, look_up: LookUp, centers: Array, views: Array, tangents: Array) -> Array:
-        theta, across = self._plane(centers, views)
-        normals = bisector(centers, views) if self.center == "reflection" else centers
-        along = np.sum(views * tangents, axis=-1)
-        psi = np.arctan2(np.sum(views * np.cross(normals, tangents), axis=-1), along)
-        # A view along the normal has the azimuth 0, and then the tangent is the axis.
-        across = np.where(across.any(axis=-1, keepdims=True), across, tangents)
+        theta, across, psi = self._frame(centers, views, tangents)
         values = look_up(centers).reshape(len(centers), -1, 3)
         real, imaginary = self.parts(theta, psi)
         result = np.zeros(centers.shape)
@@ -86,6 +83,21 @@ class BrushedLobe(Lobe):
             both = np.concatenate([used[0], used[1][:, :, 1:]], axis=2)
             result += np.einsum("nbqc,nbqc->nc", by_order, both)
         return result
+
+    def _frame(self, centers: Array, views: Array, tangents: Array) -> tuple[Array, Array, Array]:
+        """Return angles of views, the axes towards them, and their azimuths from the tangents."""
+        theta, _ = self._plane(centers, views)
+        is_mirror = self.center == "reflection"
+        normals = bisector(centers, views) if is_mirror else centers
+        beside = np.cross(normals, tangents)
+        x, y = (np.sum(views * each, axis=-1, keepdims=True) for each in (tangents, beside))
+        far = np.hypot(x, y)
+        # A view along the normal has the azimuth 0, and then the tangent is the axis.
+        x, y = np.where(far > _ALONG, (x, y), ([[1.0]], [[0.0]]))
+        across = (x * tangents + y * beside) / np.hypot(x, y)
+        if is_mirror:
+            across = np.sum(views * normals, axis=-1, keepdims=True) * across + far * normals
+        return theta, across, np.arctan2(y, x)[:, 0]
 
 
 def orders_about(degree: int, centers: Array, across: Array) -> Array:
