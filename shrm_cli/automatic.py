@@ -118,7 +118,7 @@ class _Asked:
 
     def simple_shrm(self, kept: Candidate[Prefiltered]) -> Candidate[Prefiltered] | None:
         """Return the SHRM that keeps the goal in few bytes and coefficients, if there is one."""
-        if len(self.proposals.parts) > 1:
+        if len(self.proposals.parts) > 1 or not self.request.brdf.isotropic:
             return None  # each term would want an SHRM of its own, with a shader of many look-ups
         # Whoever asks for an error alone asks for the fewest bytes, and not for a picture.
         times = 1 if self.goal.wrong_share is None else policy.SIMPLE_TIMES
@@ -138,6 +138,8 @@ class _Asked:
 
     def _why_no_shrm(self, made: Prefiltered) -> str:
         """Say what an SHRM of the same error takes, or what one of all the bytes is like."""
+        if not self.request.brdf.isotropic:
+            return "an SHRM knows no tangent"
         if len(self.proposals.parts) > 1:
             return "an SHRM would hold every term with harmonics of its own"
         error = total_error(made.map.info.predicted_error, made.map.info.filter_error)

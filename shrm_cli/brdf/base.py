@@ -162,7 +162,8 @@ class Brdf(ABC):
         90 degrees (the "radially symmetric" BRDFs of section 5.3.1 of the thesis).
     isotropic : bool
         Whether turning light and view together about the normal changes nothing. Anisotropic
-        BRDFs can be evaluated, and prefiltered as product textures, but in no other form.
+        BRDFs can be evaluated, and prefiltered as principal maps and product textures, but in no
+        other form.
     roughness_names : tuple of str
         The parameters that are the roughness of the model, all of which `at_roughness` sets.
     roughness_power : float

@@ -5,6 +5,7 @@ import numpy as np
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe_expansion import light_rule, squared_lobes
 from shrm_cli.brdf.polar_rule import azimuths
+from shrm_cli.brdf.turned import turned_views
 from shrm_cli.vocabulary import Center
 
 _VIEWS, _LIGHTS, _AZIMUTHS = 12, 48, 16
@@ -41,11 +42,14 @@ def gathering_center(brdf: Brdf) -> Center:
         return brdf.center
     theta_o = np.pi * (np.arange(_VIEWS) + 0.5) / _VIEWS
     theta, weights = rule.nodes(_LIGHTS)
-    light, squares = squared_lobes(brdf, theta, azimuths(_AZIMUTHS), theta_o / 2)
-    squares = weights[:, None, None] * squares
-    whole = np.maximum(squares.sum(axis=(0, 2)), 1e-300)
-    of_mirror = np.cos(theta) @ squares.sum(axis=2)
-    of_normal = np.sum(squares * light[..., 2], axis=(0, 2))
-    # All views count alike, whatever they reflect, because errors are seen where they are dark.
-    even = np.sin(theta_o) / whole
-    return "normal" if even @ of_normal > _NEARLY * (even @ of_mirror) else "reflection"
+    gathered = 0.0
+    for each in turned_views(brdf):
+        light, squares = squared_lobes(each, theta, azimuths(_AZIMUTHS), theta_o / 2)
+        squares = weights[:, None, None] * squares
+        whole = np.maximum(squares.sum(axis=(0, 2)), 1e-300)
+        of_mirror = np.cos(theta) @ squares.sum(axis=2)
+        of_normal = np.sum(squares * light[..., 2], axis=(0, 2))
+        # All views count alike, whatever they reflect, because errors are seen where they are dark.
+        even = np.sin(theta_o) / whole
+        gathered += float(even @ of_normal - _NEARLY * (even @ of_mirror))
+    return "normal" if gathered > 0 else "reflection"

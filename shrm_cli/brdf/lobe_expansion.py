@@ -102,7 +102,8 @@ class Expansion:
     ----------
     values : ndarray, shape (max_q+1, F+1, n, channels)
         ``2 pi`` times the integrals of ``rho_hat f_lq(theta_i) cos(q phi)`` over the light; one
-        channel for a grey BRDF, else three.
+        channel for a grey BRDF, else three. Of an anisotropic BRDF those with ``sin(q phi)``
+        follow, shape (2 max_q + 2, ...).
     energy : ndarray, shape (n, channels)
         ``2 pi`` times the integrals of ``rho_hat^2``.
     error_theta, error_phi : ndarray, shape (n,)
@@ -140,7 +141,10 @@ class LobeExpander:
         self.brdf, self.rule, self.order_f, self.max_q = brdf, rule, order_f, max_q
         self._is_single = is_single
         self._tables: OrderedDict[int, tuple[Array, Array]] = OrderedDict()
-        self._sign = np.where(np.arange(max_q + 1) == 0, 1.0, 2.0)
+        self._orders = np.arange(max_q + 1)
+        if not brdf.isotropic:  # cosines, then sines
+            self._orders = np.tile(self._orders, 2)
+        self._sign = np.where(np.arange(len(self._orders)) == 0, 1.0, 2.0)
 
     def expand(self, theta_o: Array, count: int, azimuth_count: int) -> Expansion:
         """Expand the lobes for views at angles from C.
@@ -161,11 +165,10 @@ class LobeExpander:
         # phi runs over half a circle, and its mirror image doubles that; the other 2 pi is the
         # factor of eq. 5.22 of Ramamoorthi's thesis.
         phi, phi_weights = squeezed_azimuths(azimuth_count, self._squeeze(theta_o))
+        if not self.brdf.isotropic:  # its mirror image is not the same
+            phi, phi_weights = np.hstack([phi, -phi]), np.hstack([phi_weights, phi_weights]) / 2
         phi_weights = _with_thirds(4 * np.pi * phi_weights[..., None])
-        orders = np.arange(self.max_q + 1)
-        waves = (phi_weights[..., None] * np.cos(phi[..., None] * orders)[:, :, None]).reshape(
-            *phi.shape, -1
-        )
+        waves = (phi_weights[..., None] * self._waves(phi)[:, :, None]).reshape(*phi.shape, -1)
         sums: _Sums | None = None
         for rows, samples, coverage in transfer_samples(
             self.brdf, self.rule, count, theta_o, phi, self._is_single
@@ -173,7 +176,7 @@ class LobeExpander:
             if samples.strides[-1] == 0:
                 samples = samples[..., :1]
             if sums is None:
-                sums = _Sums.zeros(count, len(theta_o), samples.shape[-1], len(orders))
+                sums = _Sums.zeros(count, len(theta_o), samples.shape[-1], len(self._orders))
                 waves = waves.astype(samples.dtype)
                 phi_weights = phi_weights.astype(samples.dtype)
             for channel in range(samples.shape[-1]):
@@ -185,10 +188,10 @@ class LobeExpander:
         if not np.isfinite(energies[0].sum() + energies[1].sum()):
             raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
         table, coarse_table = self._table(count)
-        values = self._projected(table, sums.waved[..., : len(orders)])
+        values = self._projected(table, sums.waved[..., : len(self._orders)])
         by_theta = values - self._projected(coarse_table, sums.coarse)
         # By Parseval all l together have the energy of the integral over theta_i.
-        thin = sums.waved[..., len(orders) :]
+        thin = sums.waved[..., len(self._orders) :]
         by_phi = np.einsum("i,ivcq,q->v", weights, thin**2, self._sign) / (2 * np.pi)
         by_theta = np.einsum("q,qlvc->v", self._sign, by_theta**2)
         return Expansion(
@@ -198,6 +201,13 @@ class LobeExpander:
             _error(by_phi / (2 * np.pi), energy[..., 1]),
         )
 
+    def _waves(self, phi: Array) -> Array:
+        """What the lobes are integrated with at azimuths (n, azimuths): (n, azimuths, waves)."""
+        angles = phi[..., None] * self._orders[: self.max_q + 1]
+        if self.brdf.isotropic:
+            return np.cos(angles)
+        return np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
+
     def _squeeze(self, theta_o: Array) -> Array:
         """How far azimuths crowd for each view; 1 where the lobe is wide, or not about C."""
         if self.rule.focus == 1:
@@ -205,14 +215,17 @@ class LobeExpander:
         return np.maximum(np.cos(theta_o / 2), _LEAST_COSINE) ** _SQUEEZE
 
     def _projected(self, table: Array, samples: Array) -> Array:
-        """Integrate over theta_i, with Legendre functions: shape (max_q+1, F+1, n, channels)."""
+        """Integrate over theta_i, with Legendre functions: shape (waves, F+1, n, channels)."""
         count, views, channels, _ = samples.shape
         by_q = np.moveaxis(samples.astype(table.dtype, copy=False), -1, 0)
         by_q = by_q.reshape(-1, count, views * channels)
-        result = np.zeros((self.max_q + 1, self.order_f + 1, views * channels))
-        for q in range(min(self.max_q, self.order_f) + 1):
-            result[q, q:] = table[q, : self.order_f + 1 - q] @ np.ascontiguousarray(by_q[q])
-        return result.reshape(self.max_q + 1, self.order_f + 1, views, channels)
+        result = np.zeros((len(self._orders), self.order_f + 1, views * channels))
+        for wave, q in enumerate(self._orders):
+            if q <= self.order_f:
+                result[wave, q:] = table[q, : self.order_f + 1 - q] @ np.ascontiguousarray(
+                    by_q[wave]
+                )
+        return result.reshape(len(self._orders), self.order_f + 1, views, channels)
 
     def prepare(self, count: int) -> None:
         """Make the table for a number of nodes in theta_i; no `expand` may run meanwhile.

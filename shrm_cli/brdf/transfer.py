@@ -11,6 +11,7 @@ Signal-Processing Framework for Forward and Inverse Rendering" (2002).
 """
 
 import math
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -81,6 +82,9 @@ class TransferFunctions(Sampled):
         The part of the energy that the sampling is estimated to miss.
     asked : float
         The accuracy that was asked for.
+    azimuths : ndarray, shape (n,)
+        Of an anisotropic BRDF the azimuths of the views from the tangent; see
+        `shrm_cli.brdf.brushed_transfer`. Empty for an isotropic one.
     """
 
     values: Array
@@ -90,6 +94,7 @@ class TransferFunctions(Sampled):
     samples: tuple[int, int, int]
     accuracy: float
     asked: float
+    azimuths: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         count = len(self.theta_o)
@@ -172,11 +177,11 @@ def compute_transfer(
     """
     if not brdf.isotropic:
         raise BrdfError(
-            f"{brdf!r}: anisotropic, which this representation cannot hold; take `to` product"
+            f"{brdf!r}: anisotropic, which this representation cannot hold; take `to` principal"
         )
     if brdf.zonal:
         return _zonal_transfer(brdf, order_f, max_q, accuracy)
-    found = _Sampling(brdf, order_f, max_q, accuracy).result()
+    found = LobeSampling(brdf, order_f, max_q, accuracy).result()
     _refuse_unresolved(brdf, found.accuracy, accuracy, found.samples)
     return found
 
@@ -192,7 +197,7 @@ def _refuse_unresolved(
         )
 
 
-class _Sampling:
+class LobeSampling:
     """The search for numbers of nodes that suffice, as `compute_transfer` describes it."""
 
     def __init__(self, brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> None:
@@ -218,11 +223,12 @@ class _Sampling:
                 break
             cells /= 2  # the first sampling shall leave the most for others
 
-    def result(self) -> TransferFunctions:
+    def result(self, least: int = 0) -> TransferFunctions:
+        """Sample the lobes, with so many nodes in theta_o at least."""
         # The rule in theta_o converges with the square of the step at least, and the energies of
         # high degrees change the faster with theta_o. To begin anew would take twice the time.
         resolving = 6 * math.ceil(_RESOLVING * math.sqrt(self.order_f / self.accuracy) / 6)
-        count = max(_VIEWS[0], 6 * (self.max_q + 1), min(resolving, _VIEWS[1] // 2))
+        count = max(_VIEWS[0], 6 * (self.max_q + 1), min(resolving, _VIEWS[1] // 2), least)
         views = Views(*view_nodes(self.center, count), self._first)
         while True:
             self._sample(views)
@@ -310,15 +316,19 @@ class _Sampling:
         third = slice(1, None, 3)
         coarse_theta, coarse_weights = view_nodes(self.center, len(views.theta_o) // 3)
         order_p = max(_VIEWS[0] // 6 - 1, self.max_q)
-        fine = _projected(views.values, views.theta_o, views.weights, order_p)
-        coarse = _projected(views.values[:, :, third], coarse_theta, coarse_weights, order_p)
-        signs = both_signs(order_p)[:, None]
-        by_degree = np.einsum("q,qloc->loc", both_signs(self.max_q), views.values**2) / (2 * np.pi)
+        change = 0.0
+        # Of anisotropic BRDFs the sines come behind the cosines.
+        for values in np.split(views.values, len(views.values) // (self.max_q + 1)):
+            fine = _projected(values, views.theta_o, views.weights, order_p)
+            coarse = _projected(values[:, :, third], coarse_theta, coarse_weights, order_p)
+            change += float(np.sum((fine - coarse) ** 2 * both_signs(order_p)[:, None]))
+        signs = both_signs(len(views.values) - 1)
+        by_degree = np.einsum("q,qloc->loc", signs, views.values**2) / (2 * np.pi)
         degrees = views.weights @ by_degree - coarse_weights @ by_degree[:, third]
         energy = views.total() - coarse_weights @ views.energy[third]
         return float(
             max(
-                np.sum((fine - coarse) ** 2 * signs) / FINER**2,
+                change / FINER**2,
                 np.abs(degrees).sum() / FINER,
                 np.abs(energy).sum() / FINER,
             )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from shrm_cli.brdf.base import Brdf
     from shrm_cli.orders import Orders
 
+_REFUSED = "`--to principal` and `shrm product` hold it, other forms refuse it"
 _TOLERANCES = (0.1, 0.03, 0.01)
 _SUFFIXES = (".exr", ".npz", ".binary")
 _MOST_P = 5
@@ -181,11 +182,10 @@ def _parameter_lines(model: Any) -> list[str]:
 
 def _anisotropy(model: Any) -> list[str]:
     """Return lines about where a BRDF is anisotropic, which most representations refuse."""
-    refused = "`shrm product` prefilters it, other forms refuse it"
     if not model.isotropic:
-        return [f"anisotropic: {refused}"]
+        return [f"anisotropic: {_REFUSED}"]
     pairs = [f"{p.follows} and {p.name}" for p in model.parameters if p.follows]
-    return [f"anisotropic where {pair} differ: {refused}" for pair in pairs]
+    return [f"anisotropic where {pair} differ: {_REFUSED}" for pair in pairs]
 
 
 def _orders(
@@ -261,7 +261,7 @@ def _text(chosen: Brdf, report: dict[str, Any]) -> list[str]:
     lines += _examination_lines(chosen, report["examination"])
     lines += [f"  {order_text(row)}" for row in report["orders"]]
     if not chosen.isotropic:
-        lines.append("  anisotropic: `shrm product` prefilters it, other forms refuse it")
+        lines.append(f"  anisotropic: {_REFUSED}")
     if "captured_by_view_order" in report:
         held = report["captured_by_view_order"]
         numbers = " ".join(f"{captured:.2%}" for captured in held["captured"])

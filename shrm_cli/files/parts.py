@@ -50,10 +50,14 @@ class Part:
         a border-sampled environment map, and is its layout: ``"openexr"`` or ``"latlong"``.
         ``displayWindow`` is the width and height of the canvas that parts of different sizes
         share.
+    is_table : bool
+        Whether it holds numbers of about 1 that images are multiplied with, which half always
+        holds well enough, instead of an image.
     """
 
     channels: dict[str, Array]
     header: dict[str, Any] = field(default_factory=dict)
+    is_table: bool = False
 
 
 @record
@@ -208,10 +212,15 @@ def prepared(
     parts : list of Part
         The parts to give to `write_chosen`.
     """
-    planes = [plane for part in parts for plane in part.channels.values()]
+    images = [part for part in parts if not part.is_table]
+    planes = [plane for part in images for plane in part.channels.values()]
     storage, halves = _examined(path, planes, precision, allowed)
     if storage.pixel_type == "float":
         return storage, list(parts)
+    tables = [plane for part in parts if part.is_table for plane in part.channels.values()]
+    halves += [plane.astype(np.float16) for plane in tables]
+    # Tables come behind all images.
+    parts = sorted(parts, key=lambda part: part.is_table)
     rounded = iter(halves)
     return storage, [
         replace(part, channels=dict(zip(part.channels, rounded, strict=False))) for part in parts

@@ -76,6 +76,8 @@ class Arrangement:
 
     def arranged(self, part: Part) -> Part:
         """Lay out the planes of a part in this arrangement, and add attributes that say so."""
+        if part.is_table:
+            return part
         if self.is_plain:
             envmap = {"envmap": "openexr"} if self.sampling == "border" else {}
             return Part(part.channels, {**part.header, **envmap})

@@ -62,7 +62,8 @@ class Lobes:
     ----------
     whole, error : ndarray, shape (Q+1, F+1, views, channels)
         rho_hat_lq(theta_o), indexed [q, l, view, channel], with one channel for a grey BRDF, at
-        the angles of `sample_views`. There is one view where all have the same lobe.
+        the angles of `sample_views`. There is one view where all have the same lobe. Those of
+        anisotropic BRDFs are complex, at the azimuths of `sample_tangents`.
     center : {"reflection", "normal", "tangent"}
         What the lobes are about.
     """
@@ -114,7 +115,8 @@ class Lobes:
         # Rotations are for harmonics with Condon and Shortley's signs, which lobes do not have.
         signs = np.where(spins > 0, (-1.0) ** spins, 1.0)[:, None, None, None]
         own = np.stack([self.whole, self.error])[:, np.abs(spins)] * signs
-        result = np.zeros((2, order + 1, order + 1, views, own.shape[-1]))
+        own = np.where(spins[:, None, None, None] < 0, own.conj(), own)
+        result = np.zeros((2, order + 1, order + 1, views, own.shape[-1]), own.dtype)
         for degree, d in turned:
             width = d.shape[1] // 2
             inner = slice(self.max_q - width, self.max_q + width + 1)
@@ -132,7 +134,8 @@ class Lobes:
 def _added(first: Array, second: Array) -> Array:
     """Add lobes of other orders, numbers of views or channels."""
     orders = np.maximum(first.shape[:2], second.shape[:2])
-    result = np.zeros((*orders, *np.broadcast_shapes(first.shape[2:], second.shape[2:])))
+    shape = *orders, *np.broadcast_shapes(first.shape[2:], second.shape[2:])
+    result: Array = np.zeros(shape, np.result_type(first, second))
     for each in (first, second):
         result[: each.shape[0], : each.shape[1]] += each
     return result
@@ -159,6 +162,11 @@ def sample_views(center: Center, count: int = _VIEWS) -> tuple[Array, Array]:
     left = 1 - (np.arange(count) + 0.5) / count
     theta_o = np.arccos(2 * left**2 - 1)
     return (theta_o / 2 if center == "normal" else theta_o), left / left.sum()
+
+
+def sample_tangents(count: int = _VIEWS) -> Array:
+    """Return the azimuths of the views of `sample_views` from the tangent, radians, (count,)."""
+    return np.asarray(2 * np.pi * ((np.arange(count) + 0.5) * (np.sqrt(5) - 1) / 2 % 1))
 
 
 def points(center: Center) -> tuple[Array, Array]:
@@ -223,7 +231,12 @@ def _about_own(light: Array, lobes: Lobes) -> Array:
     local = _local_light(light.sum(axis=1, keepdims=True) if channels == 1 else light, lobes)
     both = np.concatenate([lobes.whole, lobes.error], axis=2)
     flat = both.swapaxes(2, 3).reshape(max_q + 1, -1, 2 * views)
-    by_q = (local @ flat).reshape(2 * (max_q + 1), -1)
+    if np.iscomplexobj(flat):
+        product = (local[0] + 1j * local[1]) @ flat
+        by_q = np.stack([product.real, product.imag])
+    else:
+        by_q = local @ flat
+    by_q = by_q.reshape(2 * (max_q + 1), -1)
     # The sum over both signs of q is twice the real part of that over q > 0. Lobes lack Condon and
     # Shortley's signs, which the light has.
     q, azimuths = np.arange(max_q + 1), 2 * np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS

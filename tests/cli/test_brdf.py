@@ -32,8 +32,8 @@ def test_list_says_what_is_anisotropic_and_what_files_are_read():
     assert places == sorted(places)
     assert places[0] < text.index("  lambertian ") < places[1] < text.index("  ggx ") < places[2]
     assert places[2] < text.index("  kajiya-kay ") < places[3] < text.index("  goniometer ")
-    assert "anisotropic where ax and ay differ: `shrm product` prefilters it" in text
-    assert "\n                       anisotropic: `shrm product` prefilters it" in text
+    assert "anisotropic where ax and ay differ: `--to principal` and" in text
+    assert "\n                       anisotropic: `--to principal` and" in text
     formats = [text.index(f"\n  {name} ", places[3]) for name in FORMATS]
     assert formats == sorted(formats)
 
@@ -150,7 +150,7 @@ def test_one_that_gains_energy_is_told():
 def test_an_anisotropic_one_is_explained_without_orders():
     text = done("brdf", "ward:ax=0.1,ay=0.3")
     assert "eps " not in text
-    assert "anisotropic: `shrm product` prefilters it, other forms refuse it" in text
+    assert "anisotropic: `--to principal` and `shrm product` hold it, other forms refuse it" in text
     values = json.loads(done("brdf", "ward:ax=0.1,ay=0.3", "--json"))
     assert values["orders"] == []
     assert values["isotropic"] is False

@@ -6,15 +6,21 @@ from typing import Any
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.brdf.brushed_transfer import Waves
 from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
-from shrm_cli.files.parts import Part, StoredFile
-from shrm_cli.maps.arrangement import StoredImage
+from shrm_cli.files.parts import Part, StoredFile, StoredPart
+from shrm_cli.maps.arrangement import StoredImage, image_channels
 from shrm_cli.maps.attributes import COLORS, common_header, shortest_values
-from shrm_cli.maps.principal.functions import MAX_Q
+from shrm_cli.maps.principal.brushed import BrushedLobe
+from shrm_cli.maps.principal.functions import MAX_Q, TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.vocabulary import MAX_PRINCIPAL_MAPS
 
+_TABLES = "functions"
+"""What the names of parts begin with that hold functions of the azimuth of the view, too."""
+_MOST_WAVES = 512
+"""The most waves of a lobe, and their largest frequency."""
 _MOST_ENTRIES = 4096
 """The most entries of a table that are read."""
 
@@ -26,22 +32,35 @@ def channels_of(count: int) -> list[str]:
 
 def encode(made: PrincipalMap) -> list[Part]:
     """Return one part for each lobe; every part carries what is known of the whole map."""
-    parts = []
+    parts, tables = [], []
+    rows = [lobe.functions[..., 0, 0].size for lobe in made.lobes if isinstance(lobe, BrushedLobe)]
+    canvas = max(made.size, TABLE if rows else 0), max(6 * made.size, *rows, 0)
     for k, lobe in enumerate(made.lobes):
         header: dict[str, Any] = common_header(made, made.info.order_p) | {
             "shrm:center": lobe.center,
             "shrm:degrees": json.dumps(list(lobe.degrees)),
-            "shrm:functions": _text(lobe.functions),
         }
+        if isinstance(lobe, BrushedLobe):
+            header["shrm:waves"] = json.dumps(lobe.waves.tolist())
+            tables.append(_table_part(k, lobe, canvas))
+        else:
+            header["shrm:functions"] = _text(lobe.functions)
         if lobe.albedo is not None:
             header["shrm:albedo"] = _text(lobe.albedo)
-        if len(made.lobes) > 1:
-            header |= {"name": f"lobe{k:02d}", "displayWindow": (made.size, 6 * made.size)}
+        if len(made.lobes) > 1 or made.is_brushed:
+            header |= {"name": f"lobe{k:02d}", "displayWindow": canvas}
         names = channels_of(lobe.cubes.shape[2])
         planes = lobe.cubes.reshape(*lobe.cubes.shape[:2], -1)
         channels = {name: planes[..., index] for index, name in enumerate(names)}
         parts.append(Part(channels, header))
-    return parts
+    return parts + tables
+
+
+def _table_part(k: int, lobe: BrushedLobe, canvas: tuple[int, int]) -> Part:
+    """Return the functions of a lobe as an image: a row for each wave, functions one by one."""
+    table = lobe.functions.reshape(-1, *lobe.functions.shape[2:])
+    header = {"name": f"functions{k:02d}", "displayWindow": canvas}
+    return Part(image_channels(table), header, is_table=True)
 
 
 def decode(file: StoredFile) -> PrincipalMap:
@@ -52,17 +71,22 @@ def decode(file: StoredFile) -> PrincipalMap:
     MapError
         If parts, channels or attributes are missing or contradict each other.
     """
-    images = {part.name: StoredImage.of(part) for part in file.parts}
-    names = [f"lobe{k:02d}" for k in range(len(file.parts))]
-    if len(file.parts) > 1 and sorted(images) != names:
+    named = {part.name: part for part in file.parts}
+    tables = {name for name in named if name.startswith(_TABLES)}
+    names = [f"lobe{k:02d}" for k in range(len(file.parts) - len(tables))]
+    if len(file.parts) == 1:
+        names, named = [""], {"": file.first}
+    if not names or set(named) != {*names, *tables} or len(named) != len(file.parts):
         raise MapError(f"{file.path}: its parts are not the lobes of a map; make it again")
-    ordered = [StoredImage.of(file.first)] if len(file.parts) == 1 else [images[n] for n in names]
-    lobes = tuple(_decode_lobe(image) for image in ordered)
-    common = ordered[0].common()
+    images = [StoredImage.of(named[name]) for name in names]
+    lobes = tuple(
+        _decode_lobe(image, named.get(f"{_TABLES}{k:02d}")) for k, image in enumerate(images)
+    )
+    common = images[0].common()
     return PrincipalMap(lobes, common["info"], common["sampling"])
 
 
-def _decode_lobe(image: StoredImage) -> Lobe:
+def _decode_lobe(image: StoredImage, table: StoredPart | None) -> Lobe:
     path, part = image.path, image.part
     degrees = _json(path, "degrees", part.text("shrm:degrees"))
     is_sound = isinstance(degrees, list) and 1 <= len(degrees) <= MAX_PRINCIPAL_MAPS
@@ -71,18 +95,47 @@ def _decode_lobe(image: StoredImage) -> Lobe:
     count = sum(2 * p + 1 for p in degrees)
     names = channels_of(count)
     image.check_channels(names, f"{count} maps of principal functions")
+    stack = image.stack(names)
+    cubes, center = stack.reshape(*stack.shape[:2], count, 3), image.attributes["center"]
+    rows = sum(p + 1 for p in degrees)
+    if table is not None:
+        waves = _waves(path, part.text("shrm:waves"))
+        functions = _brushed_functions(table, rows, len(waves))
+        return BrushedLobe(cubes, tuple(degrees), functions, center, None, waves)
     functions = _table(path, "functions", part.text("shrm:functions"), 3)
-    if len(functions) != sum(p + 1 for p in degrees):
+    if len(functions) != rows:
         raise MapError(f"{path}: its attribute shrm:functions is wrong; make it again")
     albedo = part.text("shrm:albedo")
-    stack = image.stack(names)
     return Lobe(
-        stack.reshape(*stack.shape[:2], count, 3),
+        cubes,
         tuple(degrees),
         functions,
-        image.attributes["center"],
+        center,
         _table(path, "albedo", albedo, 2, functions.shape[1:]) if albedo else None,
     )
+
+
+def _waves(path: str, text: str) -> Waves:
+    """Read the waves of a lobe."""
+    found = _json(path, "waves", text)
+    is_sound = isinstance(found, list) and 1 <= len(found) <= _MOST_WAVES
+    if not is_sound or not all(
+        isinstance(wave, list)
+        and [type(number) for number in wave] == [int, int]
+        and abs(wave[0]) <= _MOST_WAVES
+        and wave[1] in (0, 1)
+        for wave in found
+    ):
+        raise MapError(f"{path}: its attribute shrm:waves is wrong; make it again")
+    return np.array(found, dtype=np.intp)
+
+
+def _brushed_functions(table: StoredPart, count: int, waves: int) -> Array:
+    """Read what `_table_part` wrote, shape (count, waves, entries, 3)."""
+    is_sound = table.height == count * waves and 2 <= table.width <= _MOST_ENTRIES
+    if not (is_sound and table.holds(COLORS)):
+        raise MapError(f"{table.path}: its part {table.name} is wrong; make it again")
+    return table.read(COLORS).astype(float).reshape(count, waves, table.width, 3)
 
 
 def _text(table: Array) -> str:

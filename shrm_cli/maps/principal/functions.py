@@ -42,6 +42,12 @@ the RMS error, of plastics with many functions up to four, and takes up to an ei
 that are seen in dark places."""
 
 
+_FEW_NODES = 400
+"""The most nodes over which singular vectors are found directly; isotropic BRDFs have no more."""
+_NOTHING = 1e-13
+"""The square of a singular value beside the largest one that is a rounding error."""
+
+
 def span_of(center: Center) -> float:
     """Return the largest angle of a visible view from the central direction, radians.
 
@@ -58,6 +64,19 @@ def _with_sign(basis: Array) -> Array:
     """
     largest = np.abs(basis).argmax(axis=0)
     return basis * np.where(basis[largest, np.arange(basis.shape[1])] < 0, -1.0, 1.0)
+
+
+def _right_vectors(rows: Array, count: int) -> Array:
+    """Return the strongest right singular vectors of a matrix, shape (columns, <= count).
+
+    They are eigenvectors of a small matrix over columns, or follow from those of one over rows.
+    """
+    if rows.shape[1] <= _FEW_NODES:
+        return _with_sign(np.linalg.eigh(rows.T @ rows)[1])[:, ::-1][:, :count]
+    squares, basis = np.linalg.eigh(rows @ rows.T)
+    strong = squares > _NOTHING * squares[-1]
+    basis = rows.T @ basis[:, strong] / np.sqrt(squares[strong])
+    return _with_sign(basis)[:, ::-1][:, :count]
 
 
 @record(eq=False)
@@ -140,9 +159,8 @@ class Spectrum:
                 values = transfer.values[q, q:, seen, channel].T
                 rows = np.sqrt(emphasis[q:, channel])[:, None] * values
                 rows = rows * (scale / self.unit[seen, channel])
-                # The right singular vectors are eigenvectors of a small matrix over the nodes.
-                basis = _with_sign(np.linalg.eigh(rows.T @ rows)[1])
-                vectors[q, :, seen, channel] = basis[:, ::-1][:, :count] / scale[:, None]
+                basis = _right_vectors(rows, count)
+                vectors[q, : basis.shape[1], seen, channel] = basis / scale[:, None]
         return vectors
 
     @cached_property
@@ -268,15 +286,22 @@ class Spectrum:
 
     def table(self, q: int, first: int, last: int) -> Array:
         """Return functions of an order q at even angles, shape (last - first, TABLE, 3)."""
-        # Views that nobody sees have no value, and must not take part.
-        seen = self.weights > 0
-        nodes = self.transfer.theta_o[seen]
-        matrix = interpolation_matrix(nodes, self.angles(), odd=q % 2 == 1)
         stored = self.functions if self.albedo is None else self.vectors
-        table = np.einsum("to,koc->ktc", matrix, stored[q, first:last][:, seen])
+        seen = self.weights > 0
+        return np.einsum("to,koc->ktc", self._to_table(q), stored[q, first:last][:, seen])
+
+    def _to_table(self, q: int) -> Array:
+        """The matrix from functions of an order q, at the seen nodes, to the entries of tables."""
+        # Views that nobody sees have no value, and must not take part.
+        nodes = self.transfer.theta_o[self.weights > 0]
+        matrix = interpolation_matrix(nodes, self.angles(), odd=q % 2 == 1)
         if q > 0:  # a function of the azimuth has no value where there is none
-            table[:, 0] = 0.0
-        return table
+            matrix[0] = 0.0
+        return matrix
+
+    def _from_table(self, nodes: NDArray[np.intp]) -> Array:
+        """The matrix from the entries of tables to functions at nodes, as renderers read them."""
+        return linear_matrix(self.angles(), self.transfer.theta_o[nodes])
 
     def albedo_table(self) -> Array | None:
         """Return the directional albedo at even angles, shape (TABLE, 3), if it is divided by."""
@@ -339,7 +364,7 @@ class Spectrum:
         used = counts[q] if q < len(counts) else 0
         if not used:
             return rest
-        back = linear_matrix(self.angles(), self.transfer.theta_o[at])
+        back = self._from_table(at)
         albedo = self.albedo_table()
         parts = self.light_parts(q, 0, used)[:, : len(factors)] * factors[:, None]
         functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
@@ -395,5 +420,7 @@ class Spectrum:
 def directional_albedo(transfer: TransferFunctions) -> Array:
     """Return the integral of a transfer function over the light, for each node, shape (n, 3)."""
     albedo = transfer.values[0, 0] / np.sqrt(np.pi)
+    if transfer.azimuths.size:  # the imaginary parts have none of their own
+        albedo = np.tile(albedo[: len(albedo) // 2], (2, 1))
     floor = 1e-3 * np.max(albedo, axis=0)
     return np.asarray(np.maximum(albedo, np.maximum(floor, 1e-30)))

@@ -29,7 +29,13 @@ from shrm_cli.maps.shrm.summed import AZIMUTHS
 from shrm_cli.maps.size import check_size
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import cube_directions, cube_solid_angles, texel_directions
-from shrm_cli.sphere.directions import bisector, central_directions, to_angles, views_around
+from shrm_cli.sphere.directions import (
+    bisector,
+    central_directions,
+    horizontal_tangents,
+    to_angles,
+    views_around,
+)
 from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
@@ -78,6 +84,8 @@ class Lobe:
     center: Center
     albedo: Array | None = None
 
+    is_brushed = False
+
     def __post_init__(self) -> None:
         shape = self.cubes.shape
         if len(shape) != 4 or shape[0] != 6 * shape[1] or shape[3] != 3:
@@ -86,9 +94,9 @@ class Lobe:
             raise ValueError(f"bundles of degrees {self.degrees}")
         if sum(2 * p + 1 for p in self.degrees) != shape[2]:
             raise ValueError(f"{shape[2]} cubes for bundles of degrees {self.degrees}")
-        if self.functions.ndim != 3 or len(self.functions) != sum(p + 1 for p in self.degrees):
+        if len(self.functions) != sum(p + 1 for p in self.degrees):
             raise ValueError(f"functions of shape {self.functions.shape}")
-        if self.albedo is not None and self.albedo.shape != self.functions.shape[1:]:
+        if self.albedo is not None and self.albedo.shape != self.functions.shape[-2:]:
             raise ValueError(f"an albedo of shape {self.albedo.shape}")
 
     @property
@@ -116,13 +124,15 @@ class Lobe:
         table = self.functions
         if self.albedo is not None:
             table = table * self.albedo
-        table = np.moveaxis(table, 0, 1)
+        table = np.moveaxis(table, -2, 0)
         position = np.clip(theta / self.span, 0, 1) * (len(table) - 1)
         low = np.minimum(position.astype(np.intp), len(table) - 2)
-        part = (position - low)[..., None, None]
+        part = (position - low).reshape(*np.shape(theta), *[1] * (table.ndim - 1))
         return np.asarray((1 - part) * table[low] + part * table[low + 1])
 
-    def radiance(self, look_up: LookUp, centers: Array, views: Array) -> Array:
+    def radiance(
+        self, look_up: LookUp, centers: Array, views: Array, tangents: Array | None = None
+    ) -> Array:
         """Evaluate the light of the lobe for central directions and views, shape (..., 3).
 
         Parameters
@@ -131,27 +141,28 @@ class Lobe:
             Such as a `CubeSampler` of the cubes as (6N, N, 3K).
         centers, views : ndarray, shape (..., 3)
             Unit vectors in world axes.
+        tangents : ndarray, shape (..., 3), optional
+            Those of the surface, for lobes that depend on them; horizontal ones by default.
         """
         shape = centers.shape
-        centers, views = centers.reshape(-1, 3), views.reshape(-1, 3)
-        result = np.empty(centers.shape)
-        step = max(_VALUES_AT_ONCE // (3 * self.cubes.shape[2]), 1)
-        for start in range(0, len(centers), step):
+        if tangents is None:
+            normals = bisector(centers, views) if self.center == "reflection" else centers
+            tangents = horizontal_tangents(normals)
+        flat = [each.reshape(-1, 3) for each in (centers, views, tangents)]
+        result = np.empty(flat[0].shape)
+        step = max(_VALUES_AT_ONCE // self._values_a_point, 1)
+        for start in range(0, len(result), step):
             part = slice(start, start + step)
-            result[part] = self._radiance(look_up, centers[part], views[part])
+            result[part] = self._radiance(look_up, *(each[part] for each in flat))
         return result.reshape(shape)
 
-    def _radiance(self, look_up: LookUp, centers: Array, views: Array) -> Array:
+    @property
+    def _values_a_point(self) -> int:
+        return 3 * self.cubes.shape[2]
+
+    def _radiance(self, look_up: LookUp, centers: Array, views: Array, tangents: Array) -> Array:
         """Evaluate what `radiance` does, for so few points that they fit into memory."""
-        # The normal lies between the mirror direction and the view, and tells their plane even
-        # where the view grazes and points away from the mirror direction.
-        beside = bisector(centers, views) if self.center == "reflection" else views
-        across = beside - np.sum(beside * centers, axis=-1, keepdims=True) * centers
-        length = np.linalg.norm(across, axis=-1, keepdims=True)
-        across = np.divide(across, length, out=np.zeros_like(across), where=length > 0)
-        theta = 2 * np.arctan2(
-            np.linalg.norm(views - centers, axis=-1), np.linalg.norm(views + centers, axis=-1)
-        )
+        theta, across = self._plane(centers, views)
         values = look_up(centers).reshape(len(centers), -1, 3)
         functions = self.at(theta)
         result = np.zeros(centers.shape)
@@ -167,6 +178,22 @@ class Lobe:
             first += used.shape[1]
             result += np.einsum("nbqc,nbqc->nc", by_order, used.reshape(by_order.shape))
         return result
+
+    def _plane(self, centers: Array, views: Array) -> tuple[Array, Array]:
+        """Return the angles of views from central directions, and the axes that point to them.
+
+        Where a view is the central direction, the axis is 0.
+        """
+        # The normal lies between the mirror direction and the view, and tells their plane even
+        # where the view grazes and points away from the mirror direction.
+        beside = bisector(centers, views) if self.center == "reflection" else views
+        across = beside - np.sum(beside * centers, axis=-1, keepdims=True) * centers
+        length = np.linalg.norm(across, axis=-1, keepdims=True)
+        across = np.divide(across, length, out=np.zeros_like(across), where=length > 0)
+        theta = 2 * np.arctan2(
+            np.linalg.norm(views - centers, axis=-1), np.linalg.norm(views + centers, axis=-1)
+        )
+        return theta, across
 
 
 def _nearest(cubes: Array, sampling: Sampling, directions: Array) -> Array:
@@ -259,6 +286,11 @@ class PrincipalMap(Map):
         return "+".join(lobe.center for lobe in self.lobes)
 
     @property
+    def is_brushed(self) -> bool:
+        """Whether a lobe depends on the tangent of the surface."""
+        return any(lobe.is_brushed for lobe in self.lobes)
+
+    @property
     def cube_count(self) -> int:
         return sum(lobe.cubes.shape[2] for lobe in self.lobes)
 
@@ -325,13 +357,23 @@ class PrincipalMap(Map):
         return self.with_planes([each.planes()[0] for each in moved], sampling, info)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, shape (..., 3), filtered between texels."""
-        normals, views = np.asarray(normals, dtype=float), np.asarray(views, dtype=float)
-        normals, views = np.broadcast_arrays(normals, views)
+        """Evaluate the reflected radiance, shape (..., 3), filtered between texels.
+
+        Anisotropic surfaces have the tangents of `sphere.directions.horizontal_tangents`.
+        """
+        return self.brushed_radiance(
+            normals, horizontal_tangents(np.asarray(normals, float)), views
+        )
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the reflected radiance; see `Map.brushed_radiance`."""
+        normals, tangents, views = np.broadcast_arrays(
+            *(np.asarray(each, dtype=float) for each in (normals, tangents, views))
+        )
         result = np.zeros(normals.shape)
         for lobe, sampler in zip(self.lobes, self._samplers, strict=True):
             centers = central_directions(lobe.center, normals, views)
-            result += lobe.radiance(sampler, centers, views)
+            result += lobe.radiance(sampler, centers, views, tangents)
         return result
 
     def glimpse(self, reflections: Array, views: Array) -> Array:
@@ -387,8 +429,13 @@ class PrincipalMap(Map):
         Raises
         ------
         MapError
-            If the map has several lobes, whose centers differ.
+            If the map has several lobes, whose centers differ, or depends on tangents.
         """
+        if self.is_brushed:
+            raise MapError(
+                "an SHRM knows no tangents, and cannot hold a brushed surface; keep the map, or "
+                "take `to` product"
+            )
         if len(self.lobes) > 1:
             raise MapError(
                 "a sum of lobes about different centres has no single SHRM; prefilter again for "

@@ -8,10 +8,13 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.coupling import bundle_coefficients
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness
 from shrm_cli.maps.prefiltered import Prefiltered
+from shrm_cli.maps.principal.brushed import BrushedLobe
+from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
@@ -110,6 +113,10 @@ class Proposals:
     def __init__(self, light: Projection, request: Request) -> None:
         self.light, self.brdf, self.asked = light, request.brdf, Wanted.of(request)
         self.sampling, self.divide = request.sampling, request.own.get("divide", False)
+        if self.divide and not self.brdf.isotropic:
+            raise ArgumentError(
+                "divide", "does not apply to an anisotropic BRDF, whose albedo depends on tangents"
+            )
         self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
         self.planners: list[Planner] = []
         self._know(request.error)
@@ -177,20 +184,20 @@ def _lobe(term: Term, sampling: Sampling) -> Lobe:
     """Make the cubes and the tables of a term."""
     spectrum, counts = term.planner.spectrum, term.form.counts
     bundles = bundle_functions(counts)
-    return Lobe(
-        np.concatenate([_cubes(term, each, sampling) for each in bundles.values()], axis=2),
-        bundle_degrees(counts),
-        np.concatenate(
-            [
-                spectrum.table(q, k, k + 1)
-                for same in bundles.values()
-                for bundle in same
-                for q, k in enumerate(bundle)
-            ]
-        ),
-        term.brdf.center,
-        spectrum.albedo_table(),
+    cubes = np.concatenate([_cubes(term, each, sampling) for each in bundles.values()], axis=2)
+    functions = np.concatenate(
+        [
+            spectrum.table(q, k, k + 1)
+            for same in bundles.values()
+            for bundle in same
+            for q, k in enumerate(bundle)
+        ]
     )
+    degrees, center = bundle_degrees(counts), term.brdf.center
+    if isinstance(spectrum, BrushedSpectrum):
+        by_wave = functions.reshape(len(functions), len(spectrum.waves), -1, 3)
+        return BrushedLobe(cubes, degrees, by_wave, center, None, spectrum.waves)
+    return Lobe(cubes, degrees, functions, center, spectrum.albedo_table())
 
 
 def _cubes(term: Term, bundles: Sequence[tuple[int, ...]], sampling: Sampling) -> Array:

@@ -15,6 +15,8 @@ from functools import partial
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.maps.principal import brushed_shader
+from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, plane_rule
 from shrm_cli.maps.shader.harmonics import pair_function
 from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
@@ -29,30 +31,47 @@ def source(made: PrincipalMap, textures: str) -> Source:
     textures : {"cube-array", "layers"}
         Cubes are the same in both.
     """
-    entries = max(lobe.functions.shape[1] for lobe in made.lobes)
-    rows = sum(len(lobe.functions) for lobe in made.lobes)
+    entries = max(lobe.functions.shape[-2] for lobe in made.lobes)
+    rows = sum(map(_rows, made.lobes))
+    layers = max(
+        brushed_shader.layers(lobe) if isinstance(lobe, BrushedLobe) else 1 for lobe in made.lobes
+    )
     return Source(
         "The light of a probe as a BRDF reflects it, by the BRDF's own functions of the view.",
         partial(_functions, made.lobes, entries),
         [lobe.cubes for lobe in made.lobes],
         made.sampling,
         Table(
-            (1, rows, entries + 1),
-            partial(_numbers, made.lobes, rows, entries),
+            (layers, rows, entries + 1),
+            partial(_numbers, made.lobes, (layers, rows, entries)),
             "a function of the angle of the view in each row, then what it is for",
+            in_code=layers == 1,
         ),
     )
 
 
-def _numbers(lobes: Sequence[Lobe], rows: int, entries: int) -> Array:
-    """Return the rows of all lobes, one below the other, shape (1, rows, entries + 1, 3).
+def _rows(lobe: Lobe) -> int:
+    """Return the rows of a lobe in the table."""
+    return brushed_shader.rows(lobe) if isinstance(lobe, BrushedLobe) else len(lobe.functions)
+
+
+def _numbers(lobes: Sequence[Lobe], shape: tuple[int, int, int]) -> Array:
+    """Return the rows of all lobes, one below the other, shape (layers, rows, entries + 1, 3).
 
     A row is a function g_j, times the albedo. Its last texel is the tangent of half the angle
     j, and the degree p of the bundle, which has p + 1 rows.
     """
-    result = np.zeros((rows, entries + 1, 3))
-    row = 0
+    layers, rows, entries = shape
+    whole = np.zeros((layers, rows, entries + 1, 3))
+    result, row = whole[0], 0
     for lobe in lobes:
+        if isinstance(lobe, BrushedLobe):
+            weights, about = brushed_shader.numbers(lobe)
+            place = slice(row, row + len(about))
+            whole[: len(weights), place, : weights.shape[2]] = weights
+            result[place, entries] = about
+            row = place.stop
+            continue
         functions = lobe.functions if lobe.albedo is None else lobe.functions * lobe.albedo
         first = 0
         for degree in lobe.degrees:
@@ -62,19 +81,34 @@ def _numbers(lobes: Sequence[Lobe], rows: int, entries: int) -> Array:
             result[place, entries, 0] = np.tan(angles / 2)
             result[place, entries, 1] = degree
             row, first = row + degree + 1, first + degree + 1
-    return result[None]
+    return whole
 
 
 def _functions(lobes: Sequence[Lobe], entries: int, words: Words) -> list[str]:
     """Write the functions of all lobes, and their sum."""
-    lines = [*tangent_function([lobe.center for lobe in lobes]), *pair_function()]
+    is_brushed = any(lobe.is_brushed for lobe in lobes)
+    centers = ["tangent"] if is_brushed else [lobe.center for lobe in lobes]
+    lines = [*tangent_function(centers), *pair_function()]
+    lines += brushed_shader.cross_function() if is_brushed else []
     total, row = "", 0
     for number, lobe in enumerate(lobes):
-        lines += _lobe(number, lobe, row, entries, words)
-        call = f"shrm_lobe{number}(n, v)"
+        if isinstance(lobe, BrushedLobe):
+            lines += brushed_shader.code(number, lobe, row, entries, words)
+        else:
+            lines += _lobe(number, lobe, row, entries, words)
+        call = f"shrm_lobe{number}({'n, t, v' if lobe.is_brushed else 'n, v'})"
         total = words.language.add(total, call) if total else call
-        row += len(lobe.functions)
-    return [*lines, f"vec3 shrm_radiance(vec3 n, vec3 v) {{ return {total}; }}"]
+        row += _rows(lobe)
+    if not is_brushed:
+        return [*lines, f"vec3 shrm_radiance(vec3 n, vec3 v) {{ return {total}; }}"]
+    return [
+        *lines,
+        f"vec3 shrm_brushed_radiance(vec3 n, vec3 t, vec3 v) {{ return {total}; }}",
+        "vec3 shrm_radiance(vec3 n, vec3 v)",
+        "{",
+        "    return shrm_brushed_radiance(n, shrm_tangent(n), v);",
+        "}",
+    ]
 
 
 def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[str]:

@@ -7,13 +7,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.brushed_transfer import compute_brushed_transfer
 from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.coefficients import power_of_two_times
 from shrm_cli.brdf.gathered import gathering_center
 from shrm_cli.brdf.lobe_expansion import lobe_width
 from shrm_cli.brdf.sums import Sum, split
 from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
+from shrm_cli.brdf.turned import turned_views
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
 from shrm_cli.maps.principal.functions import MAX_Q, Spectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.request import Request
@@ -138,7 +141,8 @@ def planner_of(
 
     def factorized() -> Planner:
         lighting = light.to_order(order)
-        spectrum = Spectrum.of(transfer, brdf.center, weighted_power(lighting, order), divide)
+        kind = Spectrum if brdf.isotropic else BrushedSpectrum
+        spectrum = kind.of(transfer, brdf.center, weighted_power(lighting, order), divide)
         return Planner(spectrum, lighting, sampling)
 
     while True:
@@ -177,7 +181,8 @@ def _first_order(brdf: Brdf) -> int:
     """Return the order F to which transfer functions are computed first."""
     if brdf.zonal or brdf.center != "reflection":
         return _FIRST_ORDER
-    return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / lobe_width(brdf), MAX_ORDER_F)
+    width = min(lobe_width(each) for each in turned_views(brdf))
+    return power_of_two_times(_FIRST_ORDER, _WAVES_A_LOBE / width, MAX_ORDER_F)
 
 
 def _hides_visible(planner: Planner, want: Wanted) -> bool:
@@ -254,7 +259,8 @@ def _unknown_light(planner: Planner) -> tuple[float, float]:
 def _transfer(brdf: Brdf, order: int, max_q: int) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
     accuracy = _ACCURACY[brdf.is_measured]
-    return cached_transfer(brdf, order, max_q, accuracy, compute_transfer)
+    compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
+    return cached_transfer(brdf, order, max_q, accuracy, compute)
 
 
 def planned(brdf: Brdf, planner: Planner, want: Wanted) -> Term:

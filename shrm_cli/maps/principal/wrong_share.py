@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.lobes_lit import Lobes, sample_views
+from shrm_cli.maps.lobes_lit import Lobes, sample_tangents, sample_views
+from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.wrong_share import wrong_share
 from shrm_cli.reflected import last_visible
@@ -41,15 +42,24 @@ def _lobes(planner: Planner, form: Form) -> Lobes:
     order = last_visible(beyond)
     # Lobes are taken between the nodes on both sides of each view.
     angles, _ = sample_views(spectrum.center)
-    after = np.clip(np.searchsorted(transfer.theta_o, angles), 1, len(transfer.theta_o) - 1)
-    low, high = transfer.theta_o[after - 1], transfer.theta_o[after]
+    theta_o = transfer.theta_o
+    if isinstance(spectrum, BrushedSpectrum):
+        theta_o = theta_o[: spectrum.view_count]
+    after = np.clip(np.searchsorted(theta_o, angles), 1, len(theta_o) - 1)
+    low, high = theta_o[after - 1], theta_o[after]
     part = np.clip((angles - low) / (high - low), 0.0, 1.0)[:, None]
+    nodes = np.concatenate([after - 1, after])
+    signs = None
+    if isinstance(spectrum, BrushedSpectrum):
+        nodes, signs = spectrum.parts_near(nodes, np.tile(sample_tangents(len(angles)), 2))
 
     def between(values: Array) -> Array:
+        if signs is not None:
+            real, imaginary = np.split(values, 2, axis=-2)
+            values = real + 1j * signs[:, None] * imaginary
         count = len(angles)
         return (1 - part) * values[..., :count, :] + part * values[..., count:, :]
 
-    nodes = np.concatenate([after - 1, after])
     factors = form.band.factors
     rest = [spectrum.rest(q, form.counts, factors, nodes) for q in range(transfer.max_q + 1)]
     return Lobes(

@@ -31,6 +31,69 @@ def texel(face, row, column, size):
     return direction / np.linalg.norm(direction)
 
 
+def brushed(path, face, row, column, view, tangent):
+    """The light of a map of a single brushed lobe at a texel's direction, towards a view."""
+    parts = {part.name(): part for part in OpenEXR.File(str(path), separate_channels=True).parts}
+    part, table = parts["lobe00"], parts["functions00"]
+    size = part.channels["map000.R"].pixels.shape[1]
+    center = texel(face, row, column, size)
+    normal = (center + view) / np.linalg.norm(center + view)
+    across = normal - (normal @ center) * center
+    across /= np.linalg.norm(across)
+    beside = np.cross(center, across)
+    psi = np.arctan2(view @ np.cross(normal, tangent), view @ tangent)
+    waves = json.loads(part.header["shrm:waves"])
+    amplitudes = np.stack([table.channels[c].pixels for c in "RGB"], axis=-1)
+    place = np.arccos(np.clip(center @ view, -1, 1)) / np.pi * (amplitudes.shape[1] - 1)
+    light, cube, first = np.zeros(3), 0, 0
+    for p in json.loads(part.header["shrm:degrees"]):
+        texels = np.array(
+            [
+                [part.channels[f"map{cube + k:03d}.{c}"].pixels[face * size + row, column]
+                 for c in "RGB"]
+                for k in range(2 * p + 1)
+            ],
+            dtype=float,
+        )  # fmt: skip
+        # Some directions at random, more than there are unknowns.
+        local = np.random.default_rng(p).normal(size=(6 * p + 9, 3))
+        local /= np.linalg.norm(local, axis=1, keepdims=True)
+        sums = real_harmonics(p, local @ np.stack([across, beside, center]))[:, p**2 :] @ texels
+        signed = real_harmonics(p, local)[:, p**2 :]
+        signed[:, np.arange(2 * p + 1) != p] /= np.sqrt(2)
+        own = np.linalg.lstsq(signed, sums, rcond=None)[0]
+        for q in range(p + 1):
+            function = np.zeros(3, dtype=complex)
+            for wave, (f, k) in enumerate(waves):
+                curve = amplitudes[(first + q) * len(waves) + wave]
+                amplitude = [np.interp(place, np.arange(len(curve)), curve[:, c]) for c in range(3)]
+                function += np.array(amplitude) * 1j**k * np.exp(1j * f * psi)
+            light += own[p + q] * function.real + (own[p - q] * function.imag if q else 0)
+        cube, first = cube + 2 * p + 1, first + p + 1
+    return light
+
+
+def test_the_page_alone_decodes_a_brushed_map(tmp_path, monkeypatch):
+    from shrm_cli.maps.file import open_map
+
+    monkeypatch.chdir(tmp_path)
+    write_exr(tmp_path / "probe.exr", noise(16, 32))
+    command = ("prefilter", "probe.exr", "--brdf", "ward:ax=0.2,ay=0.5", "--to", "principal")
+    done(*command, "--size", str(SIZE), "--maps", "16", "--precision", "float", "-o", "map.exr")
+    made, rng = open_map("map.exr"), np.random.default_rng(5)
+    found, expected = [], []
+    for _ in range(24):
+        place = rng.integers(6), rng.integers(SIZE), rng.integers(SIZE)
+        center, view, tangent = texel(*place, SIZE), rng.normal(size=3), rng.normal(size=3)
+        view /= np.linalg.norm(view)
+        normal = (center + view) / np.linalg.norm(center + view)
+        tangent = np.cross(normal, tangent)
+        tangent /= np.linalg.norm(tangent)
+        found.append(brushed("map.exr", *place, view, tangent))
+        expected.append(made.brushed_radiance(normal, tangent, view))
+    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+
+
 def decoded(path, face, row, column, view):
     """The light of all parts at a texel's direction, towards a view."""
     light = np.zeros(3)

@@ -17,6 +17,7 @@ from shrm_cli.maps.explicit import explicit
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal import principal
+from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.shader.source import ggx_moments
@@ -93,6 +94,15 @@ def filter_bilinearly(monkeypatch):
     """Let all maps filter their cubes as shaders do."""
     for module in (explicit, principal, shrm_module, split_sum):
         monkeypatch.setattr(module, "CubeSampler", Bilinear)
+    exact, step = BrushedLobe.parts, np.pi / 48  # a 24th of a quarter turn
+
+    def stepped(lobe, theta, psi):
+        low = np.floor(psi / step)
+        share = (psi / step - low)[:, None, None]
+        below, above = (exact(lobe, theta, (low + k) * step) for k in (0, 1))
+        return (1 - share) * below + share * above
+
+    monkeypatch.setattr(BrushedLobe, "parts", stepped)
 
 
 def cube(rng, size, count):
@@ -108,6 +118,14 @@ def lobe(seed, center="reflection", degrees=(3, 1, 0), size=4, albedo=True):
     divided = rng.random((TABLE, 3)) + 0.5 if albedo else None
     cubes = cube(rng, size, sum(2 * p + 1 for p in degrees))
     return Lobe(cubes, degrees, functions, center, divided)
+
+
+def brushed_lobe(seed, waves, center="reflection", degrees=(3, 1, 0), size=4):
+    """A lobe with functions of the azimuth, those of q = 0 without imaginary parts."""
+    rng = np.random.default_rng(seed)
+    functions = rng.standard_normal((sum(p + 1 for p in degrees), len(waves), 31, 3))
+    cubes = cube(rng, size, sum(2 * p + 1 for p in degrees))
+    return BrushedLobe(cubes, degrees, functions, center, None, np.array(waves))
 
 
 def split_sum_of(mapping, roughness, sizes, sampling="center"):
@@ -165,6 +183,17 @@ FORMS = {
     ),
     "principal fine": lambda: PrincipalMap((lobe(5, degrees=(12, 2, 2)),), make_info(4, 3)),
     "principal border": lambda: PrincipalMap((lobe(4, size=5),), make_info(4, 3), "border"),
+    "principal brushed": lambda: PrincipalMap(
+        (brushed_lobe(6, [(-2, 0), (0, 0), (4, 0)]),), make_info(4, 3)
+    ),
+    "principal brushed sum": lambda: PrincipalMap(
+        (
+            brushed_lobe(7, [(-3, 0), (0, 0), (1, 1)], "normal", (5, 2)),
+            lobe(8, "normal", (2, 0), 8, albedo=False),
+            brushed_lobe(9, [(2, 0), (0, 0)], degrees=(12, 0)),
+        ),
+        make_info(4, 3),
+    ),
     "shrm": lambda: make_shrm(4, 3, 6),
     "shrm normal": lambda: make_shrm(4, 2, 5, "normal", seed=2, sampling="border"),
     "shrm tangent": lambda: make_shrm(4, 2, 4, "tangent", seed=3),

@@ -1,0 +1,172 @@
+"""The transfer functions of anisotropic BRDFs: their nodes are views of several azimuths.
+
+The light is still expanded about C with the azimuth counted from the plane of the view, so that
+
+    2 pi rho_hat(w_i', w_o) = sum over l, q of rho_hat_lq(theta_o, psi) conj(Y_lq(w_i')),
+
+in which psi, the azimuth of the view from the tangent, is all that tells of the tangent. Mirror
+images differ, so that rho_hat_lq is complex. Its real and imaginary parts, the integrals with
+``cos(q phi)`` and ``sin(q phi)``, are nodes of their own here: the energy of q and -q together is
+twice the sum of the squares of both, as it is for isotropic BRDFs, whose imaginary parts are 0.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.coefficients import both_signs
+from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions
+from shrm_cli.brdf.turned import Turned, is_mirrored
+from shrm_cli.records import record
+
+_STEPS = 6, 24
+"""The fewest and the most steps of azimuths in a quarter turn."""
+_UNSEEN = 10
+"""The part of the energy that the upper half of the waves over azimuths may have, in units of the
+accuracy: what lies beyond them is far less, because waves of smooth lobes fall exponentially."""
+
+
+Waves = NDArray[np.intp]
+"""Waves over the azimuth psi of the view, shape (n, 2): a row (f, k) is ``i^k exp(i f psi)``."""
+
+
+@record
+class Azimuths:
+    """Even azimuths of views, over the quarter turn or the whole turn that tells all.
+
+    Attributes
+    ----------
+    steps : int
+        Their number in a quarter turn.
+    is_mirrored : bool
+        Whether the quarter turn tells all: real parts are even about both of its ends, and
+        imaginary ones odd.
+    """
+
+    steps: int
+    is_mirrored: bool
+
+    @property
+    def angles(self) -> Array:
+        """The azimuths, radians, shape (n,)."""
+        count = self.steps + 1 if self.is_mirrored else 4 * self.steps
+        return np.arange(count) * (np.pi / 2 / self.steps)
+
+    @property
+    def weights(self) -> Array:
+        """The part of all azimuths that each stands for, shape (n,)."""
+        weights = np.ones(len(self.angles))
+        if self.is_mirrored:
+            weights[[0, -1]] = 0.5
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def waves(self) -> Waves:
+        """The waves with real amplitudes that the azimuths tell apart."""
+        if self.is_mirrored:
+            even = range(2 - 2 * self.steps, 2 * self.steps, 2)
+            return np.array([(f, 0) for f in even], dtype=np.intp)
+        every = range(1 - 2 * self.steps, 2 * self.steps)
+        return np.array([(f, k) for f in every for k in (0, 1)], dtype=np.intp)
+
+    def analysis(self, waves: Waves) -> Array:
+        """The matrix from values [part, azimuth] to the real amplitudes of waves."""
+        conjugate = wave_values(waves, self.angles).conj() * self.weights
+        return np.hstack([conjugate.real, -conjugate.imag])
+
+
+def wave_values(waves: Waves, azimuths: Array) -> NDArray[np.complexfloating]:
+    """The values of waves at azimuths, shape (waves, n)."""
+    frequency, power = waves.T[..., None]
+    return np.asarray(1j**power * np.exp(1j * frequency * azimuths))
+
+
+def compute_brushed_transfer(
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5
+) -> TransferFunctions:
+    """Compute the transfer functions of an anisotropic BRDF.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    order_f, max_q : int
+        The largest l and q.
+    accuracy : float
+        The fraction of the energy that the sampling may miss.
+
+    Returns
+    -------
+    TransferFunctions
+        Its nodes are indexed [part, azimuth, theta_o], flattened: real parts come first.
+
+    Raises
+    ------
+    BrdfError
+        For the reasons of `compute_transfer`.
+    """
+    azimuths = Azimuths(_STEPS[0], is_mirrored(brdf))
+    known: dict[float, TransferFunctions] = {}
+    while True:
+        _sample(brdf, azimuths, known, (order_f, max_q, accuracy))
+        found = _together([known[azimuth] for azimuth in azimuths.angles], azimuths)
+        energy = np.sum(wave_energies(found), axis=0)
+        tail = energy[np.abs(azimuths.waves[:, 0]) > azimuths.steps].sum()
+        if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > _STEPS[1]:
+            return found
+        azimuths = Azimuths(2 * azimuths.steps, azimuths.is_mirrored)
+
+
+def _sample(
+    brdf: Brdf,
+    azimuths: Azimuths,
+    known: dict[float, TransferFunctions],
+    wanted: tuple[int, int, float],
+) -> None:
+    """Sample the lobes for views of all azimuths, at the same nodes of theta_o."""
+    count = 0
+    while True:
+        fewer = [a for a in azimuths.angles if a not in known or len(known[a].theta_o) < count]
+        if not fewer:
+            return
+        for azimuth in fewer:
+            known[azimuth] = LobeSampling(Turned(brdf, azimuth), *wanted).result(count)
+            count = max(len(known[a].theta_o) for a in known)
+
+
+def _together(found: Sequence[TransferFunctions], azimuths: Azimuths) -> TransferFunctions:
+    """Put the nodes of several azimuths one behind the other, real parts before imaginary ones."""
+    first = found[0]
+    values = np.stack([each.values for each in found], axis=2)
+    parts = values.reshape(2, -1, *values.shape[1:])  # [part, q, l, azimuth, theta_o, channel]
+    nodes = np.moveaxis(parts, 0, 2).reshape(*parts.shape[1:3], -1, 3)
+    shares = azimuths.weights
+    views = len(first.theta_o)
+    return TransferFunctions(
+        nodes,
+        np.tile(first.theta_o, 2 * len(found)),
+        np.tile(np.outer(shares, first.weights).ravel(), 2),
+        shares @ [each.total_energy for each in found],
+        max(each.samples for each in found),
+        float(shares @ [each.accuracy for each in found]),
+        first.asked,
+        np.tile(np.repeat(azimuths.angles, views), 2),
+    )
+
+
+def azimuths_of(transfer: TransferFunctions) -> Azimuths:
+    """The azimuths of the nodes of `compute_brushed_transfer`."""
+    angles = np.unique(transfer.azimuths)
+    return Azimuths(round(np.pi / 2 / angles[1]), angles[-1] < 2)
+
+
+def wave_energies(transfer: TransferFunctions) -> Array:
+    """The energy of each degree in each wave of the azimuth of the view, shape (F+1, waves)."""
+    azimuths = azimuths_of(transfer)
+    matrix = azimuths.analysis(azimuths.waves)
+    nodes = transfer.values.reshape(*transfer.values.shape[:2], matrix.shape[1], -1)
+    weights = np.repeat(transfer.weights[: nodes.shape[3] // 3] / azimuths.weights[0], 3)
+    squares = np.einsum("qlwo,o->qlw", (matrix @ nodes) ** 2, weights)
+    return np.tensordot(both_signs(transfer.max_q) / (2 * np.pi), squares, 1)

@@ -1,0 +1,70 @@
+"""Anisotropic BRDFs as they look to views of one azimuth, and over which azimuths they differ."""
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.sphere.directions import from_angles
+
+_PAIRS = 256
+"""The pairs of directions at which a BRDF and its mirror images are compared."""
+_ALIKE = 1e-4
+"""How far mirror images may be apart, beside the RMS of all values."""
+
+
+class Turned(Brdf):
+    """A BRDF in a frame that is turned about the normal: a view of azimuth 0 has another one.
+
+    Parameters
+    ----------
+    brdf : Brdf
+    azimuth : float
+        The azimuth from the tangent that a view of azimuth 0 has in the BRDF's own frame, radians.
+    """
+
+    isotropic = False
+
+    def __init__(self, brdf: Brdf, azimuth: float) -> None:
+        self.brdf, self.azimuth = brdf, azimuth
+        self.name, self.values = brdf.name, {**brdf.values, "azimuth": azimuth}
+        self.center, self.has_horizon = brdf.center, brdf.has_horizon
+        self.includes_cosine = brdf.includes_cosine
+
+    @property
+    def is_measured(self) -> bool:
+        return self.brdf.is_measured
+
+    def evaluate(self, light: Array, view: Array) -> Array:
+        return self.brdf.evaluate(*(self._own(each) for each in (light, view)))
+
+    def _own(self, directions: Array) -> Array:
+        cosine, sine = np.cos(self.azimuth), np.sin(self.azimuth)
+        turned = np.empty_like(directions)
+        x, y, turned[..., 2] = np.moveaxis(directions, -1, 0)
+        turned[..., 0], turned[..., 1] = cosine * x - sine * y, sine * x + cosine * y
+        return turned
+
+    def __repr__(self) -> str:
+        return repr(self.brdf)
+
+
+def turned_views(brdf: Brdf) -> list[Brdf]:
+    """Return what stands for the views of all azimuths: of an isotropic BRDF, itself."""
+    if brdf.isotropic:
+        return [brdf]
+    return [Turned(brdf, azimuth) for azimuth in (0.0, np.pi / 2)]
+
+
+def is_mirrored(brdf: Brdf) -> bool:
+    """Tell whether a BRDF is the same in mirrors along its tangent and across it.
+
+    All brushed models are. Views of a quarter turn tell everything of such BRDFs; others differ
+    over the whole turn.
+    """
+    random = np.random.default_rng(0)
+    theta = np.arccos(random.uniform(0.05, 1.0, (2, _PAIRS)))
+    light, view = from_angles(theta, random.uniform(0, 2 * np.pi, (2, _PAIRS)))
+    own = brdf.transfer(light, view)
+    others = [brdf.transfer(light * way, view * way) for way in ([1, -1, 1], [-1, 1, 1])]
+    limit = _ALIKE * np.sqrt(np.mean(own**2))
+    return all(bool(np.sqrt(np.mean((each - own) ** 2)) <= limit) for each in others)

@@ -1,0 +1,123 @@
+"""Principal maps of anisotropic BRDFs, beside sums over all pixels at generic tangents."""
+
+import numpy as np
+import pytest
+
+from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.brushed_transfer import azimuths_of, compute_brushed_transfer, wave_energies
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.principal.brushed import cone_rule
+from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.probe import Probe
+from tests import brute_force
+from tests.brute_force import unit
+from tests.maps.principal.test_principal import lit_room
+from tests.maps.scenes import normals_of, relative_rms
+from tests.oracles import real_harmonics
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
+HEIGHT = 64
+WARD, GGX = "ward:ax=0.2,ay=0.5", "ggx:roughness=0.5,anisotropy=0.6"
+SUM = f"0.3*lambertian+0.5*{GGX}"
+
+
+class Napped(Brdf):
+    """A brushed lobe that a nap tilts, so that no mirror image of it is the same."""
+
+    isotropic = False
+
+    def evaluate(self, light, view):
+        lobe = parse_spec(WARD).evaluate(light, view)
+        tilt = 1 + 0.4 * (light + view)[..., 0] + 0.2 * (light + view)[..., 1]
+        return lobe * np.maximum(tilt, 0)[..., None]
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Probe.from_array(lit_room())
+
+
+def surfaces(count, center="reflection", seed=3):
+    """Normals, tangents at any angle, and views above the surfaces, uniform about the center."""
+    rng = np.random.default_rng(seed)
+    views = unit(rng, count)
+    normals = normals_of(unit(rng, count), views, center)
+    normals = normals * np.sign(np.sum(normals * views, axis=1, keepdims=True))
+    tangents = np.cross(normals, unit(rng, count))
+    return normals, tangents / np.linalg.norm(tangents, axis=1, keepdims=True), views
+
+
+def summed(brdf, normals, tangents, views):
+    """What brushed surfaces reflect of the room, as sums over all of its pixels."""
+    light, weights = brute_force.latlong_samples(HEIGHT)
+    radiance = lit_room().reshape(-1, 3)
+    result = []
+    for normal, tangent, view in zip(normals, tangents, views, strict=True):
+        axes = np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
+        above = light @ normal > 0
+        values = brdf.evaluate(light[above] @ axes, (view @ axes)[None])
+        cosine = (light @ normal)[above]
+        result.append(((weights[above] * cosine)[:, None] * values * radiance[above]).sum(axis=0))
+    return np.array(result)
+
+
+@pytest.mark.parametrize(
+    ("brdf", "options"),
+    [
+        (WARD, {"maps": 30}),
+        (GGX, {"maps": 30}),
+        (GGX, {"maps": 30, "center": "normal"}),
+        (SUM, {"error": 0.03}),
+        (Napped(), {"maps": 40}),
+    ],
+    ids=["ward", "ggx", "normal", "sum", "napped"],
+)
+def test_the_predicted_error_is_that_of_any_tangents(room, brdf, options):
+    chosen = parse_spec(brdf) if isinstance(brdf, str) else brdf
+    made = prefilter(room, chosen, to="principal", **options)
+    points = surfaces(1500, options.get("center", "reflection"))
+    error = relative_rms(made.brushed_radiance(*points), summed(chosen, *points))
+    predicted = np.hypot(made.info.predicted_error, made.info.filter_error)
+    assert 0.8 < error / predicted < 1.25
+
+
+def test_files_hold_lobes_with_and_without_brush_marks(room, tmp_path):
+    made = prefilter(room, SUM, to="principal", maps=12)
+    save(tmp_path / "sum.exr", made, "float")
+    again = open_map(tmp_path / "sum.exr")
+    assert [lobe.is_brushed for lobe in again.lobes] == [False, True]
+    points = surfaces(200)
+    found = again.brushed_radiance(*points)
+    np.testing.assert_allclose(found, made.brushed_radiance(*points), rtol=1e-4, atol=1e-6)
+    for layout in ("strip", "latlong"):
+        save(tmp_path / "other.exr", made, layout=layout)
+        other = open_map(tmp_path / "other.exr").brushed_radiance(*points)
+        assert relative_rms(other, found) < (0.02 if layout == "latlong" else 2e-3)
+
+
+def test_half_keeps_dim_light(room, tmp_path):
+    dim = Probe.from_array(lit_room() * np.float32(1e-8))
+    made = prefilter(dim, GGX, to="principal", maps=4)
+    assert save(tmp_path / "dim.exr", made) == "float"
+
+
+def test_waves_hold_the_energy_of_all_azimuths():
+    for brdf, is_mirrored in ((parse_spec(GGX), True), (Napped(), False)):
+        found = compute_brushed_transfer(brdf, 16, 4, 1e-3)
+        assert azimuths_of(found).is_mirrored == is_mirrored
+        energies = wave_energies(found).sum(axis=1)
+        assert energies == pytest.approx(found.degree_energy.sum(axis=1), rel=1e-4)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 4, 12])
+def test_cones_tell_all_orders_apart(degree):
+    angle, azimuths, inverse = cone_rule(degree)
+    around = np.sin(angle) * np.cos(azimuths), np.sin(angle) * np.sin(azimuths)
+    cone = np.stack([*around, np.full(len(azimuths), np.cos(angle))], axis=-1)
+    harmonics = inverse @ real_harmonics(degree, cone)[:, degree**2 :]
+    expected = np.zeros_like(harmonics)
+    expected[0, degree] = 1
+    for q in range(1, degree + 1):
+        expected[q, degree + q] = expected[degree + q, degree - q] = np.sqrt(2)
+    np.testing.assert_allclose(harmonics, expected, atol=1e-12)
