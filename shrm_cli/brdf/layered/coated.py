@@ -54,8 +54,8 @@ class Coated(Layered):
 
 def _glossy(share: float, part: Brdf, coat: CoatLobe) -> GlossyPart:
     if not isinstance(part, Ggx):
-        return GlossyPart(share, part, part)
-    return GlossyPart(share, ThroughCoat(part, coat, False), ThroughCoat(part, coat, True))
+        return GlossyPart(share, part, part, part)
+    return GlossyPart(share, part, *(ThroughCoat(part, coat, later) for later in (False, True)))
 
 
 def _parts(base: Brdf) -> Iterator[tuple[float, Brdf]]:

@@ -99,6 +99,15 @@ def test_the_fast_form_is_compared_with_it():
     np.testing.assert_array_equal(again.walked, found.walked)
 
 
+@pytest.mark.parametrize("roughness", [0.3, 0.7])
+def test_metals_under_rough_coats_keep_their_light(roughness):
+    """GGX's own lobe, as wide as it is through the coat, would lose a fifth and more of it."""
+    found = walk.compared(parse_spec(f"coated:roughness={roughness},base=(ggx:f0=0.9)"), 128)
+    close = np.abs(found.albedo - found.walked) < 0.04 * found.walked + 3 * found.noise
+    assert close.all()
+    assert found.noise.max() < 0.03
+
+
 @pytest.mark.parametrize("spec", ["ggx", "coated:weight=0.5", "coated:film=300", "fuzzy"])
 def test_there_is_no_walk_for_others(spec):
     with pytest.raises(BrdfError, match="the walk is for coated"):

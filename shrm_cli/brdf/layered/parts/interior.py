@@ -41,13 +41,16 @@ class GlossyPart:
     Attributes
     ----------
     weight : float
+    bare : Brdf
+        As it is without the coat.
     lobe : Brdf
-        As it is seen through the coat after one reflection.
+        As it is seen through the coat after one reflection, but for its strength.
     wider : Brdf
         And after several.
     """
 
     weight: float
+    bare: Brdf
     lobe: Brdf
     wider: Brdf
 
@@ -87,7 +90,7 @@ class Interior:
         wanted = (later * once[number] / whole)[self._beyond :]
         gain = strength(matrix[:, self._beyond :], self._passing, wanted)
         return [
-            (part.lobe, Table(self._passing / self.ior)),
+            (part.lobe, Table(self._passing * self._kept[number][self._beyond :] / self.ior)),
             (part.wider, Table(self._passing * gain / self.ior)),
         ]
 
@@ -145,9 +148,29 @@ class Interior:
     @cached_property
     def _matrices(self) -> Array:
         """How each glossy part moves light between the cosines, (parts, n, n, 3)."""
+        strong = self._kept[:, :, None] * self._kept[:, None]
+        weights = np.array([part.weight for part in self._glossy])[:, None, None, None]
+        return np.asarray(weights * self._moved * strong)
+
+    @cached_property
+    def _moved(self) -> Array:
+        """As `_matrices`, of the lobes as they are."""
         cosines = self._cosines
-        found = [part.weight * transport(part.lobe, cosines, cosines) for part in self._glossy]
+        found = [transport(part.lobe, cosines, cosines) for part in self._glossy]
         return np.reshape(found, (len(found), len(cosines), len(cosines), 3))
+
+    @cached_property
+    def _kept(self) -> Array:
+        """What each lobe is multiplied by for light and for view, (parts, n, 3).
+
+        A lobe of GGX that is widened loses more among its facets; with this it reflects as much as
+        the part does without the coat.
+        """
+        whole = np.ones((len(self._glossy), len(self._cosines), 3))
+        for kept, matrix, part in zip(whole, self._moved, self._glossy, strict=True):
+            if part.lobe is not part.bare:
+                kept[:] = strength(matrix, kept, albedos(part.bare, self._cosines))
+        return whole
 
     def _visits(self, each: Array) -> Array:
         """The sum of something over all visits of light to the glossy parts.
