@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.environment.equal_roughness import TURNS
 from shrm_cli.brdf.environment.taps import KINDS, monomials, polynomials
 from shrm_cli.vocabulary import TAP_COUNTS
 from tests import brushed_ggx
 from tests.brute_force import unit
+from tests.taps.environment import turns
 from tests.taps.fit import Node, fitted, kinds, missed
 from tests.taps.lobes import ORDER, Norm, view
 
@@ -74,6 +76,15 @@ def test_a_fit_of_one_surface_is_closer_than_where_it_starts(norm):
     errors = [np.linalg.norm(missed(norm, node, found @ node.basis, kinds(3))) for node in among]
     assert len(told) > 1
     assert max(errors) < 0.12
+
+
+def test_the_package_has_the_turns_that_fit():
+    """And what they leave is what the page says."""
+    for part, (found, left) in turns().items():
+        np.testing.assert_allclose(TURNS[part], found, atol=2e-3)
+        most = {"total": (0.023, 0.18), "bias": (0.003, 0.02)}[part]
+        assert np.sqrt(np.mean(left**2)) < most[0]
+        assert np.abs(left).max() < most[1]
 
 
 def _basis(alphas, seen):
