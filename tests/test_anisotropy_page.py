@@ -54,3 +54,33 @@ def test_the_numbers_of_the_environment_brdf_are_those_of_the_package():
     (c, d), (e, f) = TURNS["total"], TURNS["bias"]
     assert f"`m + ({d} z - {-c}) w d`" in TEXT
     assert f"`m + ({e} +\n{f} z) w d`" in TEXT
+
+
+STUBS = {
+    "Filament": "#define MATERIAL_HAS_ANISOTROPY\n#define MIN_ROUGHNESS 0.007\n"
+    "struct PixelParams { float roughness, anisotropy, perceptualRoughness;"
+    " vec3 anisotropicT, anisotropicB; };\n"
+    "uniform PixelParams pixel;\nuniform vec3 shading_normal, shading_view, E;\n"
+    "vec3 prefilteredRadiance(vec3 d, float r) { return textureLod(levels, d, 4.0 * r).rgb; }\n"
+    "vec3 shrm_light(vec3 d, float roughness) { return prefilteredRadiance(d, roughness); }\n",
+    "glTF Sample Viewer": "uniform int u_MipCount;\n"
+    "vec4 getSpecularSample(vec3 d, float lod) { return textureLod(levels, d, lod); }\n",
+}
+"""What the patches find in the engines."""
+
+
+@pytest.mark.parametrize("engine", STUBS)
+def test_patches_compile_beside_what_they_find(tmp_path, engine):
+    patch = re.search(rf"### {engine}\n.*?```c\n(.*?)```", TEXT, re.S)[1]
+    head = "#version 300 es\nprecision highp float;\nuniform samplerCube levels;\nout vec4 color;\n"
+    if engine == "Filament":
+        body = (
+            f"{taps_code(5, 'glsl')}void main() {{\nvec3 Fr;\n{patch}color = vec4(Fr, 1.0);\n}}\n"
+        )
+    else:
+        light, _, rest = patch.partition("vec3 getIBL")
+        body = f"{light}{taps_code(5, 'glsl')}vec3 getIBL{rest}"
+        axes = "vec3(0, 0, 1), vec3(0, 0, 1), 0.5, 0.6, vec3(1, 0, 0)"
+        body += f"void main() {{ color = vec4(getIBLRadianceAnisotropy({axes}), 1.0); }}\n"
+    done = compile_fragment(tmp_path, "glsl", head + STUBS[engine] + body)
+    assert done.returncode == 0, done.stdout
