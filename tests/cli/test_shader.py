@@ -41,6 +41,30 @@ def test_the_code_is_alone_on_stdout(folder, to):
         assert result.err.startswith("map.exr: ")
 
 
+@pytest.mark.parametrize(("options", "taps"), [([], 5), (["--taps", 8], 8)])
+def test_the_code_of_brushed_surfaces(folder, options, taps):
+    asked = ("--to", "splitsum", *FORMS["splitsum"], "-o", "map.exr", "--shader", "hlsl")
+    result = run("prefilter", "probe.exr", *asked, "--anisotropy", *options)
+    assert result.code == 0
+    assert result.out == look_up_code(open_map("map.exr"), "hlsl", None, taps)
+    assert "shrm_brushed(" in result.out
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["splitsum", "--anisotropy"], 2, "--anisotropy applies with --shader"),
+        (["splitsum", "--shader", "c", "--taps", 5], 2, "--taps applies with --anisotropy"),
+        (["she", "--shader", "c", "--anisotropy"], 2, "--anisotropy applies with --to splitsum"),
+        (["splitsum", "--brdf", "charlie", "--shader", "c", "--anisotropy"], 1, "of GGX"),
+    ],
+)
+def test_code_of_brushed_surfaces_that_is_refused(folder, options, code, words):
+    before = snapshot(folder)
+    assert_refused(run("prefilter", "probe.exr", "--size", 8, "--to", *options), code, words)
+    assert snapshot(folder) == before
+
+
 @pytest.mark.parametrize("to", ["principal", "splitsum", "she"])
 def test_the_file_holds_the_textures(folder, to):
     done("prefilter", "probe.exr", "--to", to, *FORMS[to], "-o", "map.exr")

@@ -156,14 +156,18 @@ def table(files: Sequence[Path], **options: object) -> list[str]:
         for name in names:
             add(name, [row for key, row in rows if key[place] == name])
     lines.append("")
+    lines += [
+        "| taps | roughness | RMS | p95 | both | RMS of ignoring |",
+        "|---|---|---|---|---|---|",
+    ]
     for count in TAP_COUNTS:
-        ours = np.array([row[f"{count} taps"] for _, row in rows])
-        own, ignored = (np.array([row[way] for _, row in rows]) for way in ("even, own", "ignored"))
-        kept = ours <= own
-        parts = kept[:, 0], kept[:, 2], kept[:, 0] & kept[:, 2], ours[:, 0] <= ignored[:, 0]
-        told = ", ".join(f"{np.mean(part):.0%}" for part in parts)
-        lines.append(
-            f"- {count} taps: RMS, p95 and both at most those of the even surface, RMS at most "
-            f"that of ignoring: {told}"
-        )
+        for some in (ROUGHNESS, *((each,) for each in ROUGHNESS)):
+            chosen = [row for key, row in rows if key[1] in some]
+            ours = np.array([row[f"{count} taps"] for row in chosen])
+            own, ignored = (np.array([row[w] for row in chosen]) for w in ("even, own", "ignored"))
+            kept = ours <= own
+            parts = kept[:, 0], kept[:, 2], kept[:, 0] & kept[:, 2], ours[:, 0] <= ignored[:, 0]
+            cells = " | ".join(f"{100 * np.mean(part):.0f} %" for part in parts)
+            of = "all" if len(some) > 1 else f"{some[0]:g}"
+            lines.append(f"| {count} | {of} | {cells} |")
     return lines

@@ -20,6 +20,7 @@ MODULES = HERE / "node_modules"
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = (
     "--enable-unsafe-swiftshader", "--no-sandbox", "--ignore-gpu-blocklist",
+    "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--enable-features=Vulkan",
     # Nothing is asked of a network.
     "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-quic", "--disable-sync",

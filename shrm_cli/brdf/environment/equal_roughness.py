@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 
-TURNS = {"total": (-1.063, 1.358), "bias": (0.964, 0.286)}
+TURNS = {"total": (-1.06, 1.354), "bias": (0.964, 0.286)}
 """The numbers c and d, for ``scale + bias`` and for the bias."""
 
 
