@@ -1,19 +1,24 @@
 """Principal maps of anisotropic BRDFs, beside sums over all pixels at generic tangents."""
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.brushed_transfer import azimuths_of, compute_brushed_transfer, wave_energies
 from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.principal.brushed import cone_rule
+from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from tests import brute_force
 from tests.brute_force import unit
+from tests.maps.damage import refused, survives_flipped_bits
 from tests.maps.principal.test_principal import lit_room
-from tests.maps.scenes import normals_of, relative_rms
+from tests.maps.scenes import make_info, normals_of, relative_rms
+from tests.maps.shader.cases import brushed_lobe
 from tests.oracles import real_harmonics
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")
@@ -105,6 +110,35 @@ def test_files_hold_lobes_with_and_without_brush_marks(room, tmp_path):
         save(tmp_path / "other.exr", made, layout=layout)
         other = open_map(tmp_path / "other.exr").brushed_radiance(*points)
         assert relative_rms(other, found) < (0.02 if layout == "latlong" else 2e-3)
+
+
+def test_what_cannot_hold_them_is_refused(room):
+    with pytest.raises(ArgumentError, match="depends on tangents"):
+        prefilter(room, SUM, to="principal", divide=True)
+    with pytest.raises(BrdfError, match="take `to` principal"):
+        prefilter(room, GGX, to="shrm")
+    made = prefilter(room, GGX, to="principal", maps=4)
+    for to in ("shrm", "cabral"):
+        with pytest.raises(MapError, match="knows no tangents"):
+            made.converted(to)
+
+
+@pytest.mark.parametrize(
+    "waves", ["", "[]", "[[0]]", "[[0, 2]]", "[[0.5, 0]]", "[[0, 0], [1000, 0]]", "[[0, 0]]", "{"]
+)
+def test_wrong_waves_are_refused(tmp_path, waves):
+    path = tmp_path / "map.exr"
+    save(path, PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3)))
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        file.parts[0].header["shrm:waves"] = waves
+        file.write(str(path))
+    refused(path)
+
+
+def test_damaged_files_are_refused(tmp_path):
+    path = tmp_path / "map.exr"
+    save(path, PrincipalMap((brushed_lobe(1, [(0, 0), (2, 0)]),), make_info(4, 3)))
+    survives_flipped_bits(path, 150)
 
 
 def test_half_keeps_dim_light(room, tmp_path):
