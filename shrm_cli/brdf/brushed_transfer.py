@@ -19,11 +19,11 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import both_signs
 from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions
-from shrm_cli.brdf.turned import Turned, is_mirrored
+from shrm_cli.brdf.turned import Turned, quarters_that_differ
 from shrm_cli.records import record
 
-_STEPS = 6, 24
-"""The fewest and the most steps of azimuths in a quarter turn."""
+_STEPS = 6, 24, 6
+"""The fewest steps of azimuths in a quarter turn, and the most of models and of measured BRDFs."""
 _UNSEEN = 10
 """The part of the energy that the upper half of the waves over azimuths may have, in units of the
 accuracy: what lies beyond them is far less, because waves of smooth lobes fall exponentially."""
@@ -35,24 +35,29 @@ Waves = NDArray[np.intp]
 
 @record
 class Azimuths:
-    """Even azimuths of views, over the quarter turn or the whole turn that tells all.
+    """Even azimuths of views, over the part of the turn that tells all.
 
     Attributes
     ----------
     steps : int
         Their number in a quarter turn.
-    is_mirrored : bool
-        Whether the quarter turn tells all: real parts are even about both of its ends, and
-        imaginary ones odd.
+    quarters : int
+        The number of quarter turns, as `quarters_that_differ` returns it. Where it is 1, real parts
+        are even about both ends of the quarter, and imaginary ones odd.
     """
 
     steps: int
-    is_mirrored: bool
+    quarters: int
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether mirror images are the same."""
+        return self.quarters == 1
 
     @property
     def angles(self) -> Array:
         """The azimuths, radians, shape (n,)."""
-        count = self.steps + 1 if self.is_mirrored else 4 * self.steps
+        count = self.quarters * self.steps + (1 if self.is_mirrored else 0)
         return np.arange(count) * (np.pi / 2 / self.steps)
 
     @property
@@ -66,11 +71,10 @@ class Azimuths:
     @property
     def waves(self) -> Waves:
         """The waves with real amplitudes that the azimuths tell apart."""
-        if self.is_mirrored:
-            even = range(2 - 2 * self.steps, 2 * self.steps, 2)
-            return np.array([(f, 0) for f in even], dtype=np.intp)
-        every = range(1 - 2 * self.steps, 2 * self.steps)
-        return np.array([(f, k) for f in every for k in (0, 1)], dtype=np.intp)
+        step = 1 if self.quarters == 4 else 2
+        frequencies = range(step - 2 * self.steps, 2 * self.steps, step)
+        powers = (0,) if self.is_mirrored else (0, 1)
+        return np.array([(f, k) for f in frequencies for k in powers], dtype=np.intp)
 
     def analysis(self, waves: Waves) -> Array:
         """The matrix from values [part, azimuth] to the real amplitudes of waves."""
@@ -107,16 +111,18 @@ def compute_brushed_transfer(
     BrdfError
         For the reasons of `compute_transfer`.
     """
-    azimuths = Azimuths(_STEPS[0], is_mirrored(brdf))
+    azimuths = Azimuths(_STEPS[0], quarters_that_differ(brdf))
+    # What is measured has noise, which no number of samples mends.
+    most = _STEPS[brdf.is_measured + 1]
     known: dict[float, TransferFunctions] = {}
     while True:
         _sample(brdf, azimuths, known, (order_f, max_q, accuracy))
         found = _together([known[azimuth] for azimuth in azimuths.angles], azimuths)
         energy = np.sum(wave_energies(found), axis=0)
         tail = energy[np.abs(azimuths.waves[:, 0]) > azimuths.steps].sum()
-        if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > _STEPS[1]:
+        if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > most:
             return found
-        azimuths = Azimuths(2 * azimuths.steps, azimuths.is_mirrored)
+        azimuths = Azimuths(2 * azimuths.steps, azimuths.quarters)
 
 
 def _sample(
@@ -132,7 +138,8 @@ def _sample(
         if not fewer:
             return
         for azimuth in fewer:
-            known[azimuth] = LobeSampling(Turned(brdf, azimuth), *wanted).result(count)
+            sampling = LobeSampling(Turned(brdf, azimuth), *wanted, share=azimuths.quarters)
+            known[azimuth] = sampling.result(count)
             count = max(len(known[a].theta_o) for a in known)
 
 
@@ -159,7 +166,8 @@ def _together(found: Sequence[TransferFunctions], azimuths: Azimuths) -> Transfe
 def azimuths_of(transfer: TransferFunctions) -> Azimuths:
     """The azimuths of the nodes of `compute_brushed_transfer`."""
     angles = np.unique(transfer.azimuths)
-    return Azimuths(round(np.pi / 2 / angles[1]), angles[-1] < 2)
+    steps = round(np.pi / 2 / angles[1])
+    return Azimuths(steps, len(angles) // steps)
 
 
 def wave_energies(transfer: TransferFunctions) -> Array:

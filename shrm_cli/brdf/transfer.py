@@ -200,14 +200,16 @@ def _refuse_unresolved(
 class LobeSampling:
     """The search for numbers of nodes that suffice, as `compute_transfer` describes it."""
 
-    def __init__(self, brdf: Brdf, order_f: int, max_q: int, accuracy: float) -> None:
+    def __init__(
+        self, brdf: Brdf, order_f: int, max_q: int, accuracy: float, share: int = 1
+    ) -> None:
         self.brdf, self.accuracy = brdf, accuracy
         self.order_f, self.max_q = order_f, max_q
         self.center, self._shown = brdf.center, 0
         rule = light_rule(brdf)
         self._is_single = bool(brdf.is_measured or accuracy >= _SINGLE)
         self._expander = LobeExpander(brdf, rule, order_f, max_q, self._is_single)
-        self._budget = _MOST_SAMPLES[brdf.is_measured]
+        self._budget = _MOST_SAMPLES[brdf.is_measured] // share
         self._spent = 0
         # A sharp lobe that lies elsewhere than about C must not fall between the nodes.
         cells = 0 if brdf.center == "reflection" else 6 / lobe_width(brdf)

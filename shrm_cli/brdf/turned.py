@@ -55,16 +55,25 @@ def turned_views(brdf: Brdf) -> list[Brdf]:
     return [Turned(brdf, azimuth) for azimuth in (0.0, np.pi / 2)]
 
 
-def is_mirrored(brdf: Brdf) -> bool:
-    """Tell whether a BRDF is the same in mirrors along its tangent and across it.
+def quarters_that_differ(brdf: Brdf) -> int:
+    """Return over how many quarter turns the views differ that tell everything of a BRDF.
 
-    All brushed models are. Views of a quarter turn tell everything of such BRDFs; others differ
-    over the whole turn.
+    Returns
+    -------
+    int
+        1 where a BRDF is the same in mirrors along its tangent and across it, as all brushed models
+        are; 2 where it is the same after half a turn; else 4.
     """
     random = np.random.default_rng(0)
     theta = np.arccos(random.uniform(0.05, 1.0, (2, _PAIRS)))
     light, view = from_angles(theta, random.uniform(0, 2 * np.pi, (2, _PAIRS)))
     own = brdf.transfer(light, view)
-    others = [brdf.transfer(light * way, view * way) for way in ([1, -1, 1], [-1, 1, 1])]
     limit = _ALIKE * np.sqrt(np.mean(own**2))
-    return all(bool(np.sqrt(np.mean((each - own) ** 2)) <= limit) for each in others)
+
+    def is_same(*way: int) -> bool:
+        image = brdf.transfer(light * np.array(way), view * np.array(way))
+        return bool(np.sqrt(np.mean((image - own) ** 2)) <= limit)
+
+    if not is_same(-1, -1, 1):
+        return 4
+    return 1 if is_same(1, -1, 1) else 2

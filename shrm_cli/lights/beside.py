@@ -6,6 +6,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.brushed_transfer import compute_brushed_transfer
 from shrm_cli.brdf.cache import cached_transfer
 from shrm_cli.brdf.transfer import compute_transfer
 from shrm_cli.errors import ArgumentError
@@ -68,7 +69,9 @@ def split_for(probe: Probe, brdf: Brdf) -> Beside:
     if not split.discs:
         return Beside(split, 1.0, 0.0)
     order, max_q = _ORDERS
-    transfer = cached_transfer(brdf, order, 0 if brdf.zonal else max_q, _ACCURACY, compute_transfer)
+    max_q = 0 if brdf.zonal else max_q
+    compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
+    transfer = cached_transfer(brdf, order, max_q, _ACCURACY, compute)
     order = transfer.order_f
     whole = reflected_rms(project(probe, order), transfer)
     if whole == 0:

@@ -118,7 +118,7 @@ def _share(lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Arr
     light = lighting.coefficients[:1] * LUMINANCE
     shares = sample_views(groups[0].center, error.shape[1])[1]
     # Only degree 0 has a mean over all central directions.
-    means = sum(each.whole[0, 0] * light[0] for each in groups).sum(axis=-1)
+    means = sum(each.whole[0, 0].real * light[0] for each in groups).sum(axis=-1)
     limit = WRONG * np.maximum(whole, SEEN_FLOOR * float(np.sum(means * shares)))
     return float((np.abs(error) > limit).mean(axis=(0, 2)) @ shares)
 

@@ -98,7 +98,10 @@ class MaterialLobe(NormalLobe):
 
     def __init__(self, material: Brdf) -> None:
         if not material.isotropic or material.center == "tangent":
-            raise BrdfError(f"{material!r}: a split sum is of a lobe that is the same all around")
+            raise BrdfError(
+                f"{material!r}: a split sum is of a lobe that is the same all around; a principal "
+                "map holds this one"
+            )
         if not material.has_horizon:
             raise BrdfError(f"{material!r}: its lobe goes on below the surface; give another")
         self.material = material

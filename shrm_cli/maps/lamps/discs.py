@@ -12,6 +12,7 @@ from shrm_cli.brdf.cache import remembered
 from shrm_cli.maps.lamps.rule import DiscRule, integrals
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import horizontal_tangents
 
 
 @record(eq=False)
@@ -21,7 +22,7 @@ class LitDiscs:
     Attributes
     ----------
     brdf : Brdf
-        It is not about the tangent, and isotropic.
+        It is not about the tangent.
     discs : tuple of Disc
         In world axes.
     """
@@ -38,10 +39,18 @@ class LitDiscs:
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return what is reflected; parameters and result are those of `Map.radiance`."""
-        normals, views = (np.asarray(each, dtype=float) for each in (normals, views))
+        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
+        return self.brushed_radiance(normals, tangents, views)
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Return what a surface of some tangents reflects, as `Map.brushed_radiance` does."""
+        normals, tangents, views = (
+            np.asarray(each, dtype=float) for each in (normals, tangents, views)
+        )
         result = np.zeros(np.broadcast_shapes(normals.shape, views.shape))
         for disc in self.discs:
-            of = integrals(self.rule, self.brdf, normals, views, disc.direction, disc.radius)
+            where = normals, views, disc.direction, disc.radius
+            of = integrals(self.rule, self.brdf, *where, tangents)
             result += disc.radiance * of
         return result
 

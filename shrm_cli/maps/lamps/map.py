@@ -116,6 +116,11 @@ class LampMap(Map):
         """
         return np.asarray(self.map.radiance(normals, views) + self.lamps.radiance(normals, views))
 
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate it for known tangents, as `Map.brushed_radiance` does."""
+        points = normals, tangents, views
+        return np.asarray(self.map.brushed_radiance(*points) + self.lamps.brushed_radiance(*points))
+
     def glimpse(self, reflections: Array, views: Array) -> Array:
         """Evaluate it roughly; the lamps are exact."""
         lamps = self.lamps.radiance(bisector(reflections, views), views)

@@ -27,7 +27,13 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.core import Core
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles, normalize, reflect
+from shrm_cli.sphere.directions import (
+    from_angles,
+    horizontal_tangents,
+    normalize,
+    reflect,
+    surface_frames,
+)
 
 LEAST_COSINE = 0.05
 """The cosine of the view's angle below which lobes are not followed any narrower."""
@@ -77,7 +83,9 @@ class DiscRule:
         width = float(Core.of(brdf).widths[0])
         normals, views, axes = _trials(brdf, radius)
         truth, *others = (
-            integrals(cls(width, steps), brdf, normals, views, axes, radius).sum(axis=-1)
+            integrals(
+                cls(width, steps), brdf, normals, views, axes, radius, horizontal_tangents(normals)
+            ).sum(axis=-1)
             for steps in (_TRUTH, *_SIZES)
         )
         largest = np.maximum(truth.max(axis=(1, 2), keepdims=True), _TINY)
@@ -88,7 +96,13 @@ class DiscRule:
 
 
 def integrals(
-    rule: DiscRule, brdf: Brdf, normals: Array, views: Array, axes: Array, radius: float
+    rule: DiscRule,
+    brdf: Brdf,
+    normals: Array,
+    views: Array,
+    axes: Array,
+    radius: float,
+    tangents: Array,
 ) -> Array:
     """Integrate the transfer function of a BRDF over a disc.
 
@@ -96,18 +110,22 @@ def integrals(
     ----------
     rule : DiscRule
     brdf : Brdf
-        It is isotropic, and not about the tangent.
+        It is not about the tangent.
     normals, views, axes : ndarray, shape (..., 3), broadcastable
         Normals, views, and axes of the disc. Unit vectors, world axes.
     radius : float
         Of the disc, radians.
+    tangents : ndarray, shape (..., 3)
+        Those of the surface, for which isotropic BRDFs do not care.
 
     Returns
     -------
     ndarray, shape (..., 3)
     """
     shape = np.broadcast_shapes(normals.shape, views.shape, axes.shape)
-    points = [np.broadcast_to(each, shape).reshape(-1, 3) for each in (normals, views, axes)]
+    points = [
+        np.broadcast_to(each, shape).reshape(-1, 3) for each in (normals, views, axes, tangents)
+    ]
     result = np.zeros((len(points[0]), 3))
     heights = np.sum(points[0] * points[2], axis=-1)
     if not cuts_horizon(brdf):
@@ -118,8 +136,8 @@ def integrals(
         step = max(_SAMPLES_AT_ONCE // (rule.longitudes(is_cut) * rule.steps), 1)
         for start in range(0, len(found), step):
             some = found[start : start + step]
-            n, v, a = (each[some] for each in points)
-            result[some] = _over(rule, brdf, n, v, a, radius, is_cut)
+            n, v, a, t = (each[some] for each in points)
+            result[some] = _over(rule, brdf, n, v, a, radius, is_cut, t)
     return result.reshape(shape)
 
 
@@ -131,6 +149,7 @@ def _over(
     axes: Array,
     radius: float,
     is_cut: bool,
+    tangents: Array,
 ) -> Array:
     """Integrate over a disc that the horizon cuts, or one that it does not, for points (n, 3)."""
     centers = reflect(views, normals) if brdf.center == "reflection" else normals
@@ -150,7 +169,7 @@ def _over(
     weights = weights * np.cos(y) * over_x[..., None]
     x = np.broadcast_to(x[..., None], y.shape)
     local = np.stack([np.sin(x) * np.cos(y), np.sin(y), np.cos(x) * np.cos(y)], axis=-1)
-    own = _frames(normals, views, centers)
+    own = _frames(normals, views, centers) if brdf.isotropic else surface_frames(normals, tangents)
     light = np.einsum("nxyj,njk,nik->nxyi", local, frame, own, optimize=True)
     view = np.einsum("nj,nij->ni", views, own)[:, None, None]
     values = brdf.transfer(light, view)

@@ -223,6 +223,11 @@ def _brdf(brdf: Brdf, language: Language) -> tuple[list[str], str]:
                 f"no code for the lamps beside the map: there is none of {term.name}, only of "
                 f"{known} and their sums; the map's own code is had without `sun`"
             )
+        if not term.isotropic:
+            raise MapError(
+                f"no code for the lamps beside the map: there is none of brushed {term.name}; the "
+                "map's own code is had without `sun`"
+            )
         takes, gets = "vec3 l, vec3 v", "l, vec3(dot(v, s), dot(v, t), dot(v, n))"
         if term.name in _BLIND:
             takes, gets = "vec3 l", "l"

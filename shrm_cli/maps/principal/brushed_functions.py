@@ -94,6 +94,7 @@ class BrushedSpectrum(Spectrum):
             place = place % (turn // 2)
             is_image = place > known.steps
             place, signs = np.where(is_image, turn // 2 - place, place), np.where(is_image, -1.0, 1)
+        place = place % len(known.angles)
         first = place * self.view_count + nodes
         return np.append(first, first + len(self.weights) // 2), signs
 

@@ -41,6 +41,9 @@ _SHARP = 0.05
 """The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
 _FIRST_Q = 6
 """The largest azimuthal order q that is computed first. Sharp lobes have more at grazing views."""
+_MOST_BRUSHED_Q = 24
+"""The largest azimuthal order q of brushed lobes. No map holds as many, but what they leave out is
+seen: without it 2 % wrong pixels were predicted of `ggx:roughness=0.5,anisotropy=0.9`, not 10 %."""
 _PART_ASIDE = 0.1
 """The part of the BRDF's energy that higher q may have, in units of what higher degrees may."""
 _PART_BEYOND = 0.1
@@ -129,7 +132,7 @@ def planner_of(
     known : Planner, optional
         What this function returned for a larger error.
     """
-    most_q = 0 if brdf.zonal else MAX_Q
+    most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else _MOST_BRUSHED_Q
     order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
     eps, error = want.eps, want.error
     limit = eps / 5 if error is None else _PART_BEYOND * error**2

@@ -94,3 +94,23 @@ def test_a_sum_of_lobes_and_discs():
     assert found.shape == (40, 3)
     one = LitDiscs(brdf, discs).radiance(normals[:, None], views[0])
     np.testing.assert_allclose(one[0, 0], found[0], rtol=1e-12)
+
+
+def test_a_brushed_lobe_and_its_tangents():
+    rng = np.random.default_rng(6)
+    brdf = parse_spec("ward:ax=0.2,ay=0.5")
+    normals = brute_force.unit(rng, 60)
+    views = brute_force.unit(rng, 60)
+    views *= np.where(np.sum(normals * views, axis=1) < 0, -1.0, 1.0)[:, None]
+    tangents = np.cross(normals, brute_force.unit(rng, 60))
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    disc = Disc(brute_force.unit(rng, 1)[0], np.radians(3), RADIANCE)
+    found = LitDiscs(brdf, (disc,)).brushed_radiance(normals, tangents, views)
+    light, areas = disc_rule(disc.direction, disc.radius, 60)
+    expected = []
+    for normal, tangent, view in zip(normals, tangents, views, strict=True):
+        axes = np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
+        values = brdf.evaluate(light @ axes, (view @ axes)[None])
+        cosines = np.maximum(light @ normal, 0)
+        expected.append((areas * cosines) @ values * disc.radiance)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-3 * np.max(expected))
