@@ -102,6 +102,25 @@ def test_pixels_that_are_large_beside_a_lobe_are_cut(made, pairs, name, spec):
     assert 1e-3 < stated < 0.03
 
 
+def test_a_pixel_alone_in_the_dark_is_no_point():
+    """A lobe of twice its size sees it as it is, about the mirror direction and beside it."""
+    image = np.zeros((ROWS, 2 * ROWS, 3), np.float32)
+    image[40, 300] = 1000
+    probe, whole = (as_probe(each) for each in (image, cut(image, 8)))
+    sun = probe.grid.directions()[40, 300] @ probe.matrix.T
+    view = np.array([0.48, 0.6, 0.64])
+    beside = sun + np.linspace(0, 0.02, 9)[:, None] * np.cross(sun, view)
+    normals = beside / np.linalg.norm(beside, axis=1)[:, None] + view
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    brdf = parse_spec("ggx:roughness=0.1")
+    found = Reference(probe, brdf).radiance(normals, view)
+    points, expected = (
+        Reference(each, brdf, exact=True).radiance(normals, view) for each in (probe, whole)
+    )
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+    assert np.abs(points / expected - 1).max() > 0.05
+
+
 def test_pixels_as_points_are_no_truth_for_lobes_narrower_than_they_are(made, pairs):
     some, brdf = (pairs[0][:FEW], pairs[1]), parse_spec("ggx:roughness=0.1")
     points, cut_up = (Reference(made["lamps"], brdf, exact=exact) for exact in (True, False))
