@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Value, value_text
+from shrm_cli.brdf.base import Brdf, Value, added, scaled, value_text
 from shrm_cli.brdf.nested import cut, masked
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.directions import from_angles
@@ -72,11 +72,11 @@ class Sum(Brdf):
         return any(term.is_measured for _, term in self.terms)
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        first, *others = (
-            weight * (term.transfer if self.includes_cosine else term.evaluate)(light, view)
-            for weight, term in self.terms
-        )
-        return np.asarray(sum(others, start=first))
+        values = []
+        for weight, term in self.terms:
+            value = (term.transfer if self.includes_cosine else term.evaluate)(light, view)
+            values.append(scaled(value, value.dtype.type(weight)))
+        return added(values)
 
     def __repr__(self) -> str:
         return str(self.values["spec"])

@@ -106,10 +106,10 @@ def test_a_pair_that_fails_says_so_and_the_others_are_shown(folder):
 
 
 def test_a_pair_that_cannot_be_made(folder):
-    """So few bytes hold some maps only: one row fails, the other does not."""
+    """No SHRM holds a brushed surface: one row fails, the other does not."""
     result = run(
         "lookdev", "dim.exr", "--brdf", RED, "--brdf", "ward:ax=0.5,ay=0.2", "--size", 32,
-        "-o", "s.png", "--json",
+        "--to", "shrm", "-o", "s.png", "--json",
     )  # fmt: skip
     assert result.code == 1
     said = json.loads(result.out)

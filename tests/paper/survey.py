@@ -32,6 +32,7 @@ SETTINGS: dict[str, tuple[str, ...]] = {
                       "roughness=0.6"),
     "disney-diffuse": ("roughness=0", "roughness=0.25", "roughness=0.5", "roughness=0.75",
                        "roughness=1"),
+    "eon": ("roughness=0", "roughness=0.25", "roughness=0.5", "roughness=0.75", "roughness=1"),
     "fuzzy": ("roughness=0.1", "roughness=0.3", "roughness=0.6", "roughness=1",
               "color=0.5,base=(ggx:roughness=0.5)"),
     "ggx": ("roughness=0.1", "roughness=0.2", "roughness=0.3", "roughness=0.5", "roughness=0.8",
@@ -40,13 +41,16 @@ SETTINGS: dict[str, tuple[str, ...]] = {
     "lafortune": ("fit=bluepaint", "fit=brushedmetal", "fit=skin", "exponent=20", "exponent=100"),
     "lambertian": ("albedo=0.2", "albedo=0.5", "albedo=0.8", "albedo=0.8/0.1/0.05", "albedo=1"),
     "microfacet": ("sigma=0.05", "sigma=0.1", "sigma=0.2", "sigma=0.3", "sigma=0.5"),
+    "openpbr": ("base_color=0.6", "base_metalness=1,base_color=0.9/0.6/0.3",
+                "specular_roughness=0.6", "coat_weight=1,coat_roughness=0.3",
+                "fuzz_weight=0.5,specular_roughness=0.5"),
     "oren-nayar": ("sigma=0", "sigma=0.2", "sigma=0.4", "sigma=0.8", "sigma=1.2"),
     "phong": ("exponent=8", "exponent=32", "exponent=128", "exponent=512", "exponent=2048"),
     "poulin-fournier": ("exponent=20",),
     "ward": ("ax=0.05", "ax=0.1", "ax=0.2", "ax=0.3", "ax=0.5"),
 }  # fmt: skip
-"""For each model its useful range. The brushed one is among them although it cannot be
-prefiltered, to see that it is refused."""
+"""For each model its useful range. A brushed one is among them although no SHRM holds it, to see
+that it is refused."""
 SUMS = (
     "0.5*lambertian+0.5*ggx:roughness=0.2,f0=0.04",
     "0.5*lambertian+0.5*ggx:roughness=0.3,f0=0.04",

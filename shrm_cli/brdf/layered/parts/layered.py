@@ -5,8 +5,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Self
 
-from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Parameter, Value, added, scaled, value_text
+from shrm_cli.brdf.base import Brdf, Parameter, Value, value_text
 from shrm_cli.brdf.nested import inside
 from shrm_cli.brdf.sums import FILES, Sum
 
@@ -39,13 +38,6 @@ class Layered(Sum):
     @abstractmethod
     def _layers(self) -> Sequence[tuple[float, Brdf]]:
         """The lobes with their weights, from the outermost one to the base."""
-
-    def evaluate(self, light: Array, view: Array) -> Array:
-        values = []
-        for weight, term in self.terms:
-            value = (term.transfer if self.includes_cosine else term.evaluate)(light, view)
-            values.append(scaled(value, value.dtype.type(weight)))
-        return added(values)
 
     def with_value(self, key: str, value: Value) -> Self:
         numbers = {name: self.values[name] for name in self.values if name not in ("base", FILES)}

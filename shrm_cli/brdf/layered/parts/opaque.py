@@ -33,7 +33,8 @@ class MetalLobe(Ggx):
     def reflectance(self, cosine: Array) -> Array:
         color, tint = np.array(self.color("f0")), np.array(self.color("tint"))
         edge = color + (1 - color) * (1 - _TINTED) ** 5
-        red, green, blue = edge * (1 - tint) / (_TINTED * (1 - _TINTED) ** 6)
+        # Python's own numbers leave the precision of the cosines as it is.
+        red, green, blue = (edge * (1 - tint) / (_TINTED * (1 - _TINTED) ** 6)).tolist()
         less = colored(cosine * (1 - cosine) * fifth_power(1 - cosine), (red, green, blue))
         return np.maximum(schlick(self.color("f0"), cosine) - less, 0)
 
