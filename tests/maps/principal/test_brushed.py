@@ -78,6 +78,7 @@ def summed(brdf, normals, tangents, views):
     return np.array(result)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("brdf", "options"),
     [
