@@ -22,6 +22,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.core import PART
 from shrm_cli.probe.pyramid import Level, Pyramid, pixel_sides
 from shrm_cli.records import record
+from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.vocabulary import LUMINANCE
 
 Indices = NDArray[np.integer]
@@ -119,25 +120,26 @@ class Points:
             large[large] = radii[large] > least + _GRADING * np.maximum(beyond, 0)
         return large
 
-    def of_pixels(self, pixels: Level, cells: Indices, values: Array, scale: Array) -> Array:
+    def of_pixels(
+        self, pixels: Level, cells: Indices, values: Array, weights: Array, scale: Array
+    ) -> Array:
         """Sum the light of pixels, shape (points, 3), of known values at their middles.
 
         Those that are large beside the core of a lobe are cut into parts, if a point has enough of
-        its luminance, `scale`, from them.
+        its luminance, `scale`, from theirs, `weights`.
         """
         sides = pixel_sides(pixels, cells)
         radii = np.linalg.norm(sides, axis=-1).max(axis=-1) / 2
         large = self.has_core(pixels.directions[cells], radii, _PIXEL_PART)
         # What a lobe that is narrower than a pixel sees of it, its middle does not tell.
-        weights = np.abs(pixels.light[cells]) @ np.array(LUMINANCE, pixels.light.dtype)
         parts_of = (np.abs(values).mean(axis=0) / scale[:, None]).max(axis=0) * weights
         large &= (parts_of > _PIXEL_SHARE) | (radii > PART * self.core[0])
         total = _sums(values[..., ~large], pixels.light[cells[~large]])
         if large.any():
             fineness = radii[large].max() / (PART * self.core[0])
             count = int(min(1 + np.ceil(fineness), _MOST_NODES))
-            nodes, weights = np.polynomial.legendre.leggauss(count)
-            offsets, shares = nodes / 2, np.outer(weights, weights).ravel() / 4
+            nodes, each = gauss_legendre(count)
+            offsets, shares = nodes / 2, np.outer(each, each).ravel() / 4
             across = offsets[:, None] * sides[large, None, 0]
             down = offsets[:, None] * sides[large, None, 1]
             parts = pixels.directions[cells[large], None, None] + across[:, :, None] + down[:, None]
@@ -185,12 +187,12 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         light = level.light[cells]
         values = points.transfer(level.directions[cells])
         total += _sums(values, light) - _sums(coarse, above.light[parents])
+        weights = np.abs(light) @ np.array(LUMINANCE, light.dtype)
         bright = np.abs(total) @ LUMINANCE
         scale = np.maximum(bright, max(_DARK * float(bright.mean()), _TINY))
         if level is levels[0]:
-            sums += points.of_pixels(level, cells, values, scale)
+            sums += points.of_pixels(level, cells, values, weights, scale)
             break
-        weights = np.abs(light) @ np.array(LUMINANCE, light.dtype)
         curvature, is_known = _curvature(above, level, parents, values, coarse, weights)
         relative = (np.abs(curvature).mean(axis=0) / scale[:, None]).astype(light.dtype)
         spread = level.spread[cells]

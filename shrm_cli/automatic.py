@@ -17,7 +17,7 @@ from shrm_cli.maps.request import Request
 from shrm_cli.maps.seen import goal_text, judged, kept_or_best
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposal import ShrmProposals
-from shrm_cli.maps.size import total_error
+from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, least_wrong
 from shrm_cli.probe.lighting import Projection
@@ -41,8 +41,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     ArgumentError, ProbeError, BrdfError
     """
     asked = _Asked(Projection(shared(probe)), request)
-    made = asked.of_single_cubes() if all(term.zonal for term in split(request.brdf)) else None
-    return made or asked.of_functions()
+    return asked.made_of_single_cubes() or asked.of_functions()
 
 
 def foretold(probe: Probe, request: Request) -> str:
@@ -55,9 +54,11 @@ def foretold(probe: Probe, request: Request) -> str:
     ArgumentError, ProbeError, BrdfError
     """
     asked = _Asked(Projection(shared(probe)), request)
-    tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
-    best = tried[-1] if is_kept else least_wrong(tried, asked.goal)
-    best = (asked.simple_shrm(best) if is_kept else None) or best
+    best = asked.of_single_cubes()
+    if best is None:
+        tried, is_kept = first_kept(asked.proposals.candidate, asked.goal)
+        best = tried[-1] if is_kept else least_wrong(tried, asked.goal)
+        best = (asked.simple_shrm(best) if is_kept else None) or best
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 
@@ -73,21 +74,30 @@ class _Asked:
         """What the picture has to keep."""
         return Goal.of(self.request.error, self.request.seen)
 
-    def of_single_cubes(self) -> Prefiltered | None:
-        """Make the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
+    def of_single_cubes(self) -> Candidate[Prefiltered] | None:
+        """Return the SHRM of a BRDF whose terms are one cube each, if it keeps what is asked for.
 
         Its size is that which the tolerance asks for: fewer texels would save no kilobytes.
         """
+        if not all(term.zonal for term in split(self.request.brdf)):
+            return None
         by_eps = replace(self.request, error=None, seen=None)
         made = shrm_prefilter(self.light.probe, by_eps)
         info = made.map.info
         total = total_error(info.predicted_error, info.filter_error)
         find = made.further["predicted_wrong_share"]
-        candidate = Candidate("shrm", 0, 0, total, find, lambda: made)
-        if made.warnings or not candidate.keeps(self.goal):
+        count = made.map.cube_count
+        bytes_ = stored_bytes(made.map.size, count)
+        candidate = Candidate("shrm", bytes_, count, total, find, lambda: made)
+        return None if made.warnings or not candidate.keeps(self.goal) else candidate
+
+    def made_of_single_cubes(self) -> Prefiltered | None:
+        """Make that SHRM, if there is one and it shows nothing negative."""
+        found = self.of_single_cubes()
+        if found is None:
             return None
         why = f"SHRM, which keeps {goal_text(self.goal)}"
-        return _noted_if_bright(judged(made, candidate), why)
+        return _noted_if_bright(judged(found.make(), found), why)
 
     def of_functions(self) -> Prefiltered:
         """Make a map of principal functions, or an SHRM where it does as well."""

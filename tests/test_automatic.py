@@ -270,3 +270,9 @@ def test_who_asks_for_orders_at_a_terminal_hears_what_would_have_been_made(folde
     share = made.further["predicted_wrong_share"]()
     assert f"would make {made.map.representation} in " in line
     assert f" or more, with {100 * error:.2g}% RMS error and {100 * share:.2g}% of pixels" in line
+
+
+def test_who_hears_of_other_forms_hears_of_the_shrm_of_a_single_cube(folder):
+    asked = ["prefilter", "probe.exr", "--brdf", "phong:exponent=8", "--order-f", "0"]
+    told = run(*asked, "-o", "a.exr", terminal=True).err
+    assert "would make shrm in " in told

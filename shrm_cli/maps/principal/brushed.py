@@ -7,23 +7,18 @@ them apart, and each sign is multiplied with a function of its own: the real and
 """
 
 from dataclasses import field
-from functools import lru_cache
-from itertools import groupby
 
 import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.brushed_transfer import Waves, wave_values
-from shrm_cli.maps.principal.functions import MAX_Q
+from shrm_cli.maps.principal.about_center import orders_about
 from shrm_cli.maps.principal.principal import Lobe, LookUp
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
 
 _ALONG = 1e-12
 """The sine of the angle of a view from the normal, below which it has no azimuth."""
-_CONES = 400
-"""The cones of which the best one is taken."""
 
 
 @record(eq=False)
@@ -67,18 +62,10 @@ class BrushedLobe(Lobe):
 
     def _radiance(self, look_up: LookUp, centers: Array, views: Array, tangents: Array) -> Array:
         theta, across, psi = self._frame(centers, views, tangents)
-        values = look_up(centers).reshape(len(centers), -1, 3)
         real, imaginary = self.parts(theta, psi)
         result = np.zeros(centers.shape)
-        cube = first = 0
-        for p, same in groupby(self.degrees):
-            count = len(list(same))
-            bundles = values[:, cube : cube + count * (2 * p + 1)]
-            cube += bundles.shape[1]
-            by_bundle = bundles.reshape(len(centers), count, 2 * p + 1, 3)
-            by_order = orders_about(p, centers, across)[:, None] @ by_bundle
-            place, shape = slice(first, first + count * (p + 1)), (len(centers), count, p + 1, 3)
-            first = place.stop
+        for place, by_order in self._by_order(look_up, orders_about, centers, across):
+            shape = *by_order.shape[:2], by_order.shape[2] // 2 + 1, 3
             used = [each[:, place].reshape(shape) for each in (real, imaginary)]
             both = np.concatenate([used[0], used[1][:, :, 1:]], axis=2)
             result += np.einsum("nbqc,nbqc->nc", by_order, both)
@@ -98,61 +85,3 @@ class BrushedLobe(Lobe):
         if is_mirror:
             across = np.sum(views * normals, axis=-1, keepdims=True) * across + far * normals
         return theta, across, np.arctan2(y, x)[:, 0]
-
-
-def orders_about(degree: int, centers: Array, across: Array) -> Array:
-    """Return what leads from harmonics in world axes to the parts of each q about C.
-
-    Parameters
-    ----------
-    degree : int
-    centers, across : ndarray, shape (n, 3)
-        Orthonormal vectors; azimuths are counted from the second about the first.
-
-    Returns
-    -------
-    ndarray, shape (n, 2 degree + 1, 2 degree + 1)
-        The rows are ``cos(q phi)`` for q = 0 .. p, and ``sin(q phi)`` for q = 1 .. p.
-    """
-    angle, azimuths, inverse = cone_rule(degree)
-    beside = np.cross(centers, across)
-    rows = [
-        real_harmonics(
-            degree,
-            np.cos(angle) * centers
-            + np.sin(angle) * (np.cos(azimuth) * across + np.sin(azimuth) * beside),
-        )[..., degree**2 :]
-        for azimuth in azimuths
-    ]
-    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
-
-
-@lru_cache(MAX_Q + 1)
-def cone_rule(degree: int) -> tuple[float, Array, Array]:
-    """Return directions on a cone about C, and how values there are taken apart by q.
-
-    A function of one degree has the values ``sum_q f_q(angle) (b_q cos(q phi) + b_-q sin(q phi))``,
-    with the normalized Legendre functions of that degree.
-
-    Returns
-    -------
-    angle : float
-        That of the cone, radians. No function of the degree is small there.
-    azimuths : ndarray, shape (2 degree + 1,)
-        Even azimuths on it.
-    inverse : ndarray, shape (2 degree + 1, 2 degree + 1)
-        From values at the directions to ``b_0 .. b_p, b_-1 .. b_-p``.
-    """
-    # Shaders are given its tangent of half the angle, as `plane_rule` has it.
-    angles = np.linspace(0, np.pi / 2, _CONES + 1)[1:]
-    angles = 2 * np.arctan(np.tan(angles / 2).astype(np.float32).astype(float))
-    table = legendre_table(degree, np.cos(angles))
-    functions = np.stack([table[q, degree - q] for q in range(degree + 1)])
-    weighted = np.abs(functions) * np.where(np.arange(degree + 1) == 0, 1, np.sqrt(0.5))[:, None]
-    best = int(np.argmax(weighted.min(axis=0)))
-    azimuths = 2 * np.pi * np.arange(2 * degree + 1) / (2 * degree + 1)
-    q = np.arange(degree + 1)[:, None]
-    waves = np.concatenate([np.cos(q * azimuths), np.sin(q * azimuths)[1:]])
-    scale = np.concatenate([functions[:, best], functions[1:, best]])
-    norm = np.where(np.arange(2 * degree + 1) == 0, 1.0, 2.0) / (2 * degree + 1)
-    return float(angles[best]), azimuths, waves * (norm / scale)[:, None]

@@ -1,7 +1,7 @@
 """The code of lobes of anisotropic BRDFs, beside that of `shader`.
 
-A row of the table is the weight g_j of a direction on the cone of `brushed.cone_rule`, and has a
-layer for each of even azimuths psi of the view from the tangent. In mirror images psi becomes -psi
+A row of the table is the weight g_j of a direction on the cone of `about_center.cone_rule`, and has
+a layer for each of even azimuths psi of the view from the tangent. In mirror images psi becomes -psi
 and the azimuth of a direction does, too: where all functions have them, layers of a quarter turn
 are enough, and rows are taken in the reverse order for other quarters.
 """
@@ -9,7 +9,8 @@ are enough, and rows are taken in the reverse order for other quarters.
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.maps.principal.brushed import BrushedLobe, cone_rule
+from shrm_cli.maps.principal.about_center import cone_rule
+from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.shader.source import Words, central_direction
 
 STEPS = 24
@@ -82,7 +83,6 @@ def code(number: int, lobe: BrushedLobe, row: int, about: int, words: Words) -> 
         ],
         ["c", "across", "side"],
     )
-    upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
     is_quarter = is_mirrored(lobe)
     folded = [
         "    if (turn < 0.0) {",
@@ -134,6 +134,19 @@ def code(number: int, lobe: BrushedLobe, row: int, about: int, words: Words) -> 
         f"                weight = mix(mix({corners[0]}, {corners[1]}, part), "
         f"mix({corners[2]}, {corners[3]}, part), share);",
         f"                pair = shrm_pair({on_cone}, p, m);",
+        *sum_over_orders("2 * p + 1", words, number),
+    ]
+
+
+def sum_over_orders(step: str, words: Words, number: int) -> list[str]:
+    """Write the end of the loops over directions and orders m, which both kinds of lobes share.
+
+    It adds a direction's harmonics to `cosine` and `sine`, and these, times their cubes, to `sum`;
+    then it goes on to the next bundle, whose rows are `step` further.
+    """
+    speech = words.language
+    upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
+    return [
         f"                {speech.grow('cosine', speech.scale('(norm * pair.x)', 'weight'))}",
         f"                {speech.grow('sine', speech.scale('(norm * pair.y)', 'weight'))}",
         "            }",
@@ -145,7 +158,7 @@ def code(number: int, lobe: BrushedLobe, row: int, about: int, words: Words) -> 
         "float(max((p + m + 1) * (p - m), 1)));",
         "        }",
         "        cube += 2 * p + 1;",
-        "        row += 2 * p + 1;",
+        f"        row += {step};",
         "    }",
         "    return sum;",
         "}",

@@ -8,9 +8,9 @@ and the view count: the bundle's harmonics at ``p + 1`` fixed angles from C in t
 part of each q, which is multiplied with its function.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from itertools import groupby
 from typing import Any
 
@@ -22,6 +22,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.joint import brightness, joint_error
+from shrm_cli.maps.principal.about_center import orders_in_plane
 from shrm_cli.maps.principal.functions import MAX_Q, span_of
 from shrm_cli.maps.principal.selection import bundle_counts
 from shrm_cli.maps.shrm.shrm import Shrm
@@ -36,7 +37,7 @@ from shrm_cli.sphere.directions import (
     to_angles,
     views_around,
 )
-from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
+from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import rotate_to_frames
 from shrm_cli.sphere.sampling import CubeSampler, nearest_texels
@@ -163,21 +164,36 @@ class Lobe:
     def _radiance(self, look_up: LookUp, centers: Array, views: Array, tangents: Array) -> Array:
         """Evaluate what `radiance` does, for so few points that they fit into memory."""
         theta, across = self._plane(centers, views)
-        values = look_up(centers).reshape(len(centers), -1, 3)
         functions = self.at(theta)
         result = np.zeros(centers.shape)
+        for place, by_order in self._by_order(look_up, orders_in_plane, centers, across):
+            result += np.einsum(
+                "nbqc,nbqc->nc", by_order, functions[:, place].reshape(by_order.shape)
+            )
+        return result
+
+    def _by_order(
+        self,
+        look_up: LookUp,
+        turn: Callable[[int, Array, Array], Array],
+        centers: Array,
+        across: Array,
+    ) -> Iterator[tuple[slice, Array]]:
+        """Yield where the functions of each degree stand, and the light by azimuthal orders.
+
+        The latter has the shape (n, bundles, orders, 3), and `turn` makes it of harmonics in world
+        axes. Bundles of a degree stand one behind the other, and are taken apart together.
+        """
+        values = look_up(centers).reshape(len(centers), -1, 3)
         cube = first = 0
-        # Bundles of a degree stand one behind the other, and are taken apart together.
         for p, same in groupby(self.degrees):
             count = len(list(same))
             bundles = values[:, cube : cube + count * (2 * p + 1)]
             cube += bundles.shape[1]
+            place = slice(first, first + count * (p + 1))
+            first = place.stop
             by_bundle = bundles.reshape(len(centers), count, 2 * p + 1, 3)
-            by_order = _orders_in_plane(p, centers, across)[:, None] @ by_bundle
-            used = functions[:, first : first + count * (p + 1)]
-            first += used.shape[1]
-            result += np.einsum("nbqc,nbqc->nc", by_order, used.reshape(by_order.shape))
-        return result
+            yield place, turn(p, centers, across)[:, None] @ by_bundle
 
     def _plane(self, centers: Array, views: Array) -> tuple[Array, Array]:
         """Return the angles of views from central directions, and the axes that point to them.
@@ -200,52 +216,6 @@ def _nearest(cubes: Array, sampling: Sampling, directions: Array) -> Array:
     """Return the values of cubes in the texels nearest to directions, shape (n, 3K)."""
     rows, columns = nearest_texels(directions, cubes.shape[1], sampling)
     return cubes[rows, columns].reshape(len(directions), -1)
-
-
-def _orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
-    """Return what leads from harmonics in world axes to the parts of each q in a plane.
-
-    Parameters
-    ----------
-    degree : int
-    centers, across : ndarray, shape (..., 3)
-        Orthonormal vectors of the plane.
-
-    Returns
-    -------
-    ndarray, shape (..., degree+1, 2 degree + 1)
-    """
-    angles, inverse = plane_rule(degree)
-    rows = [
-        real_harmonics(degree, np.cos(angle) * centers + np.sin(angle) * across)[..., degree**2 :]
-        for angle in angles
-    ]
-    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
-
-
-@lru_cache(MAX_Q + 1)
-def plane_rule(degree: int) -> tuple[Array, Array]:
-    """Return angles in a plane through C, and how values at them are taken apart by q.
-
-    A function of one degree, with coefficients b_q along the plane, has the values ``sum_q b_q
-    f_q(angle)`` in it, with the normalized Legendre functions of that degree.
-
-    Returns
-    -------
-    angles : ndarray, shape (degree+1,)
-        Radians from C.
-    inverse : ndarray, shape (degree+1, degree+1)
-        From values at the angles to the b_q, in the convention of `legendre_table`.
-    """
-    # Spread over half a turn, they tell all orders well apart: rounding of the cubes grows fivefold
-    # at degree 12, where it would grow a hundred thousand times with angles over a quarter turn.
-    even = np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)
-    # Shaders are given the tangents of half the angles, and this makes them exact there: the sum
-    # over the angles would be wrong by ten roundings of 32-bit floats at degree 12.
-    angles = 2 * np.arctan(np.tan(even / 2).astype(np.float32).astype(float))
-    table = legendre_table(degree, np.cos(angles))
-    functions = np.stack([table[q, degree - q] for q in range(degree + 1)], axis=1)
-    return angles, np.linalg.inv(functions)
 
 
 @record

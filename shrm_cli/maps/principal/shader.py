@@ -2,7 +2,7 @@
 
 The light of a bundle of degree p is ``sum_q f_q sum_j inverse[q, j] sum_k y_k(d_j) m_k``: its cubes
 m_k, the harmonics y_k of directions d_j in the plane of the view, and the functions f_q, in the
-words of `principal.plane_rule`. The code sums over j first, ``sum_k m_k sum_j g_j y_k(d_j)``, so
+words of `about_center.plane_rule`. The code sums over j first, ``sum_k m_k sum_j g_j y_k(d_j)``, so
 that it looks up each cube once and needs no arrays, which GPUs keep in slow memory. The table holds
 the ``g_j = sum_q inverse[q, j] f_q``, which are functions of the angle of the view as the f_q are.
 All is in loops over what the table says, because compilers take seconds over 50 cubes that are
@@ -16,8 +16,9 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.principal import brushed_shader
+from shrm_cli.maps.principal.about_center import plane_rule
 from shrm_cli.maps.principal.brushed import BrushedLobe
-from shrm_cli.maps.principal.principal import Lobe, PrincipalMap, plane_rule
+from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
 from shrm_cli.maps.shader.harmonics import pair_function
 from shrm_cli.maps.shader.source import Source, Table, Words, central_direction, tangent_function
 
@@ -121,7 +122,6 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
     low, high = (words.cell("0", "row + j", each) for each in ("entry", "entry + 1"))
     tangent = words.cell("0", "row + j", str(about))
     in_plane = speech.combined(["(2.0 * near - 1.0)", "(2.0 * near * t)"], ["c", "across"])
-    upper, lower = (words.cube(number, "place", f"cube + p {sign} m") for sign in "+-")
     return [
         f"vec3 shrm_lobe{number}(vec3 n, vec3 v)",
         "{",
@@ -148,19 +148,5 @@ def _lobe(number: int, lobe: Lobe, row: int, about: int, words: Words) -> list[s
         "                near = 1.0 / (1.0 + t * t);",
         f"                weight = mix({low}, {high}, part);",
         f"                pair = shrm_pair({in_plane}, p, m);",
-        f"                {speech.grow('cosine', speech.scale('(norm * pair.x)', 'weight'))}",
-        f"                {speech.grow('sine', speech.scale('(norm * pair.y)', 'weight'))}",
-        "            }",
-        f"            {speech.grow('sum', speech.times('cosine', upper))}",
-        "            if (m > 0) {",
-        f"                {speech.grow('sum', speech.times('sine', lower))}",
-        "            }",
-        "            norm *= float(2 * m + 1) * sqrt((m == 0 ? 2.0 : 1.0) / "
-        "float(max((p + m + 1) * (p - m), 1)));",
-        "        }",
-        "        cube += 2 * p + 1;",
-        "        row += p + 1;",
-        "    }",
-        "    return sum;",
-        "}",
+        *brushed_shader.sum_over_orders("p + 1", words, number),
     ]

@@ -9,7 +9,7 @@ from shrm_cli.brdf.brushed_transfer import azimuths_of, compute_brushed_transfer
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.maps.file import open_map, save
-from shrm_cli.maps.principal.brushed import cone_rule
+from shrm_cli.maps.principal.about_center import cone_rule
 from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
 from shrm_cli.probe.probe import Probe

@@ -1,0 +1,121 @@
+"""Harmonics about a central direction, taken apart by azimuthal orders q.
+
+The harmonics of one degree in world axes tell those about any direction C by their values at as
+many directions about it, and no matrix of a rotation is needed: in a plane through C where only
+``cos(q phi)`` counts, and on a cone about C where ``sin(q phi)`` does, too.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.maps.principal.functions import MAX_Q
+from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
+
+_CONES = 400
+"""The cones of which the best one is taken."""
+
+
+def orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
+    """Return what leads from harmonics in world axes to the parts of each q in a plane.
+
+    Parameters
+    ----------
+    degree : int
+    centers, across : ndarray, shape (..., 3)
+        Orthonormal vectors of the plane.
+
+    Returns
+    -------
+    ndarray, shape (..., degree+1, 2 degree + 1)
+    """
+    angles, inverse = plane_rule(degree)
+    rows = [
+        real_harmonics(degree, np.cos(angle) * centers + np.sin(angle) * across)[..., degree**2 :]
+        for angle in angles
+    ]
+    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
+
+
+@lru_cache(MAX_Q + 1)
+def plane_rule(degree: int) -> tuple[Array, Array]:
+    """Return angles in a plane through C, and how values at them are taken apart by q.
+
+    A function of one degree, with coefficients b_q along the plane, has the values ``sum_q b_q
+    f_q(angle)`` in it, with the normalized Legendre functions of that degree.
+
+    Returns
+    -------
+    angles : ndarray, shape (degree+1,)
+        Radians from C.
+    inverse : ndarray, shape (degree+1, degree+1)
+        From values at the angles to the b_q, in the convention of `legendre_table`.
+    """
+    # Spread over half a turn, they tell all orders well apart: rounding of the cubes grows fivefold
+    # at degree 12, where it would grow a hundred thousand times with angles over a quarter turn.
+    even = np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1)
+    # Shaders are given the tangents of half the angles, and this makes them exact there: the sum
+    # over the angles would be wrong by ten roundings of 32-bit floats at degree 12.
+    angles = 2 * np.arctan(np.tan(even / 2).astype(np.float32).astype(float))
+    table = legendre_table(degree, np.cos(angles))
+    functions = np.stack([table[q, degree - q] for q in range(degree + 1)], axis=1)
+    return angles, np.linalg.inv(functions)
+
+
+def orders_about(degree: int, centers: Array, across: Array) -> Array:
+    """Return what leads from harmonics in world axes to the parts of each q about C.
+
+    Parameters
+    ----------
+    degree : int
+    centers, across : ndarray, shape (n, 3)
+        Orthonormal vectors; azimuths are counted from the second about the first.
+
+    Returns
+    -------
+    ndarray, shape (n, 2 degree + 1, 2 degree + 1)
+        The rows are ``cos(q phi)`` for q = 0 .. p, and ``sin(q phi)`` for q = 1 .. p.
+    """
+    angle, azimuths, inverse = cone_rule(degree)
+    beside = np.cross(centers, across)
+    rows = [
+        real_harmonics(
+            degree,
+            np.cos(angle) * centers
+            + np.sin(angle) * (np.cos(azimuth) * across + np.sin(azimuth) * beside),
+        )[..., degree**2 :]
+        for azimuth in azimuths
+    ]
+    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
+
+
+@lru_cache(MAX_Q + 1)
+def cone_rule(degree: int) -> tuple[float, Array, Array]:
+    """Return directions on a cone about C, and how values there are taken apart by q.
+
+    A function of one degree has the values ``sum_q f_q(angle) (b_q cos(q phi) + b_-q sin(q phi))``,
+    with the normalized Legendre functions of that degree.
+
+    Returns
+    -------
+    angle : float
+        That of the cone, radians. No function of the degree is small there.
+    azimuths : ndarray, shape (2 degree + 1,)
+        Even azimuths on it.
+    inverse : ndarray, shape (2 degree + 1, 2 degree + 1)
+        From values at the directions to ``b_0 .. b_p, b_-1 .. b_-p``.
+    """
+    # Shaders are given its tangent of half the angle, as `plane_rule` has it.
+    angles = np.linspace(0, np.pi / 2, _CONES + 1)[1:]
+    angles = 2 * np.arctan(np.tan(angles / 2).astype(np.float32).astype(float))
+    table = legendre_table(degree, np.cos(angles))
+    functions = np.stack([table[q, degree - q] for q in range(degree + 1)])
+    weighted = np.abs(functions) * np.where(np.arange(degree + 1) == 0, 1, np.sqrt(0.5))[:, None]
+    best = int(np.argmax(weighted.min(axis=0)))
+    azimuths = 2 * np.pi * np.arange(2 * degree + 1) / (2 * degree + 1)
+    q = np.arange(degree + 1)[:, None]
+    waves = np.concatenate([np.cos(q * azimuths), np.sin(q * azimuths)[1:]])
+    scale = np.concatenate([functions[:, best], functions[1:, best]])
+    norm = np.where(np.arange(2 * degree + 1) == 0, 1.0, 2.0) / (2 * degree + 1)
+    return float(angles[best]), azimuths, waves * (norm / scale)[:, None]
