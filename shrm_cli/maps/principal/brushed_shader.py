@@ -1,9 +1,9 @@
 """The code of lobes of anisotropic BRDFs, beside that of `shader`.
 
 A row of the table is the weight g_j of a direction on the cone of `about_center.cone_rule`, and has
-a layer for each of even azimuths psi of the view from the tangent. In mirror images psi becomes -psi
-and the azimuth of a direction does, too: where all functions have them, layers of a quarter turn
-are enough, and rows are taken in the reverse order for other quarters.
+a layer for each of even azimuths psi of the view from the tangent. In mirror images psi becomes
+-psi and the azimuth of a direction does, too: where all functions have them, layers of a quarter
+turn are enough, and rows are taken in the reverse order for other quarters.
 """
 
 import numpy as np
