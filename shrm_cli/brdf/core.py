@@ -4,6 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.vectors import turned
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame
 
@@ -75,7 +76,7 @@ def _core(brdf: Brdf, theta: float) -> tuple[float, float]:
     for brush in (0.0,) if brdf.isotropic else _BRUSHES:
         light = tilted_frame(from_angles(_ANGLES[:, None], phi), np.asarray(tilt))
         view = from_angles(np.asarray(theta - tilt), np.asarray(0.0))
-        values = brdf.transfer(_turned(light, brush), _turned(view, brush)).sum(axis=-1)
+        values = brdf.transfer(turned(light, brush), turned(view, brush)).sum(axis=-1)
         if values.any():
             rays = values.T[values.max(axis=0) > _PEAK * values.max()]
             widths, reaches = zip(*map(_peak, rays), strict=True)
@@ -92,9 +93,3 @@ def _peak(values: Array) -> tuple[float, float]:
     before, after = np.flatnonzero(below[:peak]), np.flatnonzero(below[peak:])
     stop = float(_ANGLES[peak + after[0]]) if len(after) else np.pi
     return (stop - float(_ANGLES[before[-1]])) / 2 if len(before) else stop, stop
-
-
-def _turned(vectors: Array, angle: float) -> Array:
-    """Vectors (..., 3) turned about the z axis."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return vectors @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])

@@ -4,6 +4,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.vectors import turned
 from shrm_cli.sphere.directions import from_angles
 
 _PAIRS = 256
@@ -35,14 +36,7 @@ class Turned(Brdf):
         return self.brdf.is_measured
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        return self.brdf.evaluate(*(self._own(each) for each in (light, view)))
-
-    def _own(self, directions: Array) -> Array:
-        cosine, sine = np.cos(self.azimuth), np.sin(self.azimuth)
-        turned = np.empty_like(directions)
-        x, y, turned[..., 2] = np.moveaxis(directions, -1, 0)
-        turned[..., 0], turned[..., 1] = cosine * x - sine * y, sine * x + cosine * y
-        return turned
+        return self.brdf.evaluate(*(turned(each, self.azimuth) for each in (light, view)))
 
     def __repr__(self) -> str:
         return repr(self.brdf)

@@ -92,6 +92,15 @@ def tangential(light: Array, view: Array) -> Array:
     return light[..., 0] * view[..., 0] + light[..., 1] * view[..., 1]
 
 
+def turned(vectors: Array, angle: float) -> Array:
+    """Vectors (..., 3) turned about the z axis, radians, in their own precision."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    result = np.empty_like(vectors)
+    x, y, result[..., 2] = np.moveaxis(vectors, -1, 0)
+    result[..., 0], result[..., 1] = cosine * x - sine * y, sine * x + cosine * y
+    return result
+
+
 def above_horizon(value: Array, light: Array, view: Array) -> Array:
     """Set a value (...) to 0 where light or view is below the surface."""
     above = (light[..., 2] > 0) & (view[..., 2] > 0)
