@@ -40,7 +40,8 @@ def numbers(lobe: BrushedLobe) -> tuple[Array, Array]:
     -------
     weights : ndarray, shape (layers, rows, entries, 3)
     about : ndarray, shape (rows, 3)
-        The tangent of half the angle of the cone, the degree of the bundle, and 0.
+        The tangent of half the angle of the cone, the degree of the bundle, and the tangent of half
+        the azimuth on the cone, because sines of shading languages may be wrong by 5e-4.
     """
     count, entries = layers(lobe), lobe.functions.shape[2]
     theta = np.linspace(0.0, lobe.span, entries)
@@ -51,11 +52,12 @@ def numbers(lobe: BrushedLobe) -> tuple[Array, Array]:
         real, imaginary = lobe.parts(theta, psi)
         row = first = 0
         for degree in lobe.degrees:
-            angle, _, inverse = cone_rule(degree)
+            angle, azimuths, inverse = cone_rule(degree)
             place, used = slice(row, row + 2 * degree + 1), slice(first, first + degree + 1)
             both = np.concatenate([real[:, used], imaginary[:, used][:, 1:]], axis=1)
             weights[layer, place] = np.einsum("qj,eqc->jec", inverse, both)
             about[place, 0], about[place, 1] = np.tan(angle / 2), degree
+            about[place, 2] = np.tan(azimuths / 2)
             row, first = place.stop, used.stop
     return weights, about
 
@@ -78,8 +80,8 @@ def code(number: int, lobe: BrushedLobe, row: int, about: int, words: Words) -> 
     on_cone = speech.combined(
         [
             "(2.0 * near - 1.0)",
-            "(2.0 * near * x * cos(around))",
-            "(2.0 * near * x * sin(around))",
+            "(2.0 * near * x * (2.0 * around - 1.0))",
+            "(2.0 * near * x * (2.0 * around * y))",
         ],
         ["c", "across", "side"],
     )
@@ -129,7 +131,8 @@ def code(number: int, lobe: BrushedLobe, row: int, about: int, words: Words) -> 
         "            for (j = 0; j <= 2 * p; ++j) {",
         f"                x = {cell}.x;",
         "                near = 1.0 / (1.0 + x * x);",
-        f"                around = {whole} * float(j) / float(2 * p + 1);",
+        f"                y = {cell}.z;",
+        "                around = 1.0 / (1.0 + y * y);",
         "                place_of = flips * j > 0 ? 2 * p + 1 - j : j;",
         f"                weight = mix(mix({corners[0]}, {corners[1]}, part), "
         f"mix({corners[2]}, {corners[3]}, part), share);",
