@@ -91,6 +91,7 @@ def test_adaptive_sums_are_within_a_percent(made, pairs, name, spec):
     assert errors.max() < 0.05
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", NARROW)
 @pytest.mark.parametrize("name", PROBES)
 def test_pixels_that_are_large_beside_a_lobe_are_cut(made, pairs, name, spec):
@@ -128,6 +129,7 @@ def test_pixels_as_points_are_no_truth_for_lobes_narrower_than_they_are(made, pa
     assert np.percentile(np.abs(wrong - 1), 95) > 0.05
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("material", [*MEASURED, "ggx:roughness=0.2"])
 @pytest.mark.parametrize("name", REAL)
 def test_real_light_on_measured_materials(shared, pairs, name, material):

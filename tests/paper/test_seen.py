@@ -75,6 +75,7 @@ def test_default_and_principal_maps_keep_the_bars_under_a_bare_sun(rows):
         assert all(found[each].is_kept for each in about), found
 
 
+@pytest.mark.proof
 def test_the_maps_as_they_were_miss_them_at_the_same_bytes(rows):
     for spec in SPECS:
         before, after = (seen.find(rows, spec, "sun", way) for way in (seen.BEFORE, seen.AFTER))

@@ -30,6 +30,7 @@ def test_lobes_of_levels_are_those_of_even_surfaces_that_face_the_viewer(norm, r
     )
 
 
+@pytest.mark.proof
 def test_distances_are_errors_under_light_from_everywhere():
     """Of light of one degree: Legendre's polynomial about random axes."""
     degree = 3

@@ -140,6 +140,7 @@ def test_a_made_mesh(mitsuba, light, bounces):
     assert error < 0.03, error
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("bounces", [0, 1])
 def test_the_bunny(mitsuba, light, shared, bounces):

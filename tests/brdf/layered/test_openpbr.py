@@ -146,6 +146,7 @@ def test_a_dielectric_in_a_coat_reflects_by_the_ratio_of_their_indices():
         assert below[0].evaluate(up, up) == pytest.approx(passing * lobe, rel=0.02)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", ["", "base_metalness=0.4,coat_weight=0.5,fuzz_weight=0.2"])
 def test_light_and_view_may_be_exchanged_and_names_give_the_same_again(rng, spec):
     brdf, light, view = (

@@ -99,6 +99,7 @@ def test_the_fast_form_is_compared_with_it():
     np.testing.assert_array_equal(again.walked, found.walked)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("roughness", [0.3, 0.7])
 def test_metals_under_rough_coats_keep_their_light(roughness):
     """GGX's own lobe, as wide as it is through the coat, would lose a fifth and more of it."""

@@ -44,6 +44,7 @@ def pairs():
     return normals / np.linalg.norm(normals, axis=1)[:, None], views, weights[:, None]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("material", "tolerance", "name", "height"), CASES)
 def test_measured_error_is_the_predicted_one(shared, tmp_path, material, tolerance, name, height):
     """Within 20 %; much of the error lies at grazing views, which few pairs meet."""

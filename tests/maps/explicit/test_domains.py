@@ -65,6 +65,7 @@ def test_real_light(real_probes, tmp_path, name, spec, representation):
     assert error < 1.1 * predicted
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", ["microfacet:sigma=0.2", "phong:exponent=32", "lambertian"])
 def test_the_error_of_a_truncated_lobe_is_predicted(real_probes, tmp_path, spec):
     pixels = reduced(real_probes / "interior.exr", 64).astype(np.float32)

@@ -170,6 +170,7 @@ def test_cones_tell_all_orders_apart(degree):
     np.testing.assert_allclose(harmonics, expected, atol=1e-12)
 
 
+@pytest.mark.proof
 def test_the_predicted_share_of_wrong_pixels_counts_all_azimuthal_orders(room):
     """Brushed lobes have more of them than maps hold, which are seen as soon as they miss."""
     brdf = parse_spec("ggx:roughness=0.5,anisotropy=0.9")

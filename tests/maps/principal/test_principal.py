@@ -108,6 +108,7 @@ def test_legendre_functions_make_an_shrm():
     )
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("divide", [False, True])
 @pytest.mark.parametrize("name", SPECS)
@@ -216,6 +217,7 @@ def test_more_maps_are_better(room):
     assert errors[-1] < errors[0] / 8
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["metal", "plastic"])
 def test_half_the_error_of_an_shrm_with_as_many_maps(room, name):
@@ -277,6 +279,7 @@ def test_hair_is_about_its_tangent(room):
 # ---- what is asked for ---------------------------------------------------------------------------
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("divide", [False, True])
 @pytest.mark.parametrize(

@@ -90,6 +90,7 @@ def relative_rms(found, truth):
     return np.sqrt(np.sum((found - truth) ** 2) / np.sum(truth**2))
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_shading_is_the_integral_under_band_limited_light(made, light, frames, hemisphere):
     spec, texture = made

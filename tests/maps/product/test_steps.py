@@ -61,6 +61,7 @@ def chosen():
     return varying_values(parse_spec(LOBES[0]), *LOBES[1:], 3)
 
 
+@pytest.mark.proof
 def test_textures_between_miss_what_is_stated(chosen):
     """Of light of all directions alike, everywhere between two values, and not in the middle."""
     values, stated = chosen

@@ -48,6 +48,7 @@ def whole_sum(probe):
     return prefilter_terms(plan, dtype=np.float64).map
 
 
+@pytest.mark.proof
 def test_fewer_coefficients_at_no_larger_error(real_probes, tmp_path):
     """Against brute force written again; predicted and measured errors agree."""
     pixels = reduced(real_probes / "interior.exr", 64).astype(np.float32)
