@@ -18,7 +18,7 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import needs_surface, surface_of, surface_options
+from shrm_cli.cli.shading import lit_maps, needs_surface, surface_of, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
@@ -125,7 +125,7 @@ def view(
     if output is not None:
         files = [*maps, *([mesh] if mesh else [])]
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
-    opened = [open_map(path) for path in maps]
+    opened, notes = lit_maps([open_map(path) for path in maps], maps, light, None)
     refuse_inapplicable(needs_surface(opened))
     surface = surface_of(roughness, f0, opened[0].info.chromaticities)
     start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
@@ -139,7 +139,7 @@ def view(
             opened, maps, light, shape, start, truth, max_size if output else None, progress
         )
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
-    warnings += scene.remarks
+    warnings += notes + scene.remarks
     if output is None:
         warn(warnings)
         _serve(scene, no_open)

@@ -128,7 +128,10 @@ def test_a_page_that_is_too_large_is_refused_before_the_truth(folder, monkeypatc
 def test_maps_that_shaders_cannot_show(folder):
     done("product", "ward", "--order", "2", "--size", "8", "-o", "p.exr")
     result = run("view", "p.exr", "-o", "a.html")
-    assert_refused(result, 1, "p.exr", "product textures", "shrm render")
+    assert_refused(result, 1, "p.exr", "product texture that holds no light", "give --probe")
+    lit = done("view", "p.exr", "--probe", "probe.exr", "--no-truth", "-o", "lit.html")
+    assert "shrm_lighting" in (folder / "lit.html").read_text()
+    assert "opens in a browser" in lit
     map_file.save("sharp.exr", cases.irradiance(17))
     result = run("view", "sharp.exr", "-o", "a.html")
     assert_refused(result, 1, "sharp.exr", "17", "shrm convert")

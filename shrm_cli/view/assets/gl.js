@@ -37,14 +37,15 @@ function makeProgram(gl, vertex, fragment) {
 }
 
 // Uniforms by name; a program need not have all of them. Numbers are floats, lists of 2, 3 or 4
-// numbers vectors, and of 9 matrices.
+// numbers vectors, of 9 matrices, and longer ones arrays of colours.
 function setUniforms(gl, made, values) {
   Object.keys(values).forEach(function (name) {
     var place = made.places[name], value = values[name];
-    if (place === undefined || place === null) return;
+    if (place === undefined || place === null || value === undefined || value === null) return;
     if (typeof value === "boolean") gl.uniform1i(place, value ? 1 : 0);
     else if (typeof value === "number") gl.uniform1f(place, value);
     else if (value.length === 9) gl.uniformMatrix3fv(place, false, value);
+    else if (value.length > 4) gl.uniform3fv(place, value);
     else gl["uniform" + value.length + "fv"](place, value);
   });
 }

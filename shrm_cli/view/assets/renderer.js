@@ -67,7 +67,8 @@ Renderer.prototype.meshOf = function (number) {
 };
 
 function shownCode(map) {
-  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v) { return " + map.call + "; }\n";
+  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v) {\n" +
+    "  n = view_turn * n;\n  v = view_turn * v;\n  return " + map.call + ";\n}\n";
 }
 
 // ---- drawing ------------------------------------------------------------------------------------
@@ -79,6 +80,7 @@ Renderer.prototype.common = function (state, width, height) {
   return {
     view_size: [width, height],
     view_axes: cameraAxes(state.view.azimuth, state.view.elevation),
+    view_turn: lightTurn(state.light),
     view_focal: focalLength(width, height, fov, state.view.zoom),
     view_radius: sphereRadius(width, height, state.view.zoom),
     view_distance: this.scene.shapes[state.shape].distance || 1,
@@ -98,6 +100,7 @@ Renderer.prototype.draw = function (target, side, state, shift) {
   var gl = this.gl;
   var values = this.common(state, target.width, target.height);
   values.view_shift = shift || [0, 0];
+  if (side.kind === "map") values.shrm_lighting = this.scene.maps[side.number].lighting;
   gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
   gl.viewport(0, 0, target.width, target.height);
   gl.disable(gl.BLEND);
