@@ -70,6 +70,11 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip
+@click.option(
+    "--lossless", is_flag=True,
+    help="Keep textures in half precision in the file of -o, instead of rounding them by a percent "
+    "or so, which makes it ten times as small.",
+)  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Print the page's address, but open no browser.")
 @probe_options
 @report_options
@@ -88,6 +93,7 @@ def view(
     exact: bool,
     no_truth: bool,
     max_size: int,
+    lossless: bool,
     no_open: bool,
     **reading: Any,
 ) -> None:
@@ -116,6 +122,7 @@ def view(
         "no_truth": Applies(probe is not None, "with --probe"),
         **dict.fromkeys(_OF_TRUTH, Applies(has_truth, "to the truth, with --probe")),
         "max_size": Applies(output is not None, "with -o"),
+        "lossless": Applies(output is not None, "with -o"),
         "no_open": Applies(output is None, "without -o"),
         "as_json": Applies(output is not None, "with -o"),
     })  # fmt: skip
@@ -136,8 +143,9 @@ def view(
         truth = Truth(own, truth_size if has_truth else 0, source_height, exact)
         shape = None if mesh is None else load_mesh(mesh)
         scene = make_scene(
-            opened, maps, light, shape, start, truth, max_size if output else None, progress
-        )
+            opened, maps, light, shape, start, truth, max_size if output else None, progress,
+            is_rounded=output is not None and not lossless,
+        )  # fmt: skip
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += notes + scene.remarks
     if output is None:
@@ -151,9 +159,15 @@ def view(
         "bytes": len(text),
         "maps": list(maps),
         "views": [list(each) for each in views],
+        "rounding_error": scene.blocks.rounding_error,
         "truths": len(scene.description["truths"]),
     }
     lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network"]
+    if scene.blocks.rounding_error:
+        error = scene.blocks.rounding_error
+        lines.append(
+            f"textures rounded by up to {error:.2%} (RMS); --lossless keeps half precision"
+        )
     conclude(result, lines, warnings)
 
 

@@ -51,6 +51,17 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
         raise MapError(
             f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
         ) from error
+    # At a texel of these there are coefficients of harmonics, a cube or more a layer.
+    shared = made.representation in ("shrm", "principal", "product")
+    packed = [
+        {
+            "name": each.name,
+            **blocks.texture(each.values, f"{file}: {each.name}", each.name in _LIGHT, shared),
+        }
+        for each in textures
+    ]
+    facts = _facts(made)
+    facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
         "name": name,
         "file": file,
@@ -58,15 +69,9 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
         "call": _call(made),
         "surface": made.needs_surface,
         "roughness": list(made.roughness_range),
-        "textures": [
-            {
-                "name": each.name,
-                **blocks.texture(each.values, f"{file}: {each.name}", each.name in _LIGHT),
-            }
-            for each in textures
-        ],
+        "textures": packed,
         "lighting": _lighting(made),
-        "facts": _facts(made),
+        "facts": facts,
     }
 
 

@@ -44,6 +44,8 @@ def test_a_page_is_one_file_without_addresses(folder):
     shown = ["glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth"]
     out = done("view", *shown, "-o", "a.html")
     assert re.match(r"a\.html: .* kB, opens in a browser without a network", out)
+    rounded = re.search(r"rounded by up to (.*)% \(RMS\); --lossless", out)
+    assert 0 < float(rounded[1]) < 2
     text, scene = written("a.html")
     assert not re.search(r"https?:|[\"'(]//|\bsrc=|@import|url\(", text)
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
@@ -55,6 +57,8 @@ def test_a_page_is_one_file_without_addresses(folder):
     assert scene["truths"] == []
     assert (scene["sky"]["width"], scene["sky"]["height"]) == (16, 8)
     assert len(re.findall('class="shrm-block"', text)) == len(scene["blocks"])
+    out = json.loads(done("view", *shown, "-o", "b.html", "--lossless", "--json"))
+    assert out["rounding_error"] == 0
     done("view", *shown, "-o", "b.html")
     assert (folder / "a.html").read_bytes() == (folder / "b.html").read_bytes()
 

@@ -117,6 +117,24 @@ def test_pictures_of_every_form(watched, tmp_path, monkeypatch):
     assert [url[:8] for url in watched.requests] == ["file:///"]
 
 
+def test_pages_of_rounded_textures(watched, tmp_path, probe):
+    """Their pictures differ from those of whole ones by about as much as is said."""
+    glossy = prefilter(probe, "microfacet:sigma=0.3", to="shrm")
+    maps, names = [glossy, prefilter(probe, to="splitsum")], ["a.exr", "b.exr"]
+    pictures = []
+    for is_rounded in (False, True):
+        scene = make_scene(maps, names, is_rounded=is_rounded)
+        page = opened(watched, make_page(scene), tmp_path)
+        sides = [{"kind": "map", "number": number} for number in range(2)]
+        pictures.append([read(page, 48, a=side, view=VIEW)[..., :3] for side in sides])
+    for number, (whole, rounded) in enumerate(zip(*pictures, strict=True)):
+        error = np.linalg.norm(rounded - whole) / np.linalg.norm(whole)
+        stated = scene.description["maps"][number]["textures"][0]["error"]
+        print(f"{names[number]}: {error:.2e} of the picture, {stated:.2e} stated")
+        assert 0.05 * stated < error < 1.5 * stated
+    assert watched.errors == []
+
+
 def test_pictures_are_those_of_render(watched, tmp_path, probe):
     """With its cubic filter, apart from the error that maps state of the bilinear look-up."""
     glossy = parse_spec("microfacet:sigma=0.3")

@@ -11,9 +11,9 @@ function Renderer(gl, scene, blocks) {
   this.mapTextures = {};
   this.truthTextures = {};
   this.meshes = {};
-  this.sky = scene.sky ? makeTexture(gl, scene.sky, blocks[scene.sky.block]) : null;
+  this.sky = scene.sky ? makeTexture(gl, scene.sky, blocks) : null;
   this.nothing = makeTexture(
-    gl, { format: "rgb16f", width: 1, height: 1, depth: 0 }, new Uint16Array(4).buffer
+    gl, { format: "rgb16f", width: 1, height: 1, depth: 0, block: 0 }, [new Uint16Array(4).buffer]
   );
   gl.bindVertexArray(null);
 }
@@ -30,7 +30,7 @@ Renderer.prototype.texturesOf = function (number) {
   if (!this.mapTextures[number]) {
     var made = {};
     this.scene.maps[number].textures.forEach(function (each) {
-      made[each.name] = makeTexture(self.gl, each, self.blocks[each.block]);
+      made[each.name] = makeTexture(self.gl, each, self.blocks);
     });
     this.mapTextures[number] = made;
   }
@@ -40,7 +40,7 @@ Renderer.prototype.texturesOf = function (number) {
 Renderer.prototype.truthTexture = function (number) {
   var truth = this.scene.truths[number];
   if (!this.truthTextures[number])
-    this.truthTextures[number] = makeTexture(this.gl, truth.picture, this.blocks[truth.picture.block]);
+    this.truthTextures[number] = makeTexture(this.gl, truth.picture, this.blocks);
   return this.truthTextures[number];
 };
 

@@ -243,10 +243,12 @@ Viewer.prototype.show = function () {
   );
 };
 
-// Draw at once, without waiting for the next frame.
-Viewer.prototype.drawNow = function () {
-  this.drawSides(1);
+// Draw the first picture at once and coarsely, and come back for the rest.
+Viewer.prototype.drawFirst = function () {
+  this.coarse = COARSEST;
+  this.drawSides(COARSEST);
   this.show();
+  this.redraw();
 };
 
 // An exposure that suits side A, in quarters of a stop.
