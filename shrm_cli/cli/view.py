@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,7 +26,10 @@ from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from shrm_cli.view.scene import Scene
+    from collections.abc import Sequence
+
+    from shrm_cli.maps.base import Map
+    from shrm_cli.view.scene import Scene, Start
 
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
@@ -136,6 +140,9 @@ def view(
     refuse_inapplicable(needs_surface(opened))
     surface = surface_of(roughness, f0, opened[0].info.chromaticities)
     start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
+    told: list[str] = []
+    if roughness is None and f0 is None:
+        start, told = _as_beside(start, opened, maps)
     with progress_bar("integrating") as progress:
         own = None
         if brdf is not None and light is not None:
@@ -148,8 +155,11 @@ def view(
         )  # fmt: skip
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
     warnings += notes + scene.remarks
+    scene.remarks.extend(told)
     if output is None:
         warn(warnings)
+        for line in told:
+            echo(line, err=True)
         _serve(scene, no_open)
         return
     text = page(scene).encode("utf-8")
@@ -162,13 +172,46 @@ def view(
         "rounding_error": scene.blocks.rounding_error,
         "truths": len(scene.description["truths"]),
     }
-    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network"]
+    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network", *told]
     if scene.blocks.rounding_error:
         error = scene.blocks.rounding_error
         lines.append(
             f"textures rounded by up to {error:.2%} (RMS); --lossless keeps half precision"
         )
     conclude(result, lines, warnings)
+
+
+def _as_beside(
+    start: Start, opened: Sequence[Map], names: Sequence[str]
+) -> tuple[Start, list[str]]:
+    """Show maps of light alone with the surface that a map beside them was made for.
+
+    Returns
+    -------
+    start : Start
+        With the roughness and f0 of the first map of plain GGX, where a map beside it needs them.
+    told : list of str
+        A line that says so.
+    """
+    from shrm_cli.brdf.models.ggx import Ggx
+    from shrm_cli.errors import BrdfError
+    from shrm_cli.maps.provenance import common_brdf, spec_of
+
+    if not any(each.needs_surface for each in opened):
+        return start, []
+    for made, name in zip(opened, names, strict=True):
+        same = made.info.chromaticities == opened[0].info.chromaticities
+        if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
+            continue
+        try:
+            brdf = common_brdf({name: made.info})
+        except BrdfError:
+            continue
+        if isinstance(brdf, Ggx) and brdf.isotropic and not brdf.film:
+            shown = replace(start, roughness=brdf.number("roughness"), f0=brdf.color("f0"))
+            line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
+            return shown, [line]
+    return start, []
 
 
 def _serve(scene: Scene, no_open: bool) -> None:

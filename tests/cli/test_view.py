@@ -63,6 +63,25 @@ def test_a_page_is_one_file_without_addresses(folder):
     assert (folder / "a.html").read_bytes() == (folder / "b.html").read_bytes()
 
 
+def test_light_alone_has_the_surface_of_the_map_beside_it(folder):
+    """Unless another is asked for; a map of gold beside a white split sum is no comparison."""
+    gold = "ggx:roughness=0.25,f0=gold"
+    done("prefilter", "probe.exr", "--brdf", gold, "--to", "cabral", "-o", "gold.exr")
+    done("prefilter", "probe.exr", "--to", "splitsum", "-o", "light.split.exr")
+    out = done("view", "light.split.exr", "gold.exr", "-o", "a.html")
+    assert re.search(
+        r"maps of light alone have the surface of gold\.exr, ggx:.*roughness=0\.25", out
+    )
+    _, scene = written("a.html")
+    assert scene["start"]["roughness"] == 0.25
+    np.testing.assert_allclose(scene["start"]["f0"], [1.0, 0.782, 0.344], atol=1e-6)
+    assert any("surface of gold.exr" in note for note in scene["notes"])
+    out = done("view", "light.split.exr", "gold.exr", "--f0", "0.04", "-o", "a.html")
+    _, scene = written("a.html")
+    assert (scene["start"]["roughness"], scene["start"]["f0"]) == (0.5, [0.04] * 3)
+    assert "surface of" not in out
+
+
 def test_the_truth_of_several_views(folder):
     options = ["--view", "10,20", "--view", "-30,0", "--truth-size", "16", "--source-height", "8"]
     shown = ["glossy.exr", "--probe", "probe.exr", *options]

@@ -350,6 +350,24 @@ def test_the_light_turns_until_it_is_stopped(two):
     assert state(two, "light") == 0
 
 
+def test_resized_while_it_loads(watched, tmp_path, probe):
+    """The picture is that of a page which had the last size at once."""
+    glossy = prefilter(probe, "microfacet:sigma=0.3", to="shrm")
+    path = tmp_path / "page.html"
+    path.write_text(make_page(make_scene([glossy], ["a.exr"])), encoding="utf-8")
+    page, pictures = watched.page, []
+    for sizes in ([(700, 500), (500, 600), (640, 420)], [(640, 420)]):
+        page.set_viewport_size({"width": sizes[0][0], "height": sizes[0][1]})
+        page.goto(path.as_uri(), wait_until="commit")
+        for width, height in sizes[1:]:
+            page.set_viewport_size({"width": width, "height": height})
+        ready(watched)
+        page.wait_for_timeout(1500)
+        pictures.append(page.locator("canvas").first.screenshot())
+    assert pictures[0] == pictures[1]
+    assert page.evaluate("window.innerWidth") == 640
+
+
 # ---- controls ------------------------------------------------------------------------------------
 
 
