@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,14 +19,17 @@ from shrm_cli.cli.options import (
     warn,
 )
 from shrm_cli.cli.outputs import PAGES, check_outputs
-from shrm_cli.cli.shading import needs_surface, surface_of, surface_options
+from shrm_cli.cli.shading import lit_maps, needs_surface, surface_of, surface_options
 from shrm_cli.cli.terminal import echo
 from shrm_cli.cli.types import BYTES, DIRECTION, STOPS
 from shrm_cli.cli.usage import Applies, exclude, is_quiet, refuse_inapplicable
 from shrm_cli.maps.options import bytes_text
 
 if TYPE_CHECKING:
-    from shrm_cli.view.scene import Scene
+    from collections.abc import Sequence
+
+    from shrm_cli.maps.base import Map
+    from shrm_cli.view.scene import Scene, Start
 
 _MAX_SIZE = 64 * 10**6
 """The most bytes of a page that is written, where no other number is given."""
@@ -70,6 +74,11 @@ _OF_TRUTH = ("brdf", "truth_size", "source_height", "exact")
     help="The most that a page with -o may take, such as 20MB. The probe behind the shape is made "
     "smaller to keep it; maps are not.  [default: 64MB]",
 )  # fmt: skip
+@click.option(
+    "--lossless", is_flag=True,
+    help="Keep textures in half precision in the file of -o, instead of rounding them by a percent "
+    "or so, which makes it ten times as small.",
+)  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Print the page's address, but open no browser.")
 @probe_options
 @report_options
@@ -88,6 +97,7 @@ def view(
     exact: bool,
     no_truth: bool,
     max_size: int,
+    lossless: bool,
     no_open: bool,
     **reading: Any,
 ) -> None:
@@ -116,6 +126,7 @@ def view(
         "no_truth": Applies(probe is not None, "with --probe"),
         **dict.fromkeys(_OF_TRUTH, Applies(has_truth, "to the truth, with --probe")),
         "max_size": Applies(output is not None, "with -o"),
+        "lossless": Applies(output is not None, "with -o"),
         "no_open": Applies(output is None, "without -o"),
         "as_json": Applies(output is not None, "with -o"),
     })  # fmt: skip
@@ -125,10 +136,13 @@ def view(
     if output is not None:
         files = [*maps, *([mesh] if mesh else [])]
         check_outputs([output], files=files, specs=[brdf], suffixes=PAGES)
-    opened = [open_map(path) for path in maps]
+    opened, notes = lit_maps([open_map(path) for path in maps], maps, light, None)
     refuse_inapplicable(needs_surface(opened))
     surface = surface_of(roughness, f0, opened[0].info.chromaticities)
     start = Start(views, exposure, surface.number("roughness"), surface.color("f0"))
+    told: list[str] = []
+    if roughness is None and f0 is None:
+        start, told = _as_beside(start, opened, maps)
     with progress_bar("integrating") as progress:
         own = None
         if brdf is not None and light is not None:
@@ -136,12 +150,16 @@ def view(
         truth = Truth(own, truth_size if has_truth else 0, source_height, exact)
         shape = None if mesh is None else load_mesh(mesh)
         scene = make_scene(
-            opened, maps, light, shape, start, truth, max_size if output else None, progress
-        )
+            opened, maps, light, shape, start, truth, max_size if output else None, progress,
+            is_rounded=output is not None and not lossless,
+        )  # fmt: skip
     warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
-    warnings += scene.remarks
+    warnings += notes + scene.remarks
+    scene.remarks.extend(told)
     if output is None:
         warn(warnings)
+        for line in told:
+            echo(line, err=True)
         _serve(scene, no_open)
         return
     text = page(scene).encode("utf-8")
@@ -151,10 +169,49 @@ def view(
         "bytes": len(text),
         "maps": list(maps),
         "views": [list(each) for each in views],
+        "rounding_error": scene.blocks.rounding_error,
         "truths": len(scene.description["truths"]),
     }
-    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network"]
+    lines = [f"{output}: {bytes_text(len(text))}, opens in a browser without a network", *told]
+    if scene.blocks.rounding_error:
+        error = scene.blocks.rounding_error
+        lines.append(
+            f"textures rounded by up to {error:.2%} (RMS); --lossless keeps half precision"
+        )
     conclude(result, lines, warnings)
+
+
+def _as_beside(
+    start: Start, opened: Sequence[Map], names: Sequence[str]
+) -> tuple[Start, list[str]]:
+    """Show maps of light alone with the surface that a map beside them was made for.
+
+    Returns
+    -------
+    start : Start
+        With the roughness and f0 of the first map of plain GGX, where a map beside it needs them.
+    told : list of str
+        A line that says so.
+    """
+    from shrm_cli.brdf.models.ggx import Ggx
+    from shrm_cli.errors import BrdfError
+    from shrm_cli.maps.provenance import common_brdf, spec_of
+
+    if not any(each.needs_surface for each in opened):
+        return start, []
+    for made, name in zip(opened, names, strict=True):
+        same = made.info.chromaticities == opened[0].info.chromaticities
+        if made.needs_surface or made.info.brdf.get("name") != "ggx" or not same:
+            continue
+        try:
+            brdf = common_brdf({name: made.info})
+        except BrdfError:
+            continue
+        if isinstance(brdf, Ggx) and brdf.isotropic and not brdf.film:
+            shown = replace(start, roughness=brdf.number("roughness"), f0=brdf.color("f0"))
+            line = f"maps of light alone have the surface of {name}, {spec_of(made.info.brdf)}"
+            return shown, [line]
+    return start, []
 
 
 def _serve(scene: Scene, no_open: bool) -> None:

@@ -310,14 +310,15 @@ SHADER = Option(
     "of another BRDF than GGX; "
     "shrm_irradiance(n) of irradiance.",
     "choice",
-    choices=("glsl", "hlsl", "c"),
+    choices=("glsl", "hlsl", "wgsl", "c"),
     prints=True,
 )
 """The argument of representations that shaders can use."""
 TEXTURES = Option(
     "textures",
-    "What the code reads: arrays of cube maps (GLSL 4, HLSL), or the 2D arrays that shrm convert "
-    "--to layers writes, which fit WebGL2 and C.  [default: cube-array; layers for c]",
+    "What the code reads: arrays of cube maps (GLSL 4, HLSL, WGSL), or the 2D arrays that shrm "
+    "convert --to layers writes, which fit WebGL2, WebGPU and C.  "
+    "[default: cube-array; layers for c]",
     "choice",
     choices=("cube-array", "layers"),
     prints=True,

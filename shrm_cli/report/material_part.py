@@ -97,10 +97,11 @@ def number_cells(material: Material, index: int) -> list[Part]:
 
 def _row(material: Material, index: int, made: Made) -> list[Part]:
     said = made.summary
-    orders = f"F {said['order_f']}"
+    order_f = said["order"] if made.form == "product" else said["order_f"]
+    orders = f"F {order_f}"
     if said.get("order_p"):
         orders += f", P {said['order_p']}"
-    if said.get("order_carried", said["order_f"]) > said["order_f"]:
+    if said.get("order_carried", order_f) > order_f:
         orders += f" ({said['order_carried']})"
     return [
         made.form,

@@ -1,6 +1,11 @@
-"""Arrays of numbers as bytes that a page holds or a server sends, in the formats of WebGL2."""
+"""Arrays of numbers as deflated bytes that a page holds or a server sends.
+
+Bytes of the same place in each number stand together, which deflates better; the page puts them
+back into the formats of WebGL2.
+"""
 
 import base64
+import zlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.errors import MapError
+from shrm_cli.view.rounded import rounded
 
 LARGEST_HALF = 65504.0
 """The largest finite number of 16 bits."""
@@ -19,21 +25,36 @@ class Blocks:
 
     Attributes
     ----------
+    is_rounded : bool
+        Whether textures of half precision are rounded, so that a page is small.
     parts : list of bytes
+        Deflated (zlib).
+    widths : list of int
+        The bytes of a number of each.
+    rounding_error : float
+        The largest RMS error of a rounded texture, relative.
     remarks : list of str
         What was changed so that numbers fit, a line each.
     """
 
+    is_rounded: bool = False
     parts: list[bytes] = field(default_factory=list)
+    widths: list[int] = field(default_factory=list)
+    rounding_error: float = 0.0
     remarks: list[str] = field(default_factory=list)
 
     def add(self, values: NDArray[Any]) -> int:
         """Keep an array's bytes, little-endian, and return the number of the block."""
         ordered = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
-        self.parts.append(ordered.tobytes())
+        width = ordered.itemsize
+        planes = np.frombuffer(ordered.tobytes(), np.uint8).reshape(-1, width).T
+        self.parts.append(zlib.compress(planes.tobytes()))
+        self.widths.append(width)
         return len(self.parts) - 1
 
-    def texture(self, values: ArrayLike, what: str, is_half: bool = True) -> dict[str, Any]:
+    def texture(
+        self, values: ArrayLike, what: str, is_half: bool = True, shared: bool = False
+    ) -> dict[str, Any]:
         """Keep an RGB texture, and return how the page finds it.
 
         Parameters
@@ -44,11 +65,14 @@ class Blocks:
             What messages call the texture.
         is_half : bool
             Whether 16 bits a number will do.
+        shared : bool
+            Whether what is seen at a texel is a sum over its layers.
 
         Returns
         -------
         dict
-            ``format``, ``width``, ``height``, ``depth`` (0 for a single picture) and ``block``.
+            ``format``, ``width``, ``height``, ``depth`` (0 for a single picture), ``block``, and
+            of a rounded one the block of ``exponents`` and its RMS ``error``.
 
         Raises
         ------
@@ -68,13 +92,18 @@ class Blocks:
             )
             found = np.clip(found, -largest, largest)
         depth = len(found) if found.ndim == 4 else 0
-        return {
+        described = {
             "format": "rgb16f" if is_half else "rgb32f",
             "width": found.shape[-2],
             "height": found.shape[-3],
             "depth": depth,
-            "block": self.add(found.astype(np.float16) if is_half else found),
         }
+        if not (is_half and self.is_rounded):
+            return {**described, "block": self.add(found.astype(np.float16) if is_half else found)}
+        made = rounded(found.reshape(-1, *found.shape[-3:]), shared)
+        self.rounding_error = max(self.rounding_error, made.error)
+        steps, exponents = self.add(made.steps), self.add(made.exponents)
+        return {**described, "block": steps, "exponents": exponents, "error": made.error}
 
     def encoded(self) -> list[str]:
         """Return the blocks in base64."""
@@ -82,5 +111,5 @@ class Blocks:
 
     @property
     def encoded_bytes(self) -> int:
-        """The bytes of all blocks in base64."""
+        """The bytes of all blocks, deflated, in base64."""
         return sum(-(-len(part) // 3) * 4 for part in self.parts)

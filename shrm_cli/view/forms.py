@@ -8,14 +8,15 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.maps.product.product import ProductMap
 from shrm_cli.maps.provenance import spec_of
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.render.shading import takes_f0
 from shrm_cli.view.blocks import Blocks
 
-_LAYERS = "shrm_layers"
-"""The texture of light, for which half precision will do; tables of numbers stay 32 bits."""
+_LIGHT = ("shrm_layers", "shrm_product")
+"""The textures of light, for which half precision will do; tables of numbers stay 32 bits."""
 
 
 def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, Any]:
@@ -41,11 +42,8 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
     MapError
         If shaders have no words for the map.
     """
-    if made.needs_light or made.representation == "product":
-        raise MapError(
-            f"{file}: pages do not show product textures; draw it with `shrm render`, or make an "
-            "SHRM of the BRDF by `shrm prefilter`"
-        )
+    if made.needs_light:
+        raise MapError(f"{file}: a product texture that holds no light; give `probe`")
     try:
         code = look_up_code(made, "glsl", "layers")
         textures = pack(made)
@@ -53,6 +51,17 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
         raise MapError(
             f"{file}: pages cannot show it ({error}); `shrm convert` makes another form of it"
         ) from error
+    # At a texel of these there are coefficients of harmonics, a cube or more a layer.
+    shared = made.representation in ("shrm", "principal", "product")
+    packed = [
+        {
+            "name": each.name,
+            **blocks.texture(each.values, f"{file}: {each.name}", each.name in _LIGHT, shared),
+        }
+        for each in textures
+    ]
+    facts = _facts(made)
+    facts += [("rounded by", f"{each['error']:.2%}") for each in packed if "error" in each]
     return {
         "name": name,
         "file": file,
@@ -60,15 +69,17 @@ def described_map(made: Map, name: str, file: str, blocks: Blocks) -> dict[str, 
         "call": _call(made),
         "surface": made.needs_surface,
         "roughness": list(made.roughness_range),
-        "textures": [
-            {
-                "name": each.name,
-                **blocks.texture(each.values, f"{file}: {each.name}", each.name == _LAYERS),
-            }
-            for each in textures
-        ],
-        "facts": _facts(made),
+        "textures": packed,
+        "lighting": _lighting(made),
+        "facts": facts,
     }
+
+
+def _lighting(made: Map) -> list[float] | None:
+    """Return the light of a product texture, which its code reads from an array."""
+    if not isinstance(made, ProductMap) or made.lighting is None:
+        return None
+    return [float(x) for x in made.lighting.ravel()]
 
 
 def _call(made: Map) -> str:

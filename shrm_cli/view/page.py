@@ -50,9 +50,13 @@ def section(scene: Scene, urls: Sequence[str] | None = None) -> Section:
     urls : sequence of str, optional
         Where the page finds each block; by default the blocks stand in the page itself.
     """
+    widths = scene.blocks.widths
     described = {
         **scene.description,
-        "blocks": [{"url": url} for url in urls or [""] * len(scene.blocks.parts)],
+        "blocks": [
+            {"url": url, "width": width}
+            for url, width in zip(urls or [""] * len(widths), widths, strict=True)
+        ],
     }
     data = [f'<script type="application/json" class="shrm-scene">{embedded(described)}</script>']
     for block in scene.blocks.encoded() if urls is None else []:

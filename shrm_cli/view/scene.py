@@ -116,6 +116,7 @@ def make_scene(
     truth: Truth | None = None,
     max_size: int | None = None,
     progress: Progress | None = None,
+    is_rounded: bool = False,
 ) -> Scene:
     """Put together what a page shows.
 
@@ -135,6 +136,8 @@ def make_scene(
         it. By default there is no limit.
     progress : callable, optional
         Called with the points of the truth that are done and their number.
+    is_rounded : bool
+        Whether textures of light are rounded, by a percent or so, to make a page small.
 
     Returns
     -------
@@ -152,7 +155,7 @@ def make_scene(
         raise ArgumentError("maps", "are none; name one at least")
     if not 1 <= len(start.views) <= MOST_VIEWS:
         raise ArgumentError("view", f"is given {len(start.views)} times; give 1 to {MOST_VIEWS}")
-    blocks, names = Blocks(), _names(files)
+    blocks, names = Blocks(is_rounded), _names(files)
     described = [
         described_map(each, name, Path(file).name, blocks)
         for each, name, file in zip(maps, names, files, strict=True)

@@ -44,6 +44,8 @@ def test_a_page_is_one_file_without_addresses(folder):
     shown = ["glossy.exr", "light.exr", "--probe", "probe.exr", "--no-truth"]
     out = done("view", *shown, "-o", "a.html")
     assert re.match(r"a\.html: .* kB, opens in a browser without a network", out)
+    rounded = re.search(r"rounded by up to (.*)% \(RMS\); --lossless", out)
+    assert 0 < float(rounded[1]) < 2
     text, scene = written("a.html")
     assert not re.search(r"https?:|[\"'(]//|\bsrc=|@import|url\(", text)
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
@@ -55,8 +57,29 @@ def test_a_page_is_one_file_without_addresses(folder):
     assert scene["truths"] == []
     assert (scene["sky"]["width"], scene["sky"]["height"]) == (16, 8)
     assert len(re.findall('class="shrm-block"', text)) == len(scene["blocks"])
+    out = json.loads(done("view", *shown, "-o", "b.html", "--lossless", "--json"))
+    assert out["rounding_error"] == 0
     done("view", *shown, "-o", "b.html")
     assert (folder / "a.html").read_bytes() == (folder / "b.html").read_bytes()
+
+
+def test_light_alone_has_the_surface_of_the_map_beside_it(folder):
+    """Unless another is asked for; a map of gold beside a white split sum is no comparison."""
+    gold = "ggx:roughness=0.25,f0=gold"
+    done("prefilter", "probe.exr", "--brdf", gold, "--to", "cabral", "-o", "gold.exr")
+    done("prefilter", "probe.exr", "--to", "splitsum", "-o", "light.split.exr")
+    out = done("view", "light.split.exr", "gold.exr", "-o", "a.html")
+    assert re.search(
+        r"maps of light alone have the surface of gold\.exr, ggx:.*roughness=0\.25", out
+    )
+    _, scene = written("a.html")
+    assert scene["start"]["roughness"] == 0.25
+    np.testing.assert_allclose(scene["start"]["f0"], [1.0, 0.782, 0.344], atol=1e-6)
+    assert any("surface of gold.exr" in note for note in scene["notes"])
+    out = done("view", "light.split.exr", "gold.exr", "--f0", "0.04", "-o", "a.html")
+    _, scene = written("a.html")
+    assert (scene["start"]["roughness"], scene["start"]["f0"]) == (0.5, [0.04] * 3)
+    assert "surface of" not in out
 
 
 def test_the_truth_of_several_views(folder):
@@ -128,7 +151,10 @@ def test_a_page_that_is_too_large_is_refused_before_the_truth(folder, monkeypatc
 def test_maps_that_shaders_cannot_show(folder):
     done("product", "ward", "--order", "2", "--size", "8", "-o", "p.exr")
     result = run("view", "p.exr", "-o", "a.html")
-    assert_refused(result, 1, "p.exr", "product textures", "shrm render")
+    assert_refused(result, 1, "p.exr", "product texture that holds no light", "give --probe")
+    lit = done("view", "p.exr", "--probe", "probe.exr", "--no-truth", "-o", "lit.html")
+    assert "shrm_lighting" in (folder / "lit.html").read_text()
+    assert "opens in a browser" in lit
     map_file.save("sharp.exr", cases.irradiance(17))
     result = run("view", "sharp.exr", "-o", "a.html")
     assert_refused(result, 1, "sharp.exr", "17", "shrm convert")

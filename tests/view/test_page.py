@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -70,22 +71,67 @@ def test_a_section_leaves_other_parts_of_a_page_alone():
     assert not re.search(r"<script(?! type=)", parts.body)
 
 
+def numbers(blocks, number, kind):
+    """The numbers of a block, whose bytes stand in planes."""
+    planes = np.frombuffer(zlib.decompress(blocks.parts[number]), np.uint8)
+    assert blocks.widths[number] == np.dtype(kind).itemsize
+    return np.frombuffer(planes.reshape(blocks.widths[number], -1).T.tobytes(), kind)
+
+
 def test_blocks_come_back_as_they_went_in():
     values = np.random.default_rng(2).normal(size=(2, 4, 5, 3)).astype(np.float32)
     blocks = Blocks()
     described = blocks.texture(values, "light")
     assert [described[key] for key in ("width", "height", "depth", "format")] == [5, 4, 2, "rgb16f"]
-    held = np.frombuffer(base64.b64decode(blocks.encoded()[described["block"]]), "<f2")
+    assert base64.b64decode(blocks.encoded()[described["block"]]) == blocks.parts[0]
+    held = numbers(blocks, described["block"], "<f2")
     np.testing.assert_allclose(held.reshape(values.shape), values, rtol=2**-11)
     assert blocks.encoded_bytes == sum(map(len, blocks.encoded()))
     assert blocks.remarks == []
+
+
+def unrounded(blocks, described):
+    """The values of a rounded texture, one by one."""
+    layers = described["depth"] or 1
+    shape = layers, described["height"], described["width"]
+    steps = numbers(blocks, described["block"], "<u2").reshape(3, *shape).astype(int)
+    exponents = numbers(blocks, described["exponents"], "i1").reshape(-1, *shape[1:]).astype(float)
+    signed = np.where(steps % 2, -(steps + 1) // 2, steps // 2)
+    return np.moveaxis(signed * 2.0**exponents, 0, -1)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_rounded_textures(shared):
+    """Each texel is as right as others, however dark it is; what is said of it is so."""
+    rng = np.random.default_rng(3)
+    brightness = np.exp(rng.normal(scale=4, size=(7, 5, 1)))
+    values = (rng.normal(size=(6, 7, 5, 3)) * brightness).clip(-6e4, 6e4).astype(np.float32)
+    values[:, 2, 3] = 0
+    blocks = Blocks(is_rounded=True)
+    described = blocks.texture(values, "light", shared=shared)
+    apart = unrounded(blocks, described) - values
+    axes = (0, 3) if shared else 3
+    length = np.sqrt((values.astype(float) ** 2).sum(axis=axes))
+    lit = length > 0
+    relative = np.sqrt((apart**2).sum(axis=axes))[lit] / length[lit]
+    assert relative.max() < (0.011 if shared else 0.007)
+    assert described["error"] == pytest.approx(np.sqrt(np.mean(relative**2)), rel=1e-6)
+    assert blocks.rounding_error == described["error"]
+    assert not apart[:, 2, 3].any()
+
+
+def test_tables_are_not_rounded():
+    blocks, values = Blocks(is_rounded=True), np.full((4, 4, 3), 1 / 3, dtype=np.float32)
+    described = blocks.texture(values, "table", is_half=False)
+    assert (numbers(blocks, described["block"], "<f4") == values.ravel()).all()
+    assert blocks.rounding_error == 0
 
 
 def test_what_half_cannot_hold_is_clipped_and_said():
     blocks, values = Blocks(), np.ones((4, 4, 3))
     values[1, 2] = 1e6, np.inf, 3
     described = blocks.texture(values, "sky.exr")
-    held = np.frombuffer(blocks.parts[described["block"]], "<f2").reshape(4, 4, 3)
+    held = numbers(blocks, described["block"], "<f2").reshape(4, 4, 3)
     assert held[1, 2].tolist() == [65504, 65504, 3]
     assert len(blocks.remarks) == 1
     assert blocks.remarks[0].startswith("sky.exr: 1 texels beyond 65504 were clipped")

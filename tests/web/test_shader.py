@@ -1,4 +1,4 @@
-"""The code for WebGL2, run in a browser: what it draws is what the maps say."""
+"""The code for WebGL2 and WebGPU, run in a browser: what it computes is what the maps say."""
 
 import base64
 from pathlib import Path
@@ -6,14 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shrm_cli.errors import MapError
+from shrm_cli.maps.irradiance.zh3 import in_form
 from shrm_cli.maps.shader.code import look_up_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.render.shading import takes_f0
 from shrm_cli.vocabulary import TAP_COUNTS
+from tests.maps.irradiance.test_shader import make
 from tests.maps.shader import cases
 
-DRAW = Path(__file__).with_name("draw.js").read_text()
+DRAW = {
+    "glsl": Path(__file__).with_name("draw.js").read_text(),
+    "wgsl": Path(__file__).with_name("draw_wgsl.js").read_text(),
+}
+VECTOR = {"glsl": "vec3", "wgsl": "vec3f"}
 PRECISION = 3e-5
 """Of 32-bit floats: places on a face are rounded to 1e-6 of a texel, and texels beside each other
 differ by as much as the largest, as they are random here."""
@@ -23,34 +30,78 @@ def packed(values):
     return base64.b64encode(np.ascontiguousarray(values, dtype=np.float32).tobytes()).decode()
 
 
-def drawn(page, made, normals, views, call):
-    """What the code returns in the browser for each pair, and the milliseconds that it took."""
+def drawn(page, made, normals, views, language, roughness=0.5, f0=(1.0, 1.0, 1.0)):
+    """What the code returns in the browser for each pair."""
+    call = "shrm_irradiance(n)"
+    if made.representation != "irradiance":
+        surface = f", {roughness}" if made.needs_surface else ""
+        surface += f", {VECTOR[language]}{f0}" if takes_f0(made) else ""
+        call = f"shrm_radiance(n, v{surface})"
+    textures = [] if made.representation == "irradiance" else pack(made)
     job = {
-        "code": look_up_code(made, "glsl", "layers"),
+        "code": look_up_code(made, language, "layers"),
         "call": call,
         "count": len(normals),
+        "lighting": packed(made.lighting) if made.representation == "product" else None,
         "pairs": packed([normals, views]),
         "textures": [
             {"name": each.name, "shape": each.values.shape[:3], "values": packed(each.values)}
-            for each in pack(made)
+            for each in textures
         ],
     }
-    found = page.evaluate(DRAW, job)
-    return np.reshape(found["pixels"], (-1, 4))[:, :3], found["milliseconds"]
+    found = page.evaluate(DRAW[language], job)
+    return np.reshape(found, (len(normals), -1))[:, :3]
+
+
+@pytest.fixture
+def secure(watched, site):
+    """A page of the loopback: WebGPU is of secure pages alone."""
+    folder, address = site
+    (folder / "empty.html").write_text('<!doctype html><link rel="icon" href="data:,">')
+    watched.page.goto(f"{address}/empty.html")
+    watched.requests.clear()
+    return watched
 
 
 @pytest.mark.parametrize("name", cases.FORMS)
-def test_the_browser_draws_what_the_map_says(watched, monkeypatch, name):
+@pytest.mark.parametrize("language", DRAW)
+def test_the_browser_draws_what_the_map_says(secure, monkeypatch, language, name):
     cases.filter_bilinearly(monkeypatch)
     made = cases.FORMS[name]()
     normals, views = (each.astype(np.float32).astype(float) for each in cases.points(200))
-    for roughness, f0 in cases.SURFACES if made.needs_surface else [(0.5, (1.0, 1.0, 1.0))]:
-        surface = f", {roughness}" if made.needs_surface else ""
-        surface += f", vec3{f0}" if takes_f0(made) else ""
-        found, _ = drawn(watched.page, made, normals, views, f"shrm_radiance(n, v{surface})")
-        truth = cases.expected(made, normals, views, roughness, f0)
+    for surface in cases.SURFACES if made.needs_surface else [(0.5, (1.0, 1.0, 1.0))]:
+        found = drawn(secure.page, made, normals, views, language, *surface)
+        truth = cases.expected(made, normals, views, *surface)
         np.testing.assert_allclose(found, truth, rtol=0, atol=PRECISION * np.abs(truth).max())
-    assert (watched.errors, watched.requests) == ([], [])
+    assert (secure.errors, secure.requests) == ([], [])
+
+
+LIGHT = {
+    "polynomial": lambda: make(2),
+    "sum": lambda: make(6),
+    "zh3": lambda: in_form(make(2), "zh3"),
+    "zh3 of each channel": lambda: in_form(make(2), "zh3-channel"),
+}
+
+
+@pytest.mark.parametrize("name", LIGHT)
+@pytest.mark.parametrize("language", DRAW)
+def test_the_browser_computes_irradiance(secure, language, name):
+    made = LIGHT[name]()
+    normals, views = (each.astype(np.float32).astype(float) for each in cases.points(200))
+    found = drawn(secure.page, made, normals, views, language)
+    truth = made.irradiance(normals)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=3e-6 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", cases.FORMS)
+def test_the_browser_compiles_arrays_of_cubes_in_wgsl(secure, name):
+    made = cases.FORMS[name]()
+    try:
+        code = look_up_code(made, "wgsl", "cube-array")
+    except MapError:  # cubes that no hardware filters, as `test_code` says
+        return
+    assert secure.page.evaluate(COMPILE, code) == []
 
 
 WGSL = """
@@ -73,11 +124,7 @@ COMPILE = """async (code) => {
 
 
 @pytest.mark.parametrize("taps", TAP_COUNTS)
-def test_the_browser_compiles_the_taps_in_wgsl(watched, site, taps):
-    """WebGPU is of secure pages alone, as those of the loopback are."""
-    folder, address = site
-    (folder / "empty.html").write_text("<!doctype html>")
-    watched.page.goto(f"{address}/empty.html")
+def test_the_browser_compiles_the_taps_in_wgsl(secure, taps):
     code = taps_code(taps, "wgsl") + WGSL
-    assert watched.page.evaluate(COMPILE, code) == []
-    assert watched.page.evaluate(COMPILE, code.replace("shrm_fit(q", "shrm_fit(rough", 1)) != []
+    assert secure.page.evaluate(COMPILE, code) == []
+    assert secure.page.evaluate(COMPILE, code.replace("shrm_fit(q", "shrm_fit(rough", 1)) != []

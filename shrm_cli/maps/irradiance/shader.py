@@ -48,7 +48,7 @@ def irradiance_snippet(irradiance: Irradiance, language: str) -> str:
     irradiance : Irradiance
         A map of order 16 at most. Up to order 2 the code is the quadratic polynomial of eq. 4.16;
         above it sums the harmonics of the even degrees.
-    language : {"glsl", "hlsl", "c"}
+    language : {"glsl", "hlsl", "wgsl", "c"}
         The code in C is C89, which later standards and C++ take too. It computes in double
         precision.
 
@@ -135,7 +135,7 @@ def _comment(made: Irradiance) -> list[str]:
 
 
 def _shader(terms: Sequence[tuple[str, Array]], speech: Language) -> list[str]:
-    """Write the function in GLSL or HLSL."""
+    """Write the function in a language of shaders."""
     sums = [_vector(rgb, speech) + (f" * {by}" if by else "") for by, rgb in terms]
     axes = "    float x = normal.x, y = normal.y, z = normal.z;"
     lines = [

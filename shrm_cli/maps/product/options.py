@@ -1,6 +1,6 @@
 """The options of `shrm prefilter --to product`. This module loads no numpy."""
 
-from shrm_cli.maps.options import WINDOW, Option, Representation
+from shrm_cli.maps.options import SHADER, TEXTURES, WINDOW, Option, Representation
 from shrm_cli.vocabulary import (
     DEFAULT_PRODUCT_ORDER,
     DEFAULT_PRODUCT_SIZE,
@@ -31,6 +31,8 @@ DESCRIPTIONS = {
                 default=DEFAULT_PRODUCT_SIZE,
             ),
             WINDOW,
+            SHADER,
+            TEXTURES,
         ),
         steps=tuple({"order": order} for order in (2, 4, 6, 8, 10, 14)),
     )

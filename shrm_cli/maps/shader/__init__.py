@@ -1,1 +1,1 @@
-"""Maps as source code: functions that look a map up in GLSL, HLSL and C, and their textures."""
+"""Maps as source code: look-ups of maps in GLSL, HLSL, WGSL and C, and their textures."""

@@ -57,6 +57,10 @@ _TEXEL = {
         "texelFetch({name}, ivec3(x, y, layer), 0).rgb",
     ),
     "hlsl": ("Texture2DArray {name};", "{name}.Load(int4(x, y, layer, 0)).rgb"),
+    "wgsl": (
+        "var {name}: texture_2d_array<f32>;",
+        "textureLoad({name}, vec2i(x, y), layer, 0).rgb",
+    ),
     "c": (
         "static const float *{name};",
         "shrm_vec({name}[at], {name}[at + 1], {name}[at + 2])",
@@ -71,12 +75,19 @@ _CUBES = {
         "TextureCubeArray {name};",
         "{name}.SampleLevel(shrm_sampler, float4(d, cube), 0).rgb",
     ),
+    "wgsl": (
+        "var {name}: texture_cube_array<f32>;",
+        "textureSampleLevel({name}, shrm_sampler, d, cube, 0.0).rgb",
+    ),
 }
+_SAMPLERS = {"hlsl": "SamplerState shrm_sampler;", "wgsl": "var shrm_sampler: sampler;"}
 _VERSIONS = {
     ("glsl", "layers"): "GLSL 3.30, and GLSL ES 3.00 (WebGL2)",
     ("glsl", "cube-array"): "GLSL 4.00",
     ("hlsl", "layers"): "HLSL, shader model 4",
     ("hlsl", "cube-array"): "HLSL, shader model 5",
+    ("wgsl", "layers"): "WGSL; textures hold RGBA, whose alpha is not read",
+    ("wgsl", "cube-array"): "WGSL; textures hold RGBA, whose alpha is not read",
     ("c", "layers"): "C89",
 }
 
@@ -93,7 +104,7 @@ def look_up_code(
     Parameters
     ----------
     made : Map
-    language : {"glsl", "hlsl", "c"}
+    language : {"glsl", "hlsl", "wgsl", "c"}
     textures : {"cube-array", "layers"}, optional
         Where cubes are read: from arrays of cube maps, whose faces are turned as the graphics API
         wants them, or from the arrays of images that `file.pack` returns. Code in C reads the
@@ -121,6 +132,7 @@ def look_up_code(
     source = source_of(made, chosen)
     write = _with_layers if chosen == "layers" else _with_cube_arrays
     head, words, comment = write(source, speech)
+    comment += _declare_own(source, speech, head)
     functions = source.functions(words)
     if taps is not None:
         functions += _brushed(made, taps, speech)
@@ -166,13 +178,8 @@ def source_of(made: "Map", textures: str) -> Source:
     Raises
     ------
     MapError
-        If the map's form has no such code.
+        If there is no such code for the map.
     """
-    if made.representation == "product":
-        raise MapError(
-            "a product texture has no such code or layers: its file is the texture that shaders "
-            "read; its page, docs/conventions.md, has their lines"
-        )
     found: Source = registry.module(made.representation, "shader").source(made.stored, textures)
     return found
 
@@ -207,7 +214,7 @@ def _with_layers(source: Source, language: Language) -> tuple[list[str], Words, 
         cube = partial(_filtered, pages)
         comment = _about_layers(pages)
     if source.table is not None:
-        comment += _declare_table(source.table, language, lines)
+        comment += _declare_table("shrm_table", "shrm_cell", source.table, language, lines)
     words = Words(
         language,
         lambda stack, d: f"shrm_place({d}, {language.number(float(_size(source, stack)))})",
@@ -230,14 +237,31 @@ def _array(name: str, function: str, width: int, height: int, language: Language
     ]
 
 
-def _declare_table(table: Table, language: Language, lines: list[str]) -> list[str]:
+def _declare_table(
+    name: str, function: str, table: Table, language: Language, lines: list[str]
+) -> list[str]:
     """Add what declares a table that is a texture to lines of code, and return the comment."""
     layers, height, width = table.shape
-    lines += _array("shrm_table", "shrm_cell", width, height, language)
+    lines += _array(name, function, width, height, language)
     return [
-        f"shrm_table: {table.about}.",
+        f"{name}: {table.about}.",
         f"It has {layers} x {height} x {width} texels, RGB floats.",
     ]
+
+
+def _declare_own(source: Source, language: Language, lines: list[str]) -> list[str]:
+    """Declare what few forms have, as `_declare_table` does: images, and light that may change."""
+    comment: list[str] = []
+    if source.images is not None:
+        comment += _declare_table("shrm_product", "shrm_own", source.images, language, lines)
+    if source.lighting is not None:
+        count = len(source.lighting)
+        lines += language.colors_given("shrm_lighting", source.lighting)
+        comment += [
+            f"shrm_lighting: {count} coefficients of the light in world axes, index l (l + 1) + m;",
+            "set and change them. The map's own are shrm:lighting_coefficients of its file.",
+        ]
+    return comment
 
 
 def _table_in_code(table: Table, language: Language) -> list[str]:
@@ -304,8 +328,8 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
         )
     lines: list[str] = []
     comment: list[str] = []
-    if sizes and language.name == "hlsl":
-        lines.append("SamplerState shrm_sampler;")
+    if sizes and language.name in _SAMPLERS:
+        lines.append(_SAMPLERS[language.name])
     first: list[int] = []
     held = dict.fromkeys(sizes, 0)
     for stack in source.stacks:
@@ -323,7 +347,7 @@ def _with_cube_arrays(source: Source, language: Language) -> tuple[list[str], Wo
     if source.table is not None and source.table.in_code:
         lines += _table_in_code(source.table, language)
     elif source.table is not None:
-        comment += _declare_table(source.table, language, lines)
+        comment += _declare_table("shrm_table", "shrm_cell", source.table, language, lines)
     words = Words(
         language,
         lambda stack, d: d,

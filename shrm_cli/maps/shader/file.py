@@ -28,9 +28,9 @@ class PackedTexture:
 
     Attributes
     ----------
-    name : {"shrm_layers", "shrm_table"}
-        What the code calls it: the cubes, which half precision holds as well as the map's file
-        does, or numbers that want 32-bit floats.
+    name : {"shrm_layers", "shrm_product", "shrm_table"}
+        What the code calls it: the cubes or functions of the view, which half precision holds as
+        well as the map's file does, or numbers that want 32-bit floats.
     values : ndarray of float32, shape (layers, height, width, 3)
         RGB, the top row first.
     """
@@ -65,9 +65,10 @@ def pack(made: "Map") -> tuple[PackedTexture, ...]:
     if source.stacks:
         pages = arrange([(stack.shape[2], stack.shape[1]) for stack in source.stacks])
         found.append(PackedTexture("shrm_layers", drawn(pages, source.stacks, source.sampling)))
-    if source.table is not None:
-        with np.errstate(over="ignore"):
-            found.append(PackedTexture("shrm_table", source.table.make().astype(np.float32)))
+    for name, table in (("shrm_table", source.table), ("shrm_product", source.images)):
+        if table is not None:
+            with np.errstate(over="ignore"):
+                found.append(PackedTexture(name, table.make().astype(np.float32)))
     if not all(np.isfinite(each.values).all() for each in found):
         raise MapError("a number is beyond 32-bit floats; dim the light")
     return tuple(found)

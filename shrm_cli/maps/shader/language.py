@@ -12,6 +12,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
+from shrm_cli.maps.shader.wgsl import in_wgsl
 from shrm_cli.records import record
 
 _FLOAT_MAX = float(np.finfo(np.float32).max)
@@ -68,6 +69,7 @@ _WORDS: dict[str, list[tuple[str, str]]] = {
         (r"\bmix\(", "lerp("),
         (r"\batan\(", "atan2("),
     ],
+    "wgsl": [],  # its statements are others, too
     "c": [
         (r"\bvec3\(", "shrm_vec("),
         (r"\bvec3\b", "shrm_vec3"),
@@ -90,7 +92,7 @@ class Language:
 
     Attributes
     ----------
-    name : {"glsl", "hlsl", "c"}
+    name : {"glsl", "hlsl", "wgsl", "c"}
 
     Raises
     ------
@@ -154,10 +156,21 @@ class Language:
         head, last, values = {
             "glsl": (f"const vec3 {name}[{len(rows)}] = vec3[{len(rows)}](", ");", "vec3({})"),
             "hlsl": (f"static const vec3 {name}[{len(rows)}] = {{", "};", "vec3({})"),
+            "wgsl": (f"const {name} = array<vec3f, {len(rows)}>(", ");", "vec3({})"),
             "c": (f"static const vec3 {name}[{len(rows)}] = {{", "};", "{{{}}}"),
         }[self.name]
         inside = [f"    {values.format(text)}," for text in texts]
         return [head, *inside[:-1], inside[-1].rstrip(","), last]
+
+    def colors_given(self, name: str, rows: Array) -> list[str]:
+        """Write an array of colours that the program sets; in C it begins with these rows."""
+        count = len(rows)
+        if self.is_c:
+            head, *others = self.colors(name, rows)
+            return [head.replace("const ", ""), *others]
+        if self.name == "wgsl":
+            return [f"var<uniform> {name}: array<vec3f, {count}>;"]
+        return [f"{'uniform ' if self.name == 'glsl' else ''}vec3 {name}[{count}];"]
 
     def check(self, values: Array) -> None:
         """Refuse numbers that are not finite in the type of the language."""
@@ -180,6 +193,8 @@ class Language:
         text = "\n".join(lines)
         for pattern, word in _WORDS[self.name]:
             text = re.sub(pattern, word, text, flags=re.MULTILINE)
+        if self.name == "wgsl":
+            text = in_wgsl(text)
         if not self.is_c:
             return text.split("\n")
         text = _CALLED.sub("\n".join([*C_MAY_BE_UNUSED, ""]), text)

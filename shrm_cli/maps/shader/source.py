@@ -72,6 +72,10 @@ class Source:
     sampling : {"center", "border"}
         Where the edge texels of the cubes lie.
     table : Table, optional
+    images : Table, optional
+        Further numbers, which half precision holds as well as the map's file does.
+    lighting : ndarray, shape (n, 3), optional
+        The light's coefficients, where programs may change them.
     """
 
     title: str
@@ -79,6 +83,8 @@ class Source:
     stacks: Sequence[Array] = ()
     sampling: Sampling = "center"
     table: Table | None = None
+    images: Table | None = None
+    lighting: Array | None = None
 
 
 def central_direction(center: str, language: Language) -> str:

@@ -1,10 +1,8 @@
 """Brushed GGX under a split sum as source code: what `BrushedSplitSum` computes, step by step.
 
 The taps need nothing but ``shrm_light(d, roughness)``, so that engines with levels of their own can
-use them; `taps_code` writes them alone, for WGSL as well.
+use them; `taps_code` writes them alone.
 """
-
-import re
 
 from shrm_cli.brdf.environment.equal_roughness import TURNS
 from shrm_cli.brdf.environment.taps import LEAST_FITTED, polynomials
@@ -69,14 +67,6 @@ vec3 shrm_brushed(vec3 n, vec3 t, vec3 v, float roughness, float anisotropy, vec
     float scale = dfg.x + dfg.y - bias;
     return PRODUCT;
 }"""
-_WGSL = [
-    (r"^(vec3|float) (shrm_\w+)\((.*)\)$", r"fn \2(\3) -> \1"),
-    (r"^    (vec3|float) (\w+)(?= =|;)", r"    var \2: \1"),
-    (r"\b(vec3|float) (\w+)(?=[,)])", r"\2: \1"),
-    (r"\bvec3\b", "vec3f"),
-    (r"\bfloat\b", "f32"),
-]
-"""Patterns of the taps' GLSL, and what stands for them in WGSL."""
 
 
 def brushed_functions(count: int, language: Language) -> list[str]:
@@ -110,13 +100,8 @@ def taps_code(count: int, language: str) -> str:
     language : {"glsl", "hlsl", "wgsl", "c"}
         In C the code begins with the vectors that it needs.
     """
-    if language != "wgsl":
-        speech = Language(language)
-        return "\n".join(speech.translated(_taps(count, speech))) + "\n"
-    text = "\n".join(_taps(count, Language("glsl"))) + "\n"
-    for pattern, word in _WGSL:
-        text = re.sub(pattern, word, text, flags=re.MULTILINE)
-    return text
+    speech = Language(language)
+    return "\n".join(speech.translated(_taps(count, speech))) + "\n"
 
 
 def _taps(count: int, language: Language) -> list[str]:

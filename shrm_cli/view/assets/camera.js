@@ -28,6 +28,18 @@ function cameraAxes(azimuth, elevation) {
   return right.concat(up, v);
 }
 
+// The matrix that takes directions to where they were before the light was turned about +Y, from +Z
+// towards +X: the surface and the viewer are turned back instead. No form of map is about a direction
+// of the world but +Y, so that all of them are turned exactly.
+function lightTurn(degrees) {
+  var c = Math.cos(radians(degrees)), s = Math.sin(radians(degrees));
+  return [c, 0, s, 0, 1, 0, -s, 0, c];
+}
+
+function wrapped(degrees) {
+  return ((((degrees + 180) % 360) + 360) % 360) - 180;
+}
+
 // Distance of the eye from the picture's plane, whose shorter edge spans an angle of view.
 function focalLength(width, height, fov, zoom) {
   return (zoom * Math.min(width, height)) / 2 / Math.tan(radians(fov / 2));
@@ -40,7 +52,7 @@ function sphereRadius(width, height, zoom) {
 // A new view, turned by some degrees; it never tips over the poles.
 function turned(view, azimuth, elevation) {
   return {
-    azimuth: ((((view.azimuth + azimuth + 180) % 360) + 360) % 360) - 180,
+    azimuth: wrapped(view.azimuth + azimuth),
     elevation: clamp(view.elevation + elevation, -LIMITS.elevation, LIMITS.elevation),
     zoom: view.zoom,
   };

@@ -42,6 +42,7 @@ function Controls(viewer) {
     if (button) self.act(button.dataset.do);
   });
   viewer.listeners.push(function () { self.update(); });
+  viewer.onTurned = function () { self.turned(); };
   viewer.onDrawn = function () { self.drawn(); };
   this.update();
 }
@@ -92,6 +93,7 @@ Controls.prototype.changed = function (field) {
     case "shape": return viewer.set({ shape: value });
     case "azimuth": view.azimuth = value; return viewer.set({ view: view });
     case "elevation": view.elevation = value; return viewer.set({ view: view });
+    case "light": return viewer.turnLight(value);
     case "zoom": view.zoom = Math.pow(2, value); return viewer.set({ view: view });
     case "exposure": return viewer.set({ exposure: value });
     case "background": return viewer.set({ background: field.value });
@@ -129,6 +131,7 @@ Controls.prototype.measure = function () {
 
 Controls.prototype.act = function (what) {
   if (what === "expose") this.viewer.set({ exposure: this.viewer.suitableExposure() });
+  else if (what === "spin") this.viewer.spin();
   else if (what === "reset") this.viewer.reset();
   else if (what === "truth-view") this.viewer.goToTruth();
   else if (what === "help") this.toggleHelp();
@@ -159,6 +162,7 @@ Controls.prototype.update = function () {
   put("azimuth", state.view.azimuth, state.view.azimuth.toFixed(0) + "\u00b0");
   put("elevation", state.view.elevation, state.view.elevation.toFixed(0) + "\u00b0");
   put("zoom", Math.log2(state.view.zoom), state.view.zoom.toFixed(2) + "\u00d7");
+  this.turned();
   put("exposure", state.exposure, signed(state.exposure, 2) + " EV");
   put("background", state.background);
   put("roughness", state.roughness, state.roughness.toFixed(2));
@@ -178,6 +182,12 @@ Controls.prototype.update = function () {
   this.root.querySelector(".tag-b").textContent = (differs ? "B " : "") + this.viewer.nameOf(state.b);
   this.surfaceNote();
   this.facts();
+};
+
+Controls.prototype.turned = function () {
+  var light = this.viewer.state.light, field = this.fields.light;
+  field.value = String(light);
+  field.nextElementSibling.textContent = light.toFixed(0) + "\u00b0";
 };
 
 Controls.prototype.scaleText = function (scale) {
@@ -234,7 +244,7 @@ Controls.prototype.drawn = function () {
   place.hidden = !missing;
   if (missing) {
     var count = viewer.scene.truths.length;
-    place.querySelector("span").textContent = "The truth is known of the sphere from " +
+    place.querySelector("span").textContent = "The truth is known of light that is not turned, on the sphere from " +
       (count === 1 ? "one side" : count + " sides") + (viewer.needsSurface() ? ", for one surface." : ".");
   }
   this.read();

@@ -37,14 +37,15 @@ function makeProgram(gl, vertex, fragment) {
 }
 
 // Uniforms by name; a program need not have all of them. Numbers are floats, lists of 2, 3 or 4
-// numbers vectors, and of 9 matrices.
+// numbers vectors, of 9 matrices, and longer ones arrays of colours.
 function setUniforms(gl, made, values) {
   Object.keys(values).forEach(function (name) {
     var place = made.places[name], value = values[name];
-    if (place === undefined || place === null) return;
+    if (place === undefined || place === null || value === undefined || value === null) return;
     if (typeof value === "boolean") gl.uniform1i(place, value ? 1 : 0);
     else if (typeof value === "number") gl.uniform1f(place, value);
     else if (value.length === 9) gl.uniformMatrix3fv(place, false, value);
+    else if (value.length > 4) gl.uniform3fv(place, value);
     else gl["uniform" + value.length + "fv"](place, value);
   });
 }
@@ -67,9 +68,10 @@ var FORMATS = {
   rgb32f: ["RGB32F", "RGB", "FLOAT", Float32Array],
 };
 
-// A texture as Python describes it: {format, width, height, depth or 0, block}. Shaders fetch its
+// A texture as Python describes it: {format, width, height, depth or 0, block, maybe exponents}.
+// Shaders fetch its
 // texels and blend them themselves, so that no device's filter is part of a picture.
-function makeTexture(gl, described, buffer) {
+function makeTexture(gl, described, blocks) {
   var format = FORMATS[described.format];
   var target = described.depth ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D;
   var most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -79,18 +81,22 @@ function makeTexture(gl, described, buffer) {
         most + " of this graphics device. Make the map smaller by shrm convert --size."
     );
   var texture = gl.createTexture();
-  var values = new format[3](buffer);
+  var is_rounded = described.exponents !== undefined, buffer = blocks[described.block];
+  var values = is_rounded
+    ? unrounded(described, new Uint16Array(buffer), new Int8Array(blocks[described.exponents]))
+    : new format[3](buffer);
+  var kind = is_rounded ? gl.FLOAT : gl[format[2]];
   gl.bindTexture(target, texture);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   if (described.depth) {
     gl.texImage3D(
       target, 0, gl[format[0]], described.width, described.height, described.depth, 0,
-      gl[format[1]], gl[format[2]], values
+      gl[format[1]], kind, values
     );
   } else {
     gl.texImage2D(
       target, 0, gl[format[0]], described.width, described.height, 0,
-      gl[format[1]], gl[format[2]], values
+      gl[format[1]], kind, values
     );
   }
   gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, gl.NEAREST);

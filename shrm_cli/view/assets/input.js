@@ -9,6 +9,7 @@ var KEYS = [
   ["X", "exchange A and B"],
   ["D", "divider, difference, relative difference"],
   ["< >", "move the divider"],
+  ["L", "turn the light, or stop it"],
   ["T", "a view that the truth is known of"],
   ["S", "next shape"],
   ["B", "probe or plain behind"],
@@ -21,14 +22,16 @@ function quoted(text) {
   return /^[\w@%+=:,.\/-]+$/.test(text) ? text : "'" + text.replace(/'/g, "'\\''") + "'";
 }
 
-// The command that draws side A as the page shows it. It knows no zoom of a sphere, and the page's
+// The command that draws side A as the page shows it. It knows no turned light, no zoom of a sphere, and the page's
 // own figure is in no file.
 function renderCommand(viewer) {
   var state = viewer.state, scene = viewer.scene;
   var side = state.a.kind === "map" ? state.a : state.b;
   var map = scene.maps[side && side.kind === "map" ? side.number : 0];
   var words = ["shrm", "render", quoted(map.file)];
-  words.push("--view", state.view.azimuth.toFixed(2) + "," + state.view.elevation.toFixed(2));
+  // On a sphere turned light is a turned view.
+  var azimuth = state.shape === SPHERE_SHAPE ? wrapped(state.view.azimuth - state.light) : state.view.azimuth;
+  words.push("--view", azimuth.toFixed(2) + "," + state.view.elevation.toFixed(2));
   if (state.exposure) words.push("--exposure", String(state.exposure));
   if (map.surface) {
     words.push("--roughness", String(Number(state.roughness.toFixed(4))));
@@ -41,6 +44,8 @@ function renderCommand(viewer) {
     words.push("--distance", String(Number((shape.distance * shape.radius).toPrecision(7))));
   }
   if (state.background === "probe" && scene.sky) words.push("--background", quoted(scene.sky.file));
+  if (state.light && state.shape !== SPHERE_SHAPE)
+    words.push("# of a map made with --yaw " + Number(state.light.toFixed(2)));
   return words.join(" ");
 }
 
@@ -84,6 +89,7 @@ function pressed(viewer, controls, event) {
     e: function () { controls.act("expose"); },
     x: function () { if (state.b) viewer.set({ a: state.b, b: state.a }); },
     d: function () { controls.compare((state.mode + 1) % 3); },
+    l: function () { viewer.spin(); },
     t: function () { viewer.goToTruth(); },
     s: function () { viewer.set({ shape: (state.shape + 1) % scene.shapes.length }); },
     b: function () {

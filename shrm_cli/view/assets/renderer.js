@@ -11,9 +11,9 @@ function Renderer(gl, scene, blocks) {
   this.mapTextures = {};
   this.truthTextures = {};
   this.meshes = {};
-  this.sky = scene.sky ? makeTexture(gl, scene.sky, blocks[scene.sky.block]) : null;
+  this.sky = scene.sky ? makeTexture(gl, scene.sky, blocks) : null;
   this.nothing = makeTexture(
-    gl, { format: "rgb16f", width: 1, height: 1, depth: 0 }, new Uint16Array(4).buffer
+    gl, { format: "rgb16f", width: 1, height: 1, depth: 0, block: 0 }, [new Uint16Array(4).buffer]
   );
   gl.bindVertexArray(null);
 }
@@ -30,7 +30,7 @@ Renderer.prototype.texturesOf = function (number) {
   if (!this.mapTextures[number]) {
     var made = {};
     this.scene.maps[number].textures.forEach(function (each) {
-      made[each.name] = makeTexture(self.gl, each, self.blocks[each.block]);
+      made[each.name] = makeTexture(self.gl, each, self.blocks);
     });
     this.mapTextures[number] = made;
   }
@@ -40,7 +40,7 @@ Renderer.prototype.texturesOf = function (number) {
 Renderer.prototype.truthTexture = function (number) {
   var truth = this.scene.truths[number];
   if (!this.truthTextures[number])
-    this.truthTextures[number] = makeTexture(this.gl, truth.picture, this.blocks[truth.picture.block]);
+    this.truthTextures[number] = makeTexture(this.gl, truth.picture, this.blocks);
   return this.truthTextures[number];
 };
 
@@ -67,7 +67,8 @@ Renderer.prototype.meshOf = function (number) {
 };
 
 function shownCode(map) {
-  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v) { return " + map.call + "; }\n";
+  return map.code + "\nvec3 shrm_shown(vec3 n, vec3 v) {\n" +
+    "  n = view_turn * n;\n  v = view_turn * v;\n  return " + map.call + ";\n}\n";
 }
 
 // ---- drawing ------------------------------------------------------------------------------------
@@ -79,6 +80,7 @@ Renderer.prototype.common = function (state, width, height) {
   return {
     view_size: [width, height],
     view_axes: cameraAxes(state.view.azimuth, state.view.elevation),
+    view_turn: lightTurn(state.light),
     view_focal: focalLength(width, height, fov, state.view.zoom),
     view_radius: sphereRadius(width, height, state.view.zoom),
     view_distance: this.scene.shapes[state.shape].distance || 1,
@@ -98,6 +100,7 @@ Renderer.prototype.draw = function (target, side, state, shift) {
   var gl = this.gl;
   var values = this.common(state, target.width, target.height);
   values.view_shift = shift || [0, 0];
+  if (side.kind === "map") values.shrm_lighting = this.scene.maps[side.number].lighting;
   gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
   gl.viewport(0, 0, target.width, target.height);
   gl.disable(gl.BLEND);

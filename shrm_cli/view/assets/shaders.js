@@ -21,6 +21,7 @@ var FULL_SCREEN = HEAD + [
 var COMMON = [
   "uniform vec2 view_size;",
   "uniform mat3 view_axes;", // right, up and V
+  "uniform mat3 view_turn;", // from the world to where the light is as it was made
   "uniform float view_focal;",
   "uniform float view_roughness;",
   "uniform vec3 view_f0;",
@@ -39,6 +40,7 @@ var COMMON = [
   "vec3 view_surroundings(vec3 d) {",
   "  if (!view_has_sky) return vec3(0.0);",
   "  ivec2 size = textureSize(view_sky, 0);",
+  "  d = view_turn * d;",
   "  float across = -atan(d.x, d.z) / 3.141592653589793;",
   "  float down = atan(length(d.xz), d.y) / 1.5707963267948966 - 1.0;",
   "  vec2 at = 0.5 * (vec2(across, down) + 1.0) * vec2(size) - 0.5;",

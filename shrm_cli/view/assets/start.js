@@ -20,9 +20,8 @@ function start(root) {
     var controls = new Controls(viewer);
     listenToKeys(viewer, controls);
     listenToPointers(viewer, controls);
-    viewer.drawNow();
+    viewer.drawFirst();
     controls.drawn();
-    viewer.redraw();
     root.dataset.state = "ready";
     return viewer;
   }).catch(function (error) {

@@ -4,6 +4,7 @@ var SMOOTH = 60; // Milliseconds that a picture may take while something moves.
 var STILL = 180; // Milliseconds without a change after which it is drawn in full.
 var PATIENCE = 2500; // Milliseconds that may be spent on smoothing the edges of a mesh.
 var MEASURED = 128; // Pixels along the edge of the pictures by which A is compared with B.
+var TURNING = 30; // Degrees a second of a light that turns.
 var COARSEST = 4; // Pixels of the screen along the edge of one that is drawn while things move.
 
 var MODE = { divider: 0, absolute: 1, relative: 2 };
@@ -13,6 +14,7 @@ function startState(scene) {
   return {
     view: { azimuth: start.view[0], elevation: start.view[1], zoom: 1 },
     shape: start.shape,
+    light: 0, // degrees that it is turned by
     exposure: start.exposure || 0,
     roughness: start.roughness,
     f0: start.f0.slice(),
@@ -57,7 +59,28 @@ Viewer.prototype.set = function (changes) {
 };
 
 Viewer.prototype.reset = function () {
+  this.spins = false;
   this.set(startState(this.scene));
+};
+
+// Turn the light, and no more than that: it is done in every frame while the light moves.
+Viewer.prototype.turnLight = function (degrees) {
+  this.state.light = wrapped(degrees);
+  if (this.onTurned) this.onTurned();
+  this.redraw();
+};
+
+// Let the light go on turning, or stop it.
+Viewer.prototype.spin = function () {
+  var self = this, before = performance.now();
+  this.spins = !this.spins;
+  function next(now) {
+    if (!self.spins) return;
+    self.turnLight(self.state.light + (TURNING * Math.max(now - before, 0)) / 1000);
+    before = now;
+    requestAnimationFrame(next);
+  }
+  if (this.spins) requestAnimationFrame(next);
 };
 
 Viewer.prototype.needsSurface = function () {
@@ -68,7 +91,7 @@ Viewer.prototype.needsSurface = function () {
 Viewer.prototype.truthOf = function (state) {
   var scene = this.scene, needs = this.needsSurface();
   return scene.truths.findIndex(function (truth) {
-    return state.shape === SPHERE_SHAPE &&
+    return state.shape === SPHERE_SHAPE && Math.abs(state.light) < 1e-3 &&
       isSameView(state.view, truth.view[0], truth.view[1]) &&
       (!needs || (Math.abs(truth.roughness - state.roughness) < 1e-6 &&
         truth.f0.every(function (x, k) { return Math.abs(x - state.f0[k]) < 1e-6; })));
@@ -87,6 +110,7 @@ Viewer.prototype.goToTruth = function () {
   var truth = truths[near.indexOf(Math.max.apply(null, near))];
   var changes = {
     view: { azimuth: truth.view[0], elevation: truth.view[1], zoom: now.zoom }, shape: SPHERE_SHAPE,
+    light: 0,
   };
   if (this.needsSurface()) {
     changes.roughness = truth.roughness;
@@ -219,10 +243,12 @@ Viewer.prototype.show = function () {
   );
 };
 
-// Draw at once, without waiting for the next frame.
-Viewer.prototype.drawNow = function () {
-  this.drawSides(1);
+// Draw the first picture at once and coarsely, and come back for the rest.
+Viewer.prototype.drawFirst = function () {
+  this.coarse = COARSEST;
+  this.drawSides(COARSEST);
   this.show();
+  this.redraw();
 };
 
 // An exposure that suits side A, in quarters of a stop.

@@ -180,7 +180,7 @@ def test_no_name_escapes_from_the_comment(tmp_path, name):
     assert validate(tmp_path, "glsl", irradiance_snippet(made, "glsl")).returncode == 0
 
 
-@pytest.mark.parametrize("language", ["glsl", "hlsl", "c"])
+@pytest.mark.parametrize("language", ["glsl", "hlsl", "wgsl", "c"])
 def test_the_comment_tells_where_it_comes_from(language):
     window = Window("hann", 2.5, tuple(window_factors("hann", 2.5, 2).tolist()))
     comment = irradiance_snippet(make(2, "my room.exr", window=window), language).partition("*/")[0]
@@ -221,8 +221,8 @@ def test_what_is_refused():
     with pytest.raises(MapError, match="orders up to 16, not 17; lower") as caught:
         irradiance_snippet(make(17), "glsl")
     assert "\n" not in str(caught.value)
-    with pytest.raises(MapError, match="take one of glsl, hlsl, c"):
-        irradiance_snippet(make(2), "wgsl")
+    with pytest.raises(MapError, match="take one of glsl, hlsl, wgsl, c"):
+        irradiance_snippet(make(2), "metal")
     bright = make(2, scale=1e38)
     with pytest.raises(MapError, match="beyond the 32-bit floats"):
         irradiance_snippet(bright, "hlsl")

@@ -20,6 +20,7 @@ from shrm_cli.maps.principal import principal
 from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.functions import TABLE
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.shader.source import ggx_moments
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential, exponent_series
 from shrm_cli.maps.shrm import shrm as shrm_module
@@ -103,6 +104,8 @@ def filter_bilinearly(monkeypatch):
         return (1 - share) * below + share * above
 
     monkeypatch.setattr(BrushedLobe, "parts", stepped)
+    values = ProductTexture.values
+    monkeypatch.setattr(ProductTexture, "values", lambda made, views: values(made, views, True))
 
 
 def cube(rng, size, count):
@@ -168,6 +171,13 @@ def lamps(spec, within):
     return LampMap(within, discs, 0.5, 0.0, parse_spec(spec))
 
 
+def product(channels, order, size=9):
+    rng = np.random.default_rng(order)
+    count = (order + 1) ** 2
+    table = rng.normal(size=(size, size, count, channels))
+    return ProductTexture(table, make_info(order, 0), rng.normal(size=(count, 3)))
+
+
 def explicit_map(name, center="reflection"):
     count = {"cabral": 12, "kautz-mccool": 5, "lightfield": 16}[name]
     rng = np.random.default_rng(count)
@@ -209,6 +219,9 @@ FORMS = {
     "splitsum about the normal": lambda: of_material("disney-diffuse", {"roughness": 1.0}),
     "she lobe": lambda: exponential("lobe"),
     "she paper": lambda: exponential("paper"),
+    "product": lambda: product(1, 4),
+    "product colored": lambda: product(3, 3),
+    "product constant": lambda: product(3, 0),
     **{name: lambda name=name: explicit_map(name) for name in EXPLICIT},
     "lamps": lambda: lamps(
         "0.3*ggx:roughness=0.3,f0=0.9/0.5/0.04+0.6*lambertian:albedo=0.5/0.4/0.3",
