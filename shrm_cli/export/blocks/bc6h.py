@@ -34,6 +34,7 @@ _HALVES = 1024 / np.log(2)
 """Steps of half floats in a factor of e, about."""
 
 Floats = NDArray[np.float32]
+Members = NDArray[np.bool_]
 
 
 @record
@@ -96,8 +97,8 @@ def _texels(blocks: Array) -> _Texels:
     light = np.minimum(blocks, LARGEST).astype(np.float32)
     steps = light.astype(np.float16).view(np.uint16).astype(np.float32)
     norm = np.sqrt((light * light).sum(axis=0)) + np.float32(1e-7)
-    # Bright texels of a block count more.
-    importance = norm / norm.mean(axis=0)
+    # Bright texels of a block count more: within it, the error is that of the light itself.
+    importance = (norm / norm.mean(axis=0)) ** 2
     relative = (light / norm) ** 2 + np.float32(1e-5)
     weights = relative * importance * np.float32((31 / 64 / _HALVES) ** 2 / 16)
     return _Texels((steps + np.float32(0.5)) * np.float32(64 / 31), weights)
@@ -168,6 +169,14 @@ def _with_lines(texels: _Texels, partition: Whole, lines: int) -> _Found:
         near = np.rint(np.clip(at, 0, 1) * (count - 1)).astype(np.int64)
         near[anchor, every] = np.minimum(near[anchor, every], count // 2 - 1)
         indices = np.where(members, near, indices)
+    on_second = np.zeros_like(indices, dtype=bool) if lines == 1 else sets[1]
+    bright = np.flatnonzero(_is_steep(texels))
+    if bright.size:
+        indices[:, bright] = _balanced(
+            texels[bright], whole[..., bright], indices[:, bright], on_second[:, bright], count
+        )
+        for anchor in anchors:
+            indices[anchor, every] = np.minimum(indices[anchor, every], count // 2 - 1)
     error = _error(texels, whole, indices, sets, count)
     data = np.empty((len(partition), 16), dtype=np.uint8)
     for k, each in enumerate(MODES):
@@ -178,7 +187,7 @@ def _with_lines(texels: _Texels, partition: Whole, lines: int) -> _Found:
     return _Found(data, error)
 
 
-def _line(texels: _Texels, members: NDArray[np.bool_], count: int) -> tuple[Floats, Floats]:
+def _line(texels: _Texels, members: Members, count: int) -> tuple[Floats, Floats]:
     """Return the ends of the best line through the texels of a set: shape (3, n) each."""
     weight, root, values = _scaled(texels)
     weight = weight * members
@@ -204,13 +213,12 @@ def _line(texels: _Texels, members: NDArray[np.bool_], count: int) -> tuple[Floa
 
 
 def _by_least_squares(
-    texels: _Texels, members: NDArray[np.bool_], count: int, first: Floats, last: Floats
+    texels: _Texels, members: Members, count: int, first: Floats, last: Floats
 ) -> tuple[Floats, Floats]:
     """Return the ends that suit the texels best where they lie now."""
-    at = np.clip(_along(texels, first[:, None], last[:, None]), 0, 1)
-    at = np.rint(at * (count - 1)) / np.float32(count - 1)
-    weight = texels.weights * members
-    weight = weight / weight.sum(axis=1, keepdims=True)
+    near = np.clip(_along(texels, first[:, None], last[:, None]), 0, 1) * (count - 1)
+    at = np.rint(near).astype(np.float32) / np.float32(count - 1)
+    weight = texels.weights * members / (texels.weights * members).sum(axis=1, keepdims=True)
     far = weight * at
     a, c = (weight * (1 - at) ** 2).sum(axis=1), (far * at).sum(axis=1)
     b = far.sum(axis=1) - c
@@ -218,11 +226,10 @@ def _by_least_squares(
     x = (weight * texels.values).sum(axis=1) - y
     determinant = a * c - b * b
     is_sound = determinant > 1e-4
-    divisor = np.where(is_sound, determinant, 1)
-    limit = np.float32(65535)
+    divisor = np.where(is_sound, determinant, np.float32(1))
     return (
-        np.clip(np.where(is_sound, (c * x - b * y) / divisor, first), 0, limit),
-        np.clip(np.where(is_sound, (a * y - b * x) / divisor, last), 0, limit),
+        np.where(is_sound, (c * x - b * y) / divisor, first).clip(0, 65535),
+        np.where(is_sound, (a * y - b * x) / divisor, last).clip(0, 65535),
     )
 
 
@@ -263,8 +270,48 @@ def _unquantized(written: Whole, mode: Whole) -> Floats:
     return np.where(bits == 16, written, extreme).astype(np.float32)
 
 
+def _is_steep(texels: _Texels) -> NDArray[np.bool_]:
+    """Tell which blocks hold the edge of a lamp: their light differs by a factor of 8 and more."""
+    green = texels.values[1]
+    return green.max(axis=0) - green.min(axis=0) > 3 * 1024 * 64 / 31
+
+
+def _balanced(
+    texels: _Texels, ends: Floats, indices: Whole, on_second: Members, count: int
+) -> Whole:
+    """Return the numbers of texels, some moved by one so that blocks keep their energy.
+
+    The steps of a steep line are coarse, and what its bright texels lose to rounding is a part of
+    a lamp. Of all moves by one, the one is taken that leaves the least.
+    """
+    wanted = _light(texels.values).sum(axis=(0, 1))
+    first = np.where(on_second, ends[-2][:, None], ends[0][:, None])
+    last = np.where(on_second, ends[-1][:, None], ends[1][:, None])
+
+    def energy(at: Whole) -> Floats:
+        part = at.astype(np.float32) / np.float32(count - 1)
+        return _light(first + part * (last - first)).sum(axis=0)
+
+    every = np.arange(indices.shape[-1])
+    for _ in range(2):
+        now = energy(indices)
+        moved = [np.clip(indices + step, 0, count - 1) for step in (0, -1, 1)]
+        left = np.abs(now.sum(axis=0) - wanted + np.stack([energy(at) - now for at in moved]))
+        best = left.reshape(-1, left.shape[-1]).argmin(axis=0)
+        step, texel = best // 16, best % 16
+        indices = indices.copy()
+        indices[texel, every] = np.stack(moved)[step, texel, every]
+    return indices
+
+
+def _light(values: Floats) -> Floats:
+    """Return the light of numbers as they are interpolated."""
+    steps = np.clip(values * np.float32(31 / 64), 0, 31743).astype(np.uint16)
+    return steps.view(np.float16).astype(np.float32)
+
+
 def _error(
-    texels: _Texels, ends: Floats, indices: Whole, sets: list[NDArray[np.bool_]], count: int
+    texels: _Texels, ends: Floats, indices: Whole, sets: list[Members], count: int
 ) -> Floats:
     """Return the weighted squared error of blocks: shape (n,)."""
     at = indices.astype(np.float32) / np.float32(count - 1)

@@ -52,7 +52,9 @@ class Mode:
 
     def places(self) -> Iterator[tuple[int, int, int]]:
         """Yield the end, the channel and the bit of each bit after the code."""
-        for channel, end, first, last in re.findall(r"([rgb])([wxyz])\[(\d+):?(\d*)\]", self.layout):
+        for channel, end, first, last in re.findall(
+            r"([rgb])([wxyz])\[(\d+):?(\d*)\]", self.layout
+        ):
             high, low = int(first), int(last or first)
             span = range(low, high + 1) if low <= high else range(low, high - 1, -1)
             yield from (("wxyz".index(end), "rgb".index(channel), bit) for bit in span)
@@ -62,20 +64,21 @@ _END = " bx[4:0] bz[1] by[3:0] ry[4:0] bz[2] rz[4:0] bz[3]"
 MODES = (
     # From the coarsest to the finest.
     Mode(30, 2, 6, (6, 6, 6),
-         "rw[5:0] gz[4] bz[0] bz[1] by[4] gw[5:0] gy[5] by[5] bz[2] gy[4] bw[5:0] gz[5] bz[3] bz[5] "
-         "bz[4] rx[5:0] gy[3:0] gx[5:0] gz[3:0] bx[5:0] by[3:0] ry[5:0] rz[5:0]"),
+         "rw[5:0] gz[4] bz[0] bz[1] by[4] gw[5:0] gy[5] by[5] bz[2] gy[4] bw[5:0] gz[5] bz[3] "
+         "bz[5] bz[4] rx[5:0] gy[3:0] gx[5:0] gz[3:0] bx[5:0] by[3:0] ry[5:0] rz[5:0]"),
     Mode(1, 2, 7, (6, 6, 6),
-         "gy[5] gz[4] gz[5] rw[6:0] bz[0] bz[1] by[4] gw[6:0] by[5] bz[2] gy[4] bw[6:0] bz[3] bz[5] "
-         "bz[4] rx[5:0] gy[3:0] gx[5:0] gz[3:0] bx[5:0] by[3:0] ry[5:0] rz[5:0]"),
+         "gy[5] gz[4] gz[5] rw[6:0] bz[0] bz[1] by[4] gw[6:0] by[5] bz[2] gy[4] bw[6:0] bz[3] "
+         "bz[5] bz[4] rx[5:0] gy[3:0] gx[5:0] gz[3:0] bx[5:0] by[3:0] ry[5:0] rz[5:0]"),
     Mode(18, 2, 8, (6, 5, 5),
-         "rw[7:0] gz[4] by[4] gw[7:0] bz[2] gy[4] bw[7:0] bz[3] bz[4] rx[5:0] gy[3:0] gx[4:0] bz[0] "
-         "gz[3:0] bx[4:0] bz[1] by[3:0] ry[5:0] rz[5:0]"),
+         "rw[7:0] gz[4] by[4] gw[7:0] bz[2] gy[4] bw[7:0] bz[3] bz[4] rx[5:0] gy[3:0] gx[4:0] "
+         "bz[0] gz[3:0] bx[4:0] bz[1] by[3:0] ry[5:0] rz[5:0]"),
     Mode(22, 2, 8, (5, 6, 5),
-         "rw[7:0] bz[0] by[4] gw[7:0] gy[5] gy[4] bw[7:0] gz[5] bz[4] rx[4:0] gz[4] gy[3:0] gx[5:0] "
-         "gz[3:0]" + _END),
+         "rw[7:0] bz[0] by[4] gw[7:0] gy[5] gy[4] bw[7:0] gz[5] bz[4] rx[4:0] gz[4] gy[3:0] "
+         "gx[5:0] gz[3:0]"
+         + _END),
     Mode(26, 2, 8, (5, 5, 6),
-         "rw[7:0] bz[1] by[4] gw[7:0] by[5] gy[4] bw[7:0] bz[5] bz[4] rx[4:0] gz[4] gy[3:0] gx[4:0] "
-         "bz[0] gz[3:0] bx[5:0] by[3:0] ry[4:0] bz[2] rz[4:0] bz[3]"),
+         "rw[7:0] bz[1] by[4] gw[7:0] by[5] gy[4] bw[7:0] bz[5] bz[4] rx[4:0] gz[4] gy[3:0] "
+         "gx[4:0] bz[0] gz[3:0] bx[5:0] by[3:0] ry[4:0] bz[2] rz[4:0] bz[3]"),
     Mode(14, 2, 9, (5, 5, 5),
          "rw[8:0] by[4] gw[8:0] gy[4] bw[8:0] bz[4] rx[4:0] gz[4] gy[3:0] gx[4:0] bz[0] gz[3:0]"
          + _END),
@@ -83,15 +86,16 @@ MODES = (
          "gy[4] by[4] bz[4] rw[9:0] gw[9:0] bw[9:0] rx[4:0] gz[4] gy[3:0] gx[4:0] bz[0] gz[3:0]"
          + _END),
     Mode(2, 2, 11, (5, 4, 4),
-         "rw[9:0] gw[9:0] bw[9:0] rx[4:0] rw[10] gy[3:0] gx[3:0] gw[10] bz[0] gz[3:0] bx[3:0] bw[10] "
-         "bz[1] by[3:0] ry[4:0] bz[2] rz[4:0] bz[3]"),
+         "rw[9:0] gw[9:0] bw[9:0] rx[4:0] rw[10] gy[3:0] gx[3:0] gw[10] bz[0] gz[3:0] bx[3:0] "
+         "bw[10] bz[1] by[3:0] ry[4:0] bz[2] rz[4:0] bz[3]"),
     Mode(6, 2, 11, (4, 5, 4),
-         "rw[9:0] gw[9:0] bw[9:0] rx[3:0] rw[10] gz[4] gy[3:0] gx[4:0] gw[10] gz[3:0] bx[3:0] bw[10] "
-         "bz[1] by[3:0] ry[3:0] bz[0] bz[2] rz[3:0] gy[4] bz[3]"),
+         "rw[9:0] gw[9:0] bw[9:0] rx[3:0] rw[10] gz[4] gy[3:0] gx[4:0] gw[10] gz[3:0] bx[3:0] "
+         "bw[10] bz[1] by[3:0] ry[3:0] bz[0] bz[2] rz[3:0] gy[4] bz[3]"),
     Mode(10, 2, 11, (4, 4, 5),
-         "rw[9:0] gw[9:0] bw[9:0] rx[3:0] rw[10] by[4] gy[3:0] gx[3:0] gw[10] bz[0] gz[3:0] bx[4:0] "
-         "bw[10] by[3:0] ry[3:0] bz[1] bz[2] rz[3:0] bz[4] bz[3]"),
-    Mode(3, 1, 10, (10, 10, 10), "rw[9:0] gw[9:0] bw[9:0] rx[9:0] gx[9:0] bx[9:0]"),
+         "rw[9:0] gw[9:0] bw[9:0] rx[3:0] rw[10] by[4] gy[3:0] gx[3:0] gw[10] bz[0] gz[3:0] "
+         "bx[4:0] bw[10] by[3:0] ry[3:0] bz[1] bz[2] rz[3:0] bz[4] bz[3]"),
+    Mode(3, 1, 10, (10, 10, 10),
+         "rw[9:0] gw[9:0] bw[9:0] rx[9:0] gx[9:0] bx[9:0]"),
     Mode(7, 1, 11, (9, 9, 9),
          "rw[9:0] gw[9:0] bw[9:0] rx[8:0] rw[10] gx[8:0] gw[10] bx[8:0] bw[10]"),
     Mode(11, 1, 12, (8, 8, 8),
