@@ -5,13 +5,16 @@ import struct
 import numpy as np
 import pytest
 
+from shrm_cli.errors import ArgumentError
 from shrm_cli.export.blocks import bc6h
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
 from shrm_cli.export.blocks.formats import ALL, BLOCKS
 from shrm_cli.export.dds import dds_cube, dds_image
 from shrm_cli.export.decode import decoded
+from shrm_cli.export.engine import Light, engine
 from shrm_cli.export.ktx import ktx2_cube
 from shrm_cli.export.loss import loss
+from shrm_cli.export.packing import packed
 from shrm_cli.export.pixels import encoded
 from shrm_cli.files.image_bytes import image_of
 
@@ -160,3 +163,17 @@ def test_openimageio_reads_the_cube_of_a_dds(tmp_path):
     near = faces.reshape(-1, 3)
     bright = np.sort(found[:, 0])[-len(near) :]
     assert np.isclose(bright, np.sort(near[:, 0]), rtol=0.05).all()
+
+
+def test_what_changes_light_too_much_is_refused_or_passed_over(rng):
+    """Noise, of which BC6H loses much and RGB9E5 little."""
+    noise = np.exp(rng.normal(0, 1, (6 * 16, 16, 3)))
+    bevy, light = engine("bevy"), Light("a", "a.exr", levels=(noise,), roughness=(0.0,))
+    with pytest.raises(ArgumentError, match=r"0\.02 is not kept: bc6h changes level 0 by"):
+        packed(bevy, light, "bc6h", 0.02)
+    chosen = packed(bevy, light, "auto", 0.02)
+    assert any(line.startswith("bc6h changes level 0 by") for line in chosen.told)
+    (found,) = chosen.losses
+    assert 1e-4 < found.worst < 0.01
+    lenient = packed(bevy, light, "auto", 10.0)
+    assert lenient.losses[0].rms > 0.05
