@@ -15,6 +15,7 @@ EXTRAS = {
     "parquet": ("pyarrow",),
     "remote": ("fsspec",),
     "export": ("zstandard",),
+    "astc": ("astc-encoder-py",),
     "materialx": ("MaterialX",),
 }
 """The packages of each extra that users may want."""

@@ -70,6 +70,7 @@ EXTRAS = {
     "brdf/imported/materialx.py": {"MaterialX"},
     "batch/cluster.py": {"distributed", "dask", "threadpoolctl"},
     "batch/collect.py": {"pyarrow"},
+    "export/blocks/astc.py": {"astc_encoder"},
     "export/ktx.py": {"zstandard"},
     "files/animation.py": {"PIL"},
     "files/remote.py": {"fsspec"},

@@ -40,7 +40,13 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--format", "texels", type=click.Choice(TEXEL_FORMATS),
-    help="Packed texels of cubes, where the engine reads several.  [default: the engine's]",
+    help="Texels of cubes, where the engine reads several; auto is the smallest that keeps "
+    "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
+)  # fmt: skip
+@click.option(
+    "--max-error", metavar="X", type=click.FloatRange(0, min_open=True),
+    help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the energy of "
+    "a lamp.  [default: .03 of auto]",
 )  # fmt: skip
 @click.option(
     "--skybox", type=click.IntRange(0, 4096),
@@ -61,6 +67,7 @@ def export(
     force: bool,
     size: int | None,
     texels: str | None,
+    max_error: float | None,
     skybox: int | None,
     window: str | None,
     dfg: bool,
@@ -86,12 +93,13 @@ def export(
     name = source_stem(sources[0], REPRESENTATIONS)
     folder = Path(output) if output else Path(f"{name}.{engine}")
     chosen = engine_of(engine)
-    asked = Asked(size, texels, skybox, window, dfg, keeps_primaries=reading.working is not None)
+    is_kept = reading.working is not None
+    asked = Asked(size, texels, skybox, window, dfg, is_kept, max_error)
     with renamed(texels="format"):
         check(chosen, asked)
     source = _source(sources, name, reading)
     check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
-    with progress_bar("exporting") as progress:
+    with renamed(texels="format"), progress_bar("exporting") as progress:
         made = export(source, chosen, asked, progress)
     if folder.is_dir():
         check_outputs([str(folder / file.name) for file in made.files])

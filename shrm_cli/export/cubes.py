@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
+from shrm_cli.export.decode import decoded
 from shrm_cli.export.engine import Package
 from shrm_cli.export.ktx import can_compress, ktx2_cube
+from shrm_cli.export.loss import loss
 from shrm_cli.export.pixels import TexelFormat, encoded
 from shrm_cli.extras import install
 from shrm_cli.layouts import FACES
@@ -90,12 +92,27 @@ def ktx2_file(
     lookup : ndarray, shape (3, 3)
         How the engine looks its cubes up; see the top of this module.
     """
-    packed = [
-        encoded(to_lookup(cube, lookup), texels, f"level {k}") for k, cube in enumerate(levels)
-    ]
-    made.tell_clipped(name, texels, [found for _, found in packed])
+    packed = packed_levels(made, name, levels, texels, lookup)
     compress = can_compress()
     if not compress and _LARGE not in made.told:
         made.told.append(_LARGE)
-    data = ktx2_cube([data for data, _ in packed], levels[0].shape[1], texels, compress)
-    made.add_bytes(name, data)
+    made.add_bytes(name, ktx2_cube(packed, levels[0].shape[1], texels, compress))
+
+
+def packed_levels(
+    made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, lookup: Array = WORLD
+) -> list[bytes]:
+    """Return the texels of the levels of a file, and tell what was clipped and what is lost.
+
+    The parameters are those of `ktx2_file`.
+    """
+    packed, clips, losses = [], [], []
+    for k, cube in enumerate(levels):
+        faces = to_lookup(cube, lookup)
+        data, clipped = encoded(faces, texels, f"level {k}")
+        packed.append(data)
+        clips.append(clipped)
+        losses.append(loss(f"level {k}", faces, decoded(data, texels, *faces.shape[:2])))
+    made.tell_clipped(name, texels, clips)
+    made.tell_lost(name, losses)
+    return packed

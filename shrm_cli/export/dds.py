@@ -24,8 +24,10 @@ _HAS_CODE = 0x4
 # A texture of several surfaces with mips; a cube with all its faces.
 _CAPS, _CAPS_CUBE = 0x1000 | 0x8 | 0x400000, 0x200 | 0xFC00
 _TEXTURE_2D, _IS_CUBE, _OPAQUE = 3, 0x4, 3
-_NUMBERS = {"rgba16f": 10, "r11g11b10": 26, "rgb9e5": 67}
-"""DXGI_FORMAT_R16G16B16A16_FLOAT, R11G11B10_FLOAT and R9G9B9E5_SHAREDEXP."""
+_LINEAR_SIZE = 0x80000
+"""Instead of a pitch, the bytes of the first level are given: of blocks."""
+_NUMBERS = {"rgba16f": 10, "r11g11b10": 26, "rgb9e5": 67, "bc6h": 95}
+"""DXGI_FORMAT_R16G16B16A16_FLOAT, R11G11B10_FLOAT, R9G9B9E5_SHAREDEXP and BC6H_UF16."""
 
 
 def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
@@ -40,8 +42,11 @@ def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
         Texels along an edge of the first level.
     texels : TexelFormat
     """
+    flags, pitch = _FLAGS, size * texels.size
+    if texels.edge > 1:
+        flags, pitch = _FLAGS & ~0x8 | _LINEAR_SIZE, len(levels[0]) // 6
     header = _HEADER.pack(
-        b"DDS ", 124, _FLAGS, size, size, size * texels.size, 1, len(levels),
+        b"DDS ", 124, flags, size, size, pitch, 1, len(levels),
         32, _HAS_CODE, b"DX10", _CAPS, _CAPS_CUBE, 0, 0,
     )  # fmt: skip
     extension = _EXTENSION.pack(_NUMBERS[texels.name], _TEXTURE_2D, _IS_CUBE, 1, _OPAQUE)
@@ -51,3 +56,13 @@ def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
         for level in levels
     )
     return header + extension + b"".join(faces)
+
+
+def dds_image(data: bytes, height: int, width: int) -> bytes:
+    """Return a file of one image in BC6H."""
+    flags = _FLAGS & ~(0x8 | 0x20000) | _LINEAR_SIZE
+    header = _HEADER.pack(
+        b"DDS ", 124, flags, height, width, len(data), 1, 1,
+        32, _HAS_CODE, b"DX10", _CAPS & 0x1000, 0, 0, 0,
+    )  # fmt: skip
+    return header + _EXTENSION.pack(_NUMBERS["bc6h"], _TEXTURE_2D, 0, 1, _OPAQUE) + data

@@ -9,11 +9,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
+from shrm_cli.export.loss import Loss, sentence
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
+from shrm_cli.export.quoting import comment
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
@@ -94,13 +96,16 @@ class Package:
     warnings : list of str
     facts : dict
         More for ``--json``.
+    losses : list of Loss
+        What packing loses of the levels of all files.
     """
 
     files: list[OutputFile] = field(default_factory=list)
     told: list[str] = field(default_factory=list)
     loading: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    facts: dict[str, object] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
+    losses: list[Loss] = field(default_factory=list)
 
     def add_bytes(self, name: str, data: bytes) -> None:
         """Add a file of some bytes."""
@@ -115,6 +120,12 @@ class Package:
         warning = clip_warning(name, chosen, found)
         if warning is not None:
             self.warnings.append(warning)
+
+    def tell_lost(self, name: str, losses: Sequence[Loss]) -> None:
+        """Add a sentence about what packing loses of a file's levels, and the numbers."""
+        self.told.append(sentence(comment(name), losses))
+        self.losses += losses
+        self.facts.setdefault("losses", {})[name] = [each.facts() for each in losses]
 
 
 class Engine(ABC):

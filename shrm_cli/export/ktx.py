@@ -88,7 +88,13 @@ _VULKAN: dict[str, tuple[int, int, tuple[_Sample, ...]]] = {
         ),
     ),
     "rgb9e5": (123, 4, (*_shared(_RED, 0), *_shared(_GREEN, 9), *_shared(_BLUE, 18))),
+    "bc6h": (143, 1, (_Sample(_FLOAT, 0, 128, 0, _ONE),)),
+    "astc4x4": (1000066000, 1, (_float(0, 0, 128),)),
+    "astc6x6": (1000066004, 1, (_float(0, 0, 128),)),
 }  # fmt: skip
+_RGBSDA = 1
+_MODELS = {"bc6h": 133, "astc4x4": 162, "astc6x6": 162}
+"""The descriptor's colour models; of texels without blocks it is `_RGBSDA`."""
 
 
 def can_compress() -> bool:
@@ -120,7 +126,7 @@ def ktx2_cube(
     """
     number, type_size, samples = _VULKAN[texels.name]
     stored = [_compressed(mip) for mip in levels] if compress else list(levels)
-    descriptor = _descriptor(samples, texels.size)
+    descriptor = _descriptor(samples, texels)
     pairs = _pair("KTXwriter", f"shrm {__release__}")
     head = len(_KTX2) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
     header = struct.pack(
@@ -177,13 +183,15 @@ def ktx1_cube(
     return b"".join(data)
 
 
-def _descriptor(samples: Sequence[_Sample], texel_bytes: int) -> bytes:
-    """Return the data format descriptor: linear RGB of BT.709, one texel a block."""
+def _descriptor(samples: Sequence[_Sample], texels: TexelFormat) -> bytes:
+    """Return the data format descriptor: linear RGB of BT.709."""
     block = 24 + 16 * len(samples)
-    model, primaries, linear, flags = 1, 1, 1, 0  # RGBSDA, BT709
+    model = _MODELS.get(texels.name, _RGBSDA)
+    primaries, linear, flags = 1, 1, 0  # BT709
+    last = texels.edge - 1
     basic = struct.pack(
-        "<IHH4B4B8B", 0, 2, block, model, primaries, linear, flags, 0, 0, 0, 0,
-        texel_bytes, 0, 0, 0, 0, 0, 0, 0,
+        "<IHH4B4B8B", 0, 2, block, model, primaries, linear, flags, last, last, 0, 0,
+        texels.size, 0, 0, 0, 0, 0, 0, 0,
     )  # fmt: skip
     return struct.pack("<I", 4 + block) + basic + b"".join(each.packed() for each in samples)
 

@@ -15,7 +15,7 @@ from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
-from shrm_cli.export.pixels import FORMATS
+from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
 from shrm_cli.files.whole import keeping, together
 from shrm_cli.maps.base import Map
@@ -137,7 +137,10 @@ class Asked:
     size : int, optional
         Texels along an edge of level 0, or rows of a lat-long.
     texels : str, optional
-        The name of a texel format.
+        The name of a texel format; ``auto`` is the smallest that keeps `max_error`.
+    max_error : float, optional
+        The most that packing may change a level: its RMS, 95 % of its texels and its lamps, as
+        parts of 1.
     skybox : int, optional
         Texels along an edge of the sharp cube; 0 for none.
     window : str, optional
@@ -155,6 +158,7 @@ class Asked:
     window: str | None = None
     table: bool = False
     keeps_primaries: bool = False
+    max_error: float | None = None
 
 
 def export(
@@ -185,9 +189,8 @@ def export(
     check(engine, asked)
     with using(progress):
         light, told, warnings = gather(source, engine, asked)
-    texels = FORMATS[asked.texels or (engine.formats or ("rgba16f",))[0]]
     try:
-        made = engine.pack(light, texels)
+        made = packed(engine, light, asked.texels, asked.max_error)
     except MapError as error:  # which names the level or the file that it was to be in
         raise MapError(f"{source.title}: {error}") from None
     if not made.files:
@@ -222,10 +225,14 @@ def check(engine: Engine, asked: Asked) -> None:
     ------
     ArgumentError
     """
-    if asked.texels is not None and asked.texels not in engine.formats:
-        known = ", ".join(engine.formats)
+    if asked.max_error is not None and not engine.formats:
+        raise ArgumentError("max_error", f"does not apply; {engine.title} has one format")
+    formats = [*engine.formats, *(["auto"] if engine.formats else [])]
+    if asked.texels is not None and asked.texels not in formats:
+        known = ", ".join(formats)
         why = f"{engine.title} reads {known}" if known else f"{engine.title} has one format"
         raise ArgumentError("format", f"{asked.texels} does not apply; {why}")
+    refuse_missing(asked.texels)
     if asked.skybox and not engine.takes_skybox:
         raise ArgumentError("skybox", f"does not apply; {engine.title} gets no sharp cube")
     if asked.window is not None and not engine.wants_irradiance:

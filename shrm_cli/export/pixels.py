@@ -35,10 +35,12 @@ class TexelFormat:
     largest : tuple of 3 float
         The largest finite value of red, green and blue.
     size : int
-        Bytes of a texel.
+        Bytes of a texel, or of a block of texels.
     pack : callable
         From values within range, shape (..., 3), to words of the machine's byte order: uint32 of
-        shape (...), or uint16 of shape (..., 4).
+        shape (...), or uint16 of shape (..., 4); bytes of blocks.
+    edge : int
+        Texels along an edge of a block.
     """
 
     name: str
@@ -46,6 +48,7 @@ class TexelFormat:
     largest: tuple[float, float, float]
     size: int
     pack: Callable[[Array], Words]
+    edge: int = 1
 
 
 @record

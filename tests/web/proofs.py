@@ -14,10 +14,10 @@ import numpy as np
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.taps import taps
 from shrm_cli.brdf.models.ggx import Ggx
+from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.cubes import diffuse_cube
 from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, gather
-from shrm_cli.export.pixels import FORMATS
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reference import Reference
@@ -86,11 +86,11 @@ def made_probe(rows=64):
     return Probe.from_array(pixels, "latlong")
 
 
-def exported(folder, name, probe, size):
+def exported(folder, name, probe, size, texels=None):
     """Write what `shrm export --for NAME` writes of a probe; returns its light and its package."""
     chosen = engine(name)
     light, _, _ = gather(Source("light", "light.exr", probe=probe), chosen, Asked(size=size))
-    package = chosen.pack(light, FORMATS[(chosen.formats or ("rgba16f",))[0]])
+    package = chosen.pack(light, ALL[texels or (chosen.formats or ("rgba16f",))[0]])
     folder.mkdir(parents=True, exist_ok=True)
     for file in package.files:
         file.write(folder / file.name)
@@ -104,9 +104,9 @@ def prepare(folder, script):
     bundle(HERE / "pages" / f"{script}.js", folder / f"{script}.bundle.js")
 
 
-def three(browser, folder, address, probe, size, roughnesses, pixels=256):
+def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels=None):
     """Balls in three.js."""
-    light, _ = exported(folder / "three", "three", probe, size)
+    light, _ = exported(folder / "three", "three", probe, size, texels)
     page = Page(browser, address, "three.bundle.js")
     page.call("start", pixels, VIEW)
     page.call("environment", f"{address}/three/light.ktx2")

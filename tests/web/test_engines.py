@@ -43,6 +43,17 @@ def test_three(browser, site, probe):
     assert len(proof.rows) == len(ROUGHNESSES) + 2
 
 
+def test_three_reads_blocks(browser, site, probe):
+    """Light in BC6H beside the shading of the same light before it was packed."""
+    folder, address = site
+    proofs.prepare(folder, "three")
+    proof = proofs.three(browser, folder, address, probe, 64, ROUGHNESSES, 192, "bc6h")
+    assert not proof.errors
+    for row in proof.rows:
+        assert row.rms < 0.02, row
+        assert row.turned > 10, row
+
+
 @pytest.mark.parametrize("surface", [(0.5, 0.6), (0.3, 0.9)])
 def test_three_patched_for_brushed_surfaces(browser, site, probe, surface):
     """The patch of docs/anisotropy.md; without it, the light of a bent normal is shown."""

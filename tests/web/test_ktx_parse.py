@@ -6,8 +6,9 @@ import subprocess
 import numpy as np
 import pytest
 
+from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.ktx import ktx2_cube
-from shrm_cli.export.pixels import FORMATS, encoded
+from shrm_cli.export.pixels import encoded
 from tests.web.browser import MODULES
 
 READ = """
@@ -43,23 +44,29 @@ def parse():
 
 
 @pytest.mark.parametrize("compress", [False, True])
-@pytest.mark.parametrize(("name", "number"), [("rgba16f", 97), ("r11g11b10", 122), ("rgb9e5", 123)])
+@pytest.mark.parametrize(
+    ("name", "number"), [("rgba16f", 97), ("r11g11b10", 122), ("rgb9e5", 123), ("bc6h", 143)]
+)
 def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, compress):
-    texels = FORMATS[name]
+    texels = ALL[name]
     mips = [
-        encoded(rng.uniform(size=(6, size, size, 3)), texels, "")[0] for size in (8, 4, 2, 1)
+        encoded(rng.uniform(size=(6, size, size, 3)), texels, "")[0] for size in (32, 16, 8, 4)
     ]  # fmt: skip
-    (tmp_path / "cube.ktx2").write_bytes(ktx2_cube(mips, 8, texels, compress))
+    (tmp_path / "cube.ktx2").write_bytes(ktx2_cube(mips, 32, texels, compress))
     found = parse(tmp_path / "cube.ktx2")
-    assert (found["vkFormat"], found["typeSize"]) == (number, 2 if name == "rgba16f" else 4)
-    assert (found["width"], found["height"], found["depth"], found["faceCount"]) == (8, 8, 0, 6)
+    type_size = {"rgba16f": 2, "bc6h": 1}.get(name, 4)
+    assert (found["vkFormat"], found["typeSize"]) == (number, type_size)
+    assert (found["width"], found["height"], found["depth"], found["faceCount"]) == (32, 32, 0, 6)
     assert found["scheme"] == (2 if compress else 0)
     assert found["pairs"]["KTXwriter"].startswith("shrm ")
     assert found["lengths"] == [len(mip) for mip in mips]
     if not compress:
         assert bytes(found["first"]) == mips[0][:16]
     descriptor = found["descriptor"]
-    assert descriptor["colorModel"] == descriptor["transferFunction"] == 1
+    assert (descriptor["colorModel"], descriptor["transferFunction"]) == (
+        133 if name == "bc6h" else 1, 1
+    )  # fmt: skip
+    assert descriptor["texelBlockDimension"][:2] == [texels.edge - 1] * 2
     assert descriptor["bytesPlane"][0] == texels.size
     bits = [(each["bitOffset"], each["bitLength"] + 1) for each in descriptor["samples"]]
     covered = np.zeros(8 * texels.size, dtype=int)

@@ -21,7 +21,7 @@ class Bevy(Engine):
 
     name = "bevy"
     title = "Bevy"
-    formats = ("rgb9e5", "rgba16f")
+    formats = ("rgb9e5", "rgba16f", "bc6h", "astc4x4", "astc6x6")
     mapping = "linear"
     wants_irradiance = False
     wants_diffuse = True

@@ -5,11 +5,11 @@ DirectX itself has no law of levels; they are those of glTF's sampler, linear in
 
 from collections.abc import Sequence
 
-from shrm_cli.export.cubes import to_lookup
+from shrm_cli.export.cubes import packed_levels
 from shrm_cli.export.dds import dds_cube
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.engines.coefficients import coefficients_json
-from shrm_cli.export.pixels import TexelFormat, encoded
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
 
@@ -19,7 +19,7 @@ class DirectX(Engine):
 
     name = "directx"
     title = "DirectX (DDS)"
-    formats = ("rgba16f", "rgb9e5", "r11g11b10")
+    formats = ("rgba16f", "rgb9e5", "r11g11b10", "bc6h")
     mapping = "linear"
     least = 8
 
@@ -30,14 +30,7 @@ class DirectX(Engine):
         made = Package()
         if light.levels:
             name = f"{light.name}.dds"
-            data, clipped = zip(
-                *(
-                    encoded(to_lookup(cube), texels, f"level {k}")
-                    for k, cube in enumerate(light.levels)
-                ),
-                strict=True,
-            )
-            made.tell_clipped(name, texels, clipped)
+            data = packed_levels(made, name, light.levels, texels)
             made.add_bytes(name, dds_cube(data, light.levels[0].shape[1], texels))
             made.told += [
                 "axes: sample at (x, y, z) of right-handed axes with y up, or in a left-handed "

@@ -11,11 +11,11 @@ Filament's tools/cmgen, libs/ktxreader (`Ktx1Reader.cpp`) and shaders/src/light_
 from collections.abc import Sequence
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.cubes import to_lookup
+from shrm_cli.export.cubes import packed_levels
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import filament
 from shrm_cli.export.ktx import ktx1_cube
-from shrm_cli.export.pixels import TexelFormat, encoded
+from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
 
 _NAMES = ("L00", "L1-1", "L10", "L11", "L2-2", "L2-1", "L20", "L21", "L22")
@@ -69,10 +69,9 @@ def _cube(
     texels: TexelFormat,
     metadata: dict[str, str],
 ) -> bytes:
-    """Return a KTX 1 file of some levels, and tell what was clipped."""
-    packed = [encoded(to_lookup(cube), texels, f"level {k}") for k, cube in enumerate(levels)]
-    made.tell_clipped(name, texels, [clipped for _, clipped in packed])
-    return ktx1_cube([data for data, _ in packed], levels[0].shape[1], texels, metadata)
+    """Return a KTX 1 file of some levels, and tell what was clipped or lost."""
+    packed = packed_levels(made, name, levels, texels)
+    return ktx1_cube(packed, levels[0].shape[1], texels, metadata)
 
 
 def sh_text(ready: Array) -> str:

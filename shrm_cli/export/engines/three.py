@@ -4,9 +4,9 @@ Levels are looked up at ``(K - 1) r (2 - r)``, cubes of files at (-x, y, z). Dif
 the last level, of roughness 1, as ``E / pi``. PMREMGenerator makes just that of it, because it
 leaves the shadowing of facets out; so the last level is ``E / pi`` here as well.
 
-The KTX2Loader of three.js makes cubes of block-compressed texels alone, which nothing encodes on
-all platforms. So a module of a few lines goes along: it reads the file by the parser that three.js
-ships, and hands the levels to a texture of three.js.
+The KTX2Loader of three.js makes cubes of block-compressed texels alone, and knows ASTC and not
+BC6H. So a module of a few lines goes along: it reads the file by the parser that three.js ships,
+and hands the levels to a texture of three.js.
 
 References
 ----------
@@ -32,6 +32,7 @@ class Three(Engine):
 
     name = "three"
     title = "three.js"
+    formats = ("rgba16f", "bc6h", "astc4x4", "astc6x6")
     mapping = "filament"
     wants_diffuse = True
     least = 8

@@ -1,0 +1,56 @@
+"""Which texels an engine's cubes get: those that were asked for, or the smallest that will do."""
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.export.blocks import astc
+from shrm_cli.export.blocks.formats import ALL
+from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.loss import Loss
+
+AUTO = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
+"""What ``auto`` chooses from, the smallest first: what every desktop reads, and so not ASTC."""
+MAX_ERROR = 0.03
+"""The error that ``auto`` keeps where none is given."""
+
+
+def refuse_missing(name: str | None) -> None:
+    """Refuse a format whose encoder is not installed, before work begins."""
+    if name is not None and name.startswith("astc"):
+        astc.library()
+
+
+def packed(engine: Engine, light: Light, name: str | None, max_error: float | None) -> Package:
+    """Return the files of an engine, with texels that keep an error.
+
+    Parameters
+    ----------
+    engine : Engine
+    light : Light
+    name : str, optional
+        Of the texels, or ``auto``; the engine's own by default.
+    max_error : float, optional
+
+    Raises
+    ------
+    ArgumentError
+        If the format, or all of those that ``auto`` chooses from, change the light by more.
+    """
+    limit = MAX_ERROR if name == "auto" and max_error is None else max_error
+    names = [each for each in AUTO if each in engine.formats]
+    if name != "auto":
+        names = [name or (engine.formats or ("rgba16f",))[0]]
+    passed: list[str] = []
+    for each in names:
+        made = engine.pack(light, ALL[each])
+        worst = max(made.losses, key=lambda found: found.worst, default=None)
+        if limit is None or worst is None or worst.worst <= limit:
+            made.told += passed
+            return made
+        passed.append(_excess(each, worst))
+    raise ArgumentError("max_error", f"{limit:g} is not kept: {'; '.join(passed)}")
+
+
+def _excess(name: str, worst: Loss) -> str:
+    return (
+        f"{name} changes {worst.what} by {worst.rms:.2%} RMS, {worst.p95:.2%} (95th percentile), "
+        f"its lamps by {worst.lamp:.2%}"
+    )

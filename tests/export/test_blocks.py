@@ -1,0 +1,179 @@
+"""Blocks of texels as decoders read them: BC6H by OpenImageIO, ASTC by Arm; what they lose."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from shrm_cli.errors import ArgumentError
+from shrm_cli.export.blocks import bc6h
+from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
+from shrm_cli.export.blocks.formats import ALL, BLOCKS
+from shrm_cli.export.dds import dds_cube, dds_image
+from shrm_cli.export.decode import decoded
+from shrm_cli.export.engine import Light, engine
+from shrm_cli.export.ktx import ktx2_cube
+from shrm_cli.export.loss import loss
+from shrm_cli.export.packing import packed
+from shrm_cli.export.pixels import encoded
+from shrm_cli.files.image_bytes import image_of
+
+WEIGHTS = {8: [0, 9, 18, 27, 37, 46, 55, 64],
+           16: [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64]}  # fmt: skip
+
+
+def needs(name):
+    if name.startswith("astc"):
+        pytest.importorskip("astc_encoder", reason="the extra astc is not installed")
+
+
+def smooth(size):
+    """Return six faces whose light grows by a factor of 100 along each, in three hues."""
+    ramp = np.exp(np.linspace(0, 4.6, size))
+    faces = np.stack([ramp[None, :, None] * np.exp(0.3 * ramp[:, None, None] / 100)] * 6)
+    return faces * np.array([1.0, 0.6, 0.2])
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: f"mode {mode.code}")
+def test_random_blocks_read_as_their_numbers_say(rng, mode):
+    """Every field of every mode, against the interpolation of the specification."""
+    count, most = 4000, 16 if mode.lines == 1 else 8
+    written = rng.integers(0, 1 << mode.bits, (2 * mode.lines, 3, count))
+    if not mode.is_whole:
+        half = np.array([1 << bits - 1 for bits in mode.differences])[:, None]
+        written[1:] = written[0] + rng.integers(-half, half, written[1:].shape)
+        written = written[..., ((written >= 0) & (written < 1 << mode.bits)).all(axis=(0, 1))]
+    count = written.shape[-1]
+    assert count > 500
+    ends = written if mode.is_whole else np.concatenate([written[:1], written[1:] - written[0]])
+    partition = rng.integers(0, 32, count) * (mode.lines == 2)
+    indices = rng.integers(0, most, (16, count))
+    indices[0] %= most // 2
+    if mode.lines == 2:
+        indices[ANCHORS[partition], np.arange(count)] %= most // 2
+    data = pack(mode, ends, indices, partition).tobytes()
+    found = image_of(dds_image(data, 4 * count, 4), ".dds").reshape(count, 16, 3)
+    whole = ((written << 16) + 0x8000) >> mode.bits
+    whole = np.where(written == (1 << mode.bits) - 1, 0xFFFF, np.where(written == 0, 0, whole))
+    whole = written if mode.bits == 16 else whole
+    for block in rng.integers(0, count, 200).tolist():
+        for texel in range(16):
+            line = int(mode.lines == 2 and PARTITIONS[partition[block], texel])
+            weight = WEIGHTS[most][indices[texel, block]]
+            for channel in range(3):
+                first, last = whole[2 * line : 2 * line + 2, channel, block].tolist()
+                bits = ((first * (64 - weight) + last * weight + 32) >> 6) * 31 >> 6
+                (value,) = struct.unpack("<e", struct.pack("<H", bits))
+                assert found[block, texel, channel] == value
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_smooth_light_is_kept(name):
+    needs(name)
+    faces = smooth(48)
+    data, _ = encoded(faces, BLOCKS[name], "")
+    edge = BLOCKS[name].edge
+    assert len(data) == 6 * 16 * (48 // edge) ** 2
+    found = loss("", faces, decoded(data, BLOCKS[name], 6, 48))
+    assert found.p95 < 0.03
+    assert found.rms < 0.02
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_faces_and_rows_keep_their_places(name):
+    needs(name)
+    faces = np.arange(1.0, 1 + 6 * 24 * 24).reshape(6, 24, 24)[..., None] * [1.0, 1.0, 1.0]
+    found = decoded(encoded(faces, BLOCKS[name], "")[0], BLOCKS[name], 6, 24)
+    assert np.abs(found / faces - 1).max(where=faces > 24 * 24, initial=0) < 0.03
+
+
+def test_a_constant_is_kept_to_a_half_float_s_last_bits(rng):
+    colors = np.exp2(rng.uniform(-12, 15.9, (6, 1, 1, 3)))
+    faces = np.broadcast_to(colors, (6, 8, 8, 3))
+    found = decoded(encoded(faces, BLOCKS["bc6h"], "")[0], BLOCKS["bc6h"], 6, 8)
+    assert np.abs(found / faces - 1).max() < 1.5e-3
+
+
+def test_a_lamp_keeps_its_energy(rng):
+    """A disc of a few texels, 10 000 times as bright as the noise around it."""
+    faces = np.exp(rng.normal(0, 0.3, (6, 64, 64, 3)))
+    distance = np.hypot(*np.meshgrid(np.arange(64) - 30.3, np.arange(64) - 33.6))
+    faces[2] += 1e4 * np.clip(2.8 - distance, 0, 1)[..., None] * [1, 0.8, 0.5]
+    found = loss("", faces, decoded(encoded(faces, BLOCKS["bc6h"], "")[0], BLOCKS["bc6h"], 6, 64))
+    assert 0 < found.lamp < 0.02
+
+
+def test_black_and_the_brightest_light_are_blocks_as_well():
+    faces = np.zeros((6, 8, 8, 3))
+    faces[1, 2, 3] = bc6h.LARGEST
+    found = decoded(encoded(faces, BLOCKS["bc6h"], "")[0], BLOCKS["bc6h"], 6, 8)
+    assert np.abs(found[1, 2, 3] / bc6h.LARGEST - 1).max() < 0.02
+    assert (found[0] == 0).all()
+    assert np.delete(found[1].reshape(64, 3), 19, axis=0).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name in ALL if ALL[name].edge == 1])
+def test_plain_texels_are_read_again(rng, name):
+    faces = np.exp(rng.normal(0, 2, (6, 8, 8, 3)))
+    found = decoded(encoded(faces, ALL[name], "")[0], ALL[name], 6, 8)
+    step = {"rgba16f": 2**-11, "r11g11b10": 2**-6, "rgb9e5": 2**-9}[name]
+    off = np.abs(found - faces) / faces.max(axis=-1, keepdims=True)
+    assert step / 4 < off.max() <= step
+
+
+@pytest.mark.parametrize("compress", [False, True])
+@pytest.mark.parametrize("name", BLOCKS)
+def test_ktx2_tells_of_blocks(name, compress):
+    """Numbers of Vulkan and of the Khronos Data Format Specification 1.3, tables 20 and 23."""
+    size, number, model, lower = {
+        "bc6h": (4, 143, 133, 0), "astc4x4": (4, 1000066000, 162, 0xBF800000),
+        "astc6x6": (6, 1000066004, 162, 0xBF800000),
+    }[name]  # fmt: skip
+    levels = [bytes([k + 1]) * (6 * 16 * -((-edge // size) ** 2)) for k, edge in enumerate((16, 8))]
+    data = ktx2_cube(levels, 16, BLOCKS[name], compress)
+    assert struct.unpack_from("<2I", data, 12) == (number, 1)
+    at, length = struct.unpack_from("<2I", data, 48)
+    assert struct.unpack_from("<IIHH", data, at) == (length, 0, 2, 40)
+    assert data[at + 12] == model
+    assert data[at + 16 : at + 28] == bytes([size - 1, size - 1, 0, 0, 16, *[0] * 7])
+    channel = 0x80 if name == "bc6h" else 0xC0
+    sample = struct.unpack_from("<HBBIII", data, at + 28)
+    assert sample == (0, 127, channel, 0, lower, 0x3F800000)
+    for k, level in enumerate(levels):
+        offset, stored, whole = struct.unpack_from("<3Q", data, 80 + 24 * k)
+        assert whole == len(level)
+        if not compress:
+            assert offset % 16 == 0
+            assert data[offset : offset + stored] == level
+
+
+def test_openimageio_reads_the_cube_of_a_dds(tmp_path):
+    oiio = pytest.importorskip("OpenImageIO")
+    faces = smooth(16)
+    levels = [encoded(faces[:, ::step, ::step], BLOCKS["bc6h"], "")[0] for step in (1, 2)]
+    path = tmp_path / "a.dds"
+    path.write_bytes(dds_cube(levels, 16, BLOCKS["bc6h"]))
+    image = oiio.ImageInput.open(str(path))
+    assert image.spec().get_string_attribute("compression") == "BC6HU"
+    flags, height, width, pitch = struct.unpack_from("<4I", path.read_bytes(), 8)
+    assert (height, width, pitch) == (16, 16, 16 * 16)
+    assert flags & 0x80008 == 0x80000
+    found = image.read_image(0, 0, 0, 3, oiio.FLOAT).reshape(-1, 3)
+    # All faces lie in one picture, with black between them.
+    near = faces.reshape(-1, 3)
+    bright = np.sort(found[:, 0])[-len(near) :]
+    assert np.isclose(bright, np.sort(near[:, 0]), rtol=0.05).all()
+
+
+def test_what_changes_light_too_much_is_refused_or_passed_over(rng):
+    """Noise, of which BC6H loses much and RGB9E5 little."""
+    noise = np.exp(rng.normal(0, 1, (6 * 16, 16, 3)))
+    bevy, light = engine("bevy"), Light("a", "a.exr", levels=(noise,), roughness=(0.0,))
+    with pytest.raises(ArgumentError, match=r"0\.02 is not kept: bc6h changes level 0 by"):
+        packed(bevy, light, "bc6h", 0.02)
+    chosen = packed(bevy, light, "auto", 0.02)
+    assert any(line.startswith("bc6h changes level 0 by") for line in chosen.told)
+    (found,) = chosen.losses
+    assert 1e-4 < found.worst < 0.01
+    lenient = packed(bevy, light, "auto", 10.0)
+    assert lenient.losses[0].rms > 0.05
