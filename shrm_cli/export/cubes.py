@@ -76,7 +76,12 @@ def diffuse_cube(irradiance: Irradiance, size: int = DIFFUSE_SIZE) -> Array:
 
 
 def ktx2_file(
-    made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, lookup: Array
+    made: Package,
+    name: str,
+    levels: Sequence[Array],
+    texels: TexelFormat,
+    lookup: Array,
+    reads_zstd: bool = True,
 ) -> None:
     """Add a KTX 2 cube to a package, and tell what was clipped or could not be compressed.
 
@@ -89,13 +94,15 @@ def ktx2_file(
     texels : TexelFormat
     lookup : ndarray, shape (3, 3)
         How the engine looks its cubes up; see the top of this module.
+    reads_zstd : bool
+        Whether the engine reads levels that Zstandard has compressed.
     """
     packed = [
         encoded(to_lookup(cube, lookup), texels, f"level {k}") for k, cube in enumerate(levels)
     ]
     made.tell_clipped(name, texels, [found for _, found in packed])
-    compress = can_compress()
-    if not compress and _LARGE not in made.told:
+    compress = reads_zstd and can_compress()
+    if reads_zstd and not compress and _LARGE not in made.told:
         made.told.append(_LARGE)
     data = ktx2_cube([data for data, _ in packed], levels[0].shape[1], texels, compress)
     made.add_bytes(name, data)
