@@ -78,7 +78,12 @@ def diffuse_cube(irradiance: Irradiance, size: int = DIFFUSE_SIZE) -> Array:
 
 
 def ktx2_file(
-    made: Package, name: str, levels: Sequence[Array], texels: TexelFormat, lookup: Array
+    made: Package,
+    name: str,
+    levels: Sequence[Array],
+    texels: TexelFormat,
+    lookup: Array,
+    reads_zstd: bool = True,
 ) -> None:
     """Add a KTX 2 cube to a package, and tell what was clipped or could not be compressed.
 
@@ -91,10 +96,12 @@ def ktx2_file(
     texels : TexelFormat
     lookup : ndarray, shape (3, 3)
         How the engine looks its cubes up; see the top of this module.
+    reads_zstd : bool
+        Whether the engine reads levels that Zstandard has compressed.
     """
     packed = packed_levels(made, name, levels, texels, lookup)
-    compress = can_compress()
-    if not compress and _LARGE not in made.told:
+    compress = reads_zstd and can_compress()
+    if reads_zstd and not compress and _LARGE not in made.told:
         made.told.append(_LARGE)
     made.add_bytes(name, ktx2_cube(packed, levels[0].shape[1], texels, compress))
 

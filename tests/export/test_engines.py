@@ -26,7 +26,10 @@ from tests.makers import prefilter_split_sum as split_sum_of
 
 HEIGHT = 64
 LAMP = np.array([0.48, 0.6, -0.64])
-MINE = ["filament", "bevy", "gltf-sample-viewer", "unity", "unreal", "godot"]
+MINE = [
+    "filament", "bevy", "gltf-sample-viewer", "unity", "unreal", "godot", "cesium", "playcanvas",
+    "model-viewer",
+]  # fmt: skip
 
 
 def light(directions):

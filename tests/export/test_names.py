@@ -40,7 +40,7 @@ def exported(tmp_path, monkeypatch, name, engine):
     """The folder of an export of a probe of some name, and the file names below it."""
     monkeypatch.chdir(tmp_path)
     write_exr(tmp_path / f"{name}.exr", noise(8, 16))
-    found = run("export", f"{name}.exr", "--for", engine, "--size", "16", "-o", "out")
+    found = run("export", f"{name}.exr", "--for", engine, "--size", "32", "-o", "out")
     assert found.code == 0, found.err
     return {path.name: path for path in (tmp_path / "out").iterdir()}
 
@@ -64,7 +64,7 @@ def test_files_are_named_so_that_they_are_found(tmp_path, monkeypatch, engine, n
     for line in code.splitlines():
         assert line.startswith("    "), line
     wanted = [each for each in strings(code) if each.rpartition(".")[2] in
-              ("ktx2", "ktx", "env", "dds", "exr", "hdr", "gltf", "json", "js")]  # fmt: skip
+              ("ktx2", "ktx", "env", "dds", "exr", "hdr", "gltf", "json", "js", "png")]  # fmt: skip
     for each in wanted:
         bare = each.removeprefix("./").removeprefix("res://")
         assert bare in files or unquote(bare) in files, each
@@ -76,7 +76,7 @@ def test_files_are_named_so_that_they_are_found(tmp_path, monkeypatch, engine, n
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="node parses the lines of JavaScript")
-@pytest.mark.parametrize("engine", ["three", "babylon", "gltf"])
+@pytest.mark.parametrize("engine", ["three", "babylon", "gltf", "cesium", "playcanvas"])
 def test_lines_of_javascript_are_javascript(tmp_path, monkeypatch, engine):
     files = exported(tmp_path, monkeypatch, 'a"b`c ${x}', engine)
     (readme,) = (path for file, path in files.items() if file.endswith("_README.md"))

@@ -1,0 +1,41 @@
+"""<model-viewer> filters a panorama itself, by the filter of three.js.
+
+Its panoramas have +X in the centre and +Z in the right quarter: ours turned by 90 degrees.
+
+References
+----------
+three.js, ShaderChunk/common.glsl.js (`equirectUv`); @google/model-viewer, TextureUtils.ts, which
+reads Radiance files where the name ends in ``.hdr``.
+"""
+
+from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.latlong import add_radiance, rolled
+from shrm_cli.export.pixels import TexelFormat
+from shrm_cli.export.quoting import uri
+
+
+class ModelViewer(Engine):
+    """The web component `<model-viewer>`, by its attribute `environment-image`."""
+
+    name = "model-viewer"
+    title = "<model-viewer>"
+    default_size = 0
+    wants_levels = False
+    wants_irradiance = False
+    wants_latlong = True
+
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
+        made = Package()
+        if light.latlong is not None:
+            name = f"{light.name}.hdr"
+            add_radiance(made, name, rolled(light.latlong, 90))
+            made.told.append("the panorama is turned by 90 degrees: +X is in its centre")
+            address = uri(name)
+            made.loading += [
+                f'<model-viewer src="model.glb" environment-image="{address}"',
+                f'  skybox-image="{address}" tone-mapping="neutral"></model-viewer>',
+            ]
+        return made
+
+
+ENGINE = ModelViewer()

@@ -1,0 +1,134 @@
+"""PlayCanvas: an `envAtlas`, one picture of lat-longs for all roughnesses, and nine coefficients.
+
+The upper half of the square picture is the light itself. Below it on the right are its mips, and on
+the left the levels of roughness k / 5, each half as large as the one before. One more lat-long
+holds E / pi. The border of each, 1/512 of the picture wide, belongs to its far side, so that the
+texture unit interpolates across the seams.
+
+The lat-longs lie as ours do: the engine looks up ``atan(-x, z) / 2 pi + 1 / 2``. Texels are RGBP.
+
+References
+----------
+PlayCanvas, scene/graphics/env-lighting.js (`generateAtlas`), and the shader chunks `envAtlas`,
+`reflectionEnv`, `ambient`, `spherical`, `encode` and `decode`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.export.cubes import diffuse_cube
+from shrm_cli.export.engine import Engine, Light, Package, halving
+from shrm_cli.export.pixels import TexelFormat, encoded
+from shrm_cli.export.quoting import string, uri
+from shrm_cli.export.rgbd import rgba_png
+from shrm_cli.sphere.sampling import CubeSampler
+
+_LEVELS = 6
+"""Levels of roughness 0 to 1, in steps of 1/5."""
+_MIPS = 6
+"""Mips of the light itself, the largest included."""
+_UNIT = 256
+"""Rows of the light itself in a picture of 512 texels, where a border is one texel wide."""
+_LARGEST = 64.0
+"""The largest radiance that a texel can hold."""
+
+
+class PlayCanvas(Engine):
+    """PlayCanvas' `scene.envAtlas`."""
+
+    name = "playcanvas"
+    title = "PlayCanvas"
+    mapping = "linear"
+    wants_irradiance = False
+    wants_diffuse = True
+
+    def sizes(self, size: int) -> tuple[int, ...]:
+        return halving(size, 1, _LEVELS)
+
+    def pack(self, light: Light, texels: TexelFormat) -> Package:
+        made = Package()
+        if not light.levels or light.diffuse is None:
+            return made  # one picture has both
+        name = f"{light.name}_envAtlas.png"
+        atlas = env_atlas(light.levels, diffuse_cube(light.diffuse))
+        data, clipped = encoded(atlas, RGBP, "the atlas")
+        made.tell_clipped(name, RGBP, [clipped])
+        made.add_bytes(name, rgba_png(np.frombuffer(data, np.uint8).reshape(*atlas.shape[:2], 4)))
+        made.told += [
+            "the lat-longs of the atlas lie as ours do, +Z in the centre",
+            "levels: roughness k / 5; diffuse surfaces take the lat-long of E / pi",
+            f"pixels: RGBP, 8 bits a channel, at most radiance {_LARGEST:g}",
+        ]
+        made.loading += [
+            'const atlas = new pc.Asset("light", "texture", '
+            f"{{ url: {string(uri(name))} }}, {{ type: pc.TEXTURETYPE_RGBP, mipmaps: false,",
+            '  projection: pc.TEXTUREPROJECTION_EQUIRECT, addressu: "clamp", addressv: "clamp" });',
+            "atlas.ready(() => { app.scene.envAtlas = atlas.resource; });",
+            "app.assets.add(atlas);",
+            "app.assets.load(atlas);",
+        ]
+        return made
+
+
+def env_atlas(levels: Sequence[Array], diffuse: Array) -> Array:
+    """Return the picture of linear radiance, shape (2 N, 2 N, 3).
+
+    Parameters
+    ----------
+    levels : sequence of 6 ndarray, shape (6 N_k, N_k, 3)
+        OpenEXR cubes of roughness k / 5; the first has N_0 = N texels along an edge.
+    diffuse : ndarray, shape (6 M, M, 3)
+        A cube of E / pi.
+    """
+    rows = levels[0].shape[1]
+    border = rows / _UNIT
+    atlas = np.zeros((2 * rows, 2 * rows, 3))
+
+    def place(cube: Array, left: int, top: int, height: int, finer: int) -> None:
+        part = _bordered(cube, height, border, finer)
+        atlas[top : top + height, left : left + 2 * height] = part
+
+    for k in range(_MIPS):
+        far = 2 * rows - (2 * rows >> k)
+        place(levels[0], far, far, rows >> k, 2 << k)
+    for k, cube in enumerate(levels[1:], 1):
+        place(cube, 0, 2 * rows - (2 * rows >> k), rows >> k, 2)
+    place(diffuse, rows // 2, rows + rows // 2, rows // 8, 2)
+    return atlas
+
+
+def _bordered(cube: Array, height: int, border: float, finer: int) -> Array:
+    """Return a lat-long of some rows, of which the border belongs to the far side.
+
+    Each texel is the mean of `finer` by `finer` places.
+    """
+    inner = np.array([height, 2 * height]) - 2 * border
+    v, u = (
+        ((np.arange(finer * count) + 0.5) / finer - border) / inside
+        for count, inside in zip((height, 2 * height), inner, strict=True)
+    )
+    theta, phi = np.pi * v[:, None], np.pi * (1 - 2 * u[None])
+    sine = np.sin(theta)  # negative beyond a pole, which is the far side of the meridian
+    parts = (sine * np.sin(phi), np.cos(theta) + 0 * phi, sine * np.cos(phi))
+    sampler = CubeSampler(cube, "center")
+    values = sampler(np.stack(parts, axis=-1).reshape(-1, 3))
+    means = values.reshape(height, finer, 2 * height, finer, 3).mean(axis=(1, 3))
+    return np.asarray(np.maximum(means, 0))  # a cubic filter overshoots
+
+
+def _pack(radiance: Array) -> NDArray[np.uint8]:
+    """Encode linear radiance within 0 .. 64 in bytes: ``(rgb (8 - 7 a))^2``, shape (..., 4)."""
+    roots = np.sqrt(np.asarray(radiance, dtype=np.float64))
+    peak = np.maximum(roots.max(axis=-1, keepdims=True), 1.0)
+    alpha = np.floor(255 * (8 - np.minimum(peak, 8.0)) / 7)
+    colors = np.rint(255 * roots / (8 - 7 * alpha / 255))
+    return np.concatenate([colors, alpha], axis=-1).astype(np.uint8)
+
+
+RGBP = TexelFormat("rgbp", "RGBP", (_LARGEST,) * 3, 4, _pack)
+"""The format; it is no choice of users, because its pixels lie in a picture."""
+
+ENGINE = PlayCanvas()
