@@ -225,7 +225,6 @@ FOREIGN = [
     ("she", ["--size", 16], "--size", "irradiance or splitsum"),
     ("she", ["--map-sampling", "border"], "--map-sampling", "irradiance or splitsum"),
     ("shrm", ["--brdf", "phong", "--window", "hann"], "--window", "irradiance"),
-    ("product", ["--brdf", "phong", "--shader", "glsl"], "--shader", "irradiance"),
     ("cabral", ["--brdf", "phong", "--levels", 5], "--levels", "splitsum"),
     ("cabral", ["--brdf", "phong", "--mapping", "unreal"], "--mapping", "splitsum"),
     ("shrm", ["--brdf", "phong", "--p-order", 4], "--p-order", "she"),
