@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,22 +17,25 @@ from shrm_cli.cli.options import (
     report_options,
 )
 from shrm_cli.cli.outputs import check_outputs, force_option, source_stem
-from shrm_cli.cli.usage import refuse_inapplicable, renamed, wrong_usage
+from shrm_cli.cli.usage import flags, refuse_inapplicable, renamed, wrong_usage
+from shrm_cli.errors import ShrmError
 from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 
 if TYPE_CHECKING:
-    from shrm_cli.export.make import Source
+    from shrm_cli.export.make import Asked, Source
     from shrm_cli.probe.options import ReadOptions
 
 
 @click.command()
 @click.argument("sources", metavar="PROBE|MAP...", type=click.Path(), nargs=-1, required=True)
 @click.option(
-    "--for", "engine", type=click.Choice(list(ENGINES)), required=True, help="Who loads it."
-)
+    "--for", "engines", type=click.Choice([*ENGINES, "all"]), multiple=True, required=True,
+    help="Who loads it; several may be named, or all.",
+)  # fmt: skip
 @click.option(
     "-o", "--output", metavar="DIR", type=click.Path(),
-    help="Folder to write into.  [default: NAME.ENGINE in the current folder]",
+    help="Folder to write into; of several engines each gets a folder of its name in it.  "
+    "[default: NAME.ENGINE in the current folder]",
 )  # fmt: skip
 @force_option
 @click.option(
@@ -62,7 +66,7 @@ if TYPE_CHECKING:
 @report_options
 def export(
     sources: tuple[str, ...],
-    engine: str,
+    engines: tuple[str, ...],
     output: str | None,
     force: bool,
     size: int | None,
@@ -84,22 +88,54 @@ def export(
     \b
       shrm export probe.exr --for bevy
       shrm export probe.exr --for filament --format rgba16f -o assets/light
+      shrm export probe.exr --for three --for filament -o assets
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
-    from shrm_cli.export.engine import engine as engine_of
-    from shrm_cli.export.make import Asked, check, export, write
+    from shrm_cli.export.make import Asked, made_folder
 
+    names = list(ENGINES) if "all" in engines else list(dict.fromkeys(engines))
     reading = make_read_options(values)
     name = source_stem(sources[0], REPRESENTATIONS)
-    folder = Path(output) if output else Path(f"{name}.{engine}")
-    chosen = engine_of(engine)
     is_kept = reading.working is not None
     asked = Asked(size, texels, skybox, window, dfg, is_kept, max_error)
+    if len(names) == 1:
+        folder = Path(output) if output else Path(f"{name}.{names[0]}")
+        conclude(*_exported(sources, names[0], folder, asked, reading, force))
+        return
+    results, lines, warnings, failures = [], [], [], []
+    with made_folder(Path(output)) if output else nullcontext():
+        for each in names:
+            folder = Path(output) / each if output else Path(f"{name}.{each}")
+            try:
+                result, told, warned = _exported(sources, each, folder, asked, reading, force)
+            except ShrmError as error:
+                failures.append(f"{each}: {flags(str(error))}")
+                continue
+            results.append(result)
+            lines += told
+            warnings += [line for line in warned if line not in warnings]
+    conclude({"exports": results, "failures": failures}, lines, warnings, failures)
+
+
+def _exported(
+    sources: tuple[str, ...],
+    engine: str,
+    folder: Path,
+    asked: Asked,
+    reading: ReadOptions,
+    force: bool,
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
+    from shrm_cli.export.engine import engine as engine_of
+    from shrm_cli.export.make import check, export, write
+
+    name = source_stem(sources[0], REPRESENTATIONS)
+    chosen = engine_of(engine)
     with renamed(texels="format"):
         check(chosen, asked)
     source = _source(sources, name, reading)
     check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
-    with renamed(texels="format"), progress_bar("exporting") as progress:
+    with renamed(texels="format"), progress_bar(f"exporting for {engine}") as progress:
         made = export(source, chosen, asked, progress)
     if folder.is_dir():
         check_outputs([str(folder / file.name) for file in made.files])
@@ -118,8 +154,7 @@ def export(
         *[f"  {line}" for line in made.told],
     ]
     remarks = source.probe.report.warnings() if source.probe is not None else ()
-    warnings = [*(f"{sources[0]}: {line}" for line in remarks), *made.warnings]
-    conclude(result, lines, warnings)
+    return result, lines, [*(f"{sources[0]}: {line}" for line in remarks), *made.warnings]
 
 
 def _source(sources: tuple[str, ...], name: str, reading: ReadOptions) -> Source:

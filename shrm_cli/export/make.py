@@ -360,14 +360,14 @@ def write(package: Package, folder: Path, kept: bool = True) -> list[Path]:
         If a file cannot be written, or would replace another one.
     """
     paths = [folder / file.name for file in package.files]
-    with _made(folder), keeping(*map(str, paths if kept else [])), together():
+    with made_folder(folder), keeping(*map(str, paths if kept else [])), together():
         for file, path in zip(package.files, paths, strict=True):
             file.write(path)
     return paths
 
 
 @contextmanager
-def _made(folder: Path) -> Iterator[None]:
+def made_folder(folder: Path) -> Iterator[None]:
     """Make a folder, and remove it again if it is made and nothing comes into it."""
     is_new = not folder.exists()
     try:

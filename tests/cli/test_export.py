@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.maps.file import open_map
-from shrm_cli.vocabulary import PRIMARIES
+from shrm_cli.vocabulary import ENGINES, PRIMARIES
 from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
 
@@ -46,6 +46,35 @@ def test_the_same_export_is_the_same_bytes(folder):
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "b")
     assert snapshot(folder / "a") == snapshot(folder / "b")
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "a")
+
+
+def test_several_engines_get_what_each_gets_alone(folder):
+    out = done("export", "sky.exr", "--for", "json", "--for", "godot", "-o", "assets")
+    assert "assets/json: JSON" in out
+    assert "assets/godot: Godot" in out
+    for name in ("json", "godot"):
+        done("export", "sky.exr", "--for", name)
+        assert snapshot(folder / "assets" / name) == snapshot(folder / f"sky.{name}")
+    done("export", "sky.exr", "--for", "json", "--for", "godot")  # they are there already
+
+
+def test_all_engines(folder):
+    result = json.loads(done("export", "sky.exr", "--for", "all", "--size", "32", "--json"))
+    assert [each["engine"] for each in result["exports"]] == list(ENGINES)
+    assert result["failures"] == []
+    assert {path.name for path in folder.iterdir()} == {
+        "sky.exr", *(f"sky.{name}" for name in ENGINES)
+    }  # fmt: skip
+
+
+def test_an_engine_that_has_not_what_is_asked_loses_no_other(folder):
+    given = ("export", "sky.exr", "--for", "json", "--for", "bevy", "--size", "16", "-o", "assets")
+    result = run(*given, "--format", "rgb9e5")
+    assert result.code == 1
+    assert result.err.startswith("Failed: json: --format rgb9e5 does not apply")
+    assert [path.name for path in (folder / "assets").iterdir()] == ["bevy"]
+    assert run(*given, "--format", "r11g11b10", "-o", "none").code == 1
+    assert not (folder / "none").exists()
 
 
 def test_a_turned_probe_is_turned(folder):
