@@ -98,20 +98,27 @@ class BrushedSpectrum(Spectrum):
         first = place * self.view_count + nodes
         return np.append(first, first + len(self.weights) // 2), signs
 
-    def _to_table(self, q: int) -> Array:
+    def _tabulated(self, q: int, functions: Array) -> Array:
         theta_o = np.unique(self.transfer.theta_o[self.weights > 0])
         by_wave = self._azimuths.analysis(self.waves)
+        at_nodes = functions.reshape(len(functions), by_wave.shape[1], -1)
+        amplitudes = (by_wave @ at_nodes).reshape(len(functions), len(by_wave), -1, 3)
         # Over the pole a view of the azimuth psi becomes one of psi + pi.
-        odd = [interpolation_matrix(theta_o, self.angles(), odd=bool(each)) for each in (0, 1)]
-        tables = [
-            np.multiply.outer(row, odd[(q + f) % 2])
-            for row, f in zip(by_wave, self.waves[:, 0], strict=True)
-        ]
-        return np.stack(tables).swapaxes(1, 2).reshape(len(tables) * TABLE, -1)
+        even, odd = (interpolation_matrix(theta_o, self.angles(), odd=odd) for odd in (False, True))
+        is_odd = (q + self.waves[:, 0]) % 2 == 1
+        tables = np.empty((*amplitudes.shape[:2], TABLE, 3))
+        tables[:, is_odd] = odd @ amplitudes[:, is_odd]
+        tables[:, ~is_odd] = even @ amplitudes[:, ~is_odd]
+        return tables.reshape(len(functions), -1, 3)
 
-    def _from_table(self, nodes: NDArray[np.intp]) -> Array:
+    def _looked_up(self, tables: Array, nodes: NDArray[np.intp]) -> Array:
         transfer = self.transfer
         values = wave_values(self.waves, transfer.azimuths[nodes])
         parts = np.where(nodes < len(transfer.theta_o) // 2, values.real, values.imag)
-        rows = linear_matrix(self.angles(), transfer.theta_o[nodes])
-        return np.einsum("wn,nt->nwt", parts, rows).reshape(len(nodes), -1)
+        theta_o, place = np.unique(transfer.theta_o[nodes], return_inverse=True)
+        by_wave = tables.reshape(len(tables), len(self.waves), TABLE, 3)
+        amplitudes = linear_matrix(self.angles(), theta_o) @ by_wave
+        found = np.zeros((len(tables), len(nodes), 3))
+        for part, amplitude in zip(parts, amplitudes.swapaxes(0, 1), strict=True):
+            found += part[:, None] * amplitude[:, place]
+        return found

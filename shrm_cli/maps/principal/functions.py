@@ -288,20 +288,21 @@ class Spectrum:
         """Return functions of an order q at even angles, shape (last - first, TABLE, 3)."""
         stored = self.functions if self.albedo is None else self.vectors
         seen = self.weights > 0
-        return np.einsum("to,koc->ktc", self._to_table(q), stored[q, first:last][:, seen])
-
-    def _to_table(self, q: int) -> Array:
-        """The matrix from functions of an order q, at the seen nodes, to the entries of tables."""
         # Views that nobody sees have no value, and must not take part.
+        return self._tabulated(q, stored[q, first:last][:, seen])
+
+    def _tabulated(self, q: int, functions: Array) -> Array:
+        """Functions of an order q at the seen nodes, (k, n, 3), as entries of tables, (k, m, 3)."""
         nodes = self.transfer.theta_o[self.weights > 0]
         matrix = interpolation_matrix(nodes, self.angles(), odd=q % 2 == 1)
         if q > 0:  # a function of the azimuth has no value where there is none
             matrix[0] = 0.0
-        return matrix
+        return np.einsum("to,koc->ktc", matrix, functions)
 
-    def _from_table(self, nodes: NDArray[np.intp]) -> Array:
-        """The matrix from the entries of tables to functions at nodes, as renderers read them."""
-        return linear_matrix(self.angles(), self.transfer.theta_o[nodes])
+    def _looked_up(self, tables: Array, nodes: NDArray[np.intp]) -> Array:
+        """Functions at nodes, (k, n, 3), as renderers read them from tables, (k, m, 3)."""
+        matrix = linear_matrix(self.angles(), self.transfer.theta_o[nodes])
+        return np.einsum("ot,ktc->koc", matrix, tables)
 
     def albedo_table(self) -> Array | None:
         """Return the directional albedo at even angles, shape (TABLE, 3), if it is divided by."""
@@ -364,13 +365,13 @@ class Spectrum:
         used = counts[q] if q < len(counts) else 0
         if not used:
             return rest
-        back = self._from_table(at)
         albedo = self.albedo_table()
         parts = self.light_parts(q, 0, used)[:, : len(factors)] * factors[:, None]
-        functions = np.einsum("ot,ktc->koc", back, self.table(q, 0, used))
+        functions = self._looked_up(self.table(q, 0, used), at)
         if albedo is not None:
-            functions = functions * (back @ albedo)
-        rest[: len(factors)] -= 2 * np.pi * np.einsum("klc,koc->loc", parts, functions)
+            functions = functions * self._looked_up(albedo[None], at)
+        held = parts.transpose(2, 1, 0) @ functions.transpose(2, 0, 1)
+        rest[: len(factors)] -= 2 * np.pi * held.transpose(1, 2, 0)
         return rest
 
     @cached_property
