@@ -49,8 +49,14 @@ function renderCommand(viewer) {
   return words.join(" ");
 }
 
+// Where a view is all of the page, keys need no click into it first.
+function keyPlace(root) {
+  var others = document.body.querySelectorAll(":scope > :not(script, style)").length > 1;
+  return root.parentNode === document.body && !others ? document.body : root;
+}
+
 function listenToKeys(viewer, controls) {
-  viewer.root.addEventListener("keydown", function (event) {
+  keyPlace(viewer.root).addEventListener("keydown", function (event) {
     var field = event.target.closest("input, select");
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     // Fields keep the keys that they have a use for.
