@@ -52,10 +52,14 @@ def test_no_picture_of_a_mesh_is_negative(glossy):
     light[0] += 0.3
     plain = diffuse_colors(glossy, light)
     assert plain.min() < 0
-    shown = VertexColors(mesh, glossy, light).seen_from(np.array([0.0, 0.0, 9.0]))
+    # Each vertex as a corner of one of its triangles.
+    faces = (mesh.faces == np.arange(len(mesh.vertices))[:, None, None]).any(axis=2).argmax(axis=1)
+    corners = (mesh.faces[faces] == np.arange(len(faces))[:, None]).astype(float)
+    place = (faces, corners), mesh.normals, mesh.normals
+    shown = VertexColors(mesh, glossy, light).radiance(np.array([0.0, 0.0, 9.0]), *place)
     np.testing.assert_array_equal(shown, np.where(plain < 0, 0, plain))
     view = np.array([0.0, 9.0, 9.0])
-    reflected = VertexColors(mesh, glossy, light, Cushion()).seen_from(view)
+    reflected = VertexColors(mesh, glossy, light, Cushion()).radiance(view, *place)
     assert reflected.min() == 0
     assert reflected.max() > 0
 
