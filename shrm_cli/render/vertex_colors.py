@@ -92,7 +92,7 @@ class VertexColors:
         points, normals, views, samples
             As `LampsOnMesh.radiance` takes them.
         """
-        found = self._mesh.interpolated(self._seen_from(eye), *points)
+        found = self._mesh.interpolated(self.seen_from(eye), *points)
         if self._lamps is None:
             return found
         transfer, albedo, tangents = self._transfer, self._transfer.albedo, None
@@ -106,8 +106,8 @@ class VertexColors:
             albedo if len(albedo) == 1 else self._mesh.interpolated(albedo, *points)
         )
 
-    def _seen_from(self, eye: Array) -> Array:
-        """Return what the vertices reflect towards a point without the lamps, shape (v, 3)."""
+    def seen_from(self, eye: Array) -> Array:
+        """Return what the vertices reflect towards a point, without the lamps, shape (v, 3)."""
         if self._product is None:
             return self._colors
         if self._eye is None or not np.array_equal(eye, self._eye):
