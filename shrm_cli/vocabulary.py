@@ -112,6 +112,8 @@ MAX_ORDER_F = 512
 """The largest order F of a map: the degree to which the light is kept."""
 MAX_ORDER_P = 32
 """The largest order P of a map: the degree of the harmonics of the view."""
+MAX_GRID_ORDER = 4
+"""The largest order of a grid of probes."""
 MIN_CUBE_SIZE = 4
 """The least size of the cubes of a map that is made; conversions go down to 1."""
 MAX_SOURCE_HEIGHT = 8192

@@ -50,7 +50,7 @@ STOPS = [
     {"automatic"},
     {"prefilter", "naming"},
     {"export"},
-    {"batch"},
+    {"batch", "rooms"},
     {"render"},
     {"view", "lookdev"},
     {"choose"},

@@ -42,6 +42,7 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     from shrm_cli.brdf.spec import is_measured_file
     from shrm_cli.maps.file import is_map
     from shrm_cli.maps.shader.file import read_layers_facts
+    from shrm_cli.rooms.file import is_grid, read_grid
     from shrm_cli.transfer.file import is_transfer, read_transfer
 
     warnings: list[str] = []
@@ -52,6 +53,9 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     elif is_transfer(file):
         what = "is a precomputed transfer"
         values = {"kind": "precomputed transfer", **read_transfer(file).summary()}
+    elif is_grid(file):
+        what = "is a grid of probes"
+        values = {"kind": "grid of probes", **read_grid(file).summary()}
     elif is_table(file):
         values = _describe_table(file)
     elif (table := read_table_facts(file)) is not None:

@@ -40,6 +40,7 @@ _COMMANDS = {
     "sun": "Take the sun and other lamps out of a probe.",
     "product": "Make the product texture of a BRDF, brushed ones too.",
     "transfer": "Bake how a mesh shadows and lights itself.",
+    "grid": "Bake a grid of probes in a room.",
     "dfg": "Make the environment-BRDF table of the split sum.",
     "cache": "Clear the cache of BRDF coefficients.",
 }

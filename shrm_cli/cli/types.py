@@ -192,6 +192,41 @@ ALBEDO = Parsed("X|R,G,B|vertex", _albedo)
 """What a surface reflects: a number or three between 0 and 1, or ``vertex``."""
 
 
+def _named_color(text: str) -> tuple[str, tuple[float, ...]]:
+    name, separator, rest = text.rpartition("=")
+    if not separator or not name:
+        raise ValueError(f"{text!r} is not NAME=R,G,B or NAME=X")
+    numbers = _radiance(rest)
+    return name, numbers * (3 // len(numbers))
+
+
+NAMED_COLOR = Parsed("NAME=R,G,B", _named_color)
+"""A name, and three numbers or one for all channels; none is below 0."""
+
+
+def _counts(text: str) -> tuple[int, ...]:
+    texts = text.split(",")
+    counts = [_whole(each) if each.isascii() and each.isdigit() else None for each in texts]
+    if len(counts) != 3 or not all(counts):
+        raise ValueError(f"{text!r} is not three whole numbers such as 16,8,16")
+    return tuple(each for each in counts if each)
+
+
+COUNTS = Parsed("NX,NY,NZ", _counts)
+"""Three whole numbers, 1 at least."""
+
+
+def _box(text: str) -> tuple[float, ...]:
+    numbers = _numbers(text)
+    if len(numbers) != 6 or not all(abs(number) <= _LARGEST for number in numbers):
+        raise ValueError(f"{text!r} is not six numbers X0,Y0,Z0,X1,Y1,Z1")
+    return numbers
+
+
+BOX = Parsed("X0,Y0,Z0,X1,Y1,Z1", _box)
+"""Two corners of a box."""
+
+
 def _components(text: str) -> int | float:
     method, _, amount = text.partition(":")
     if method == "pca" and amount.isascii() and amount.isdigit() and amount.strip("0"):

@@ -102,6 +102,28 @@ def can_compress() -> bool:
     return find_spec("zstandard") is not None
 
 
+def ktx2_volume(
+    data: bytes, shape: tuple[int, int, int], texels: TexelFormat, compress: bool
+) -> bytes:
+    """Return a KTX 2 file of a volume without mips.
+
+    Parameters
+    ----------
+    data : bytes
+        The encoded texels; x runs fastest, then y, then z.
+    shape : tuple of 3 int
+        Texels along x, y and z.
+    texels : TexelFormat
+    compress : bool
+        As `ktx2_cube` takes it.
+
+    Returns
+    -------
+    bytes
+    """
+    return _ktx2([data], shape, texels, compress, 1)
+
+
 def ktx2_cube(
     levels: Sequence[bytes], size: int, texels: TexelFormat, compress: bool, faces: int = 6
 ) -> bytes:
@@ -124,13 +146,24 @@ def ktx2_cube(
     -------
     bytes
     """
+    return _ktx2(levels, (size, size, 0), texels, compress, faces)
+
+
+def _ktx2(
+    levels: Sequence[bytes],
+    shape: tuple[int, int, int],
+    texels: TexelFormat,
+    compress: bool,
+    faces: int,
+) -> bytes:
+    """Return a KTX 2 file of mips; a depth of 0 is that of pictures and cubes."""
     number, type_size, samples = _VULKAN[texels.name]
     stored = [_compressed(mip) for mip in levels] if compress else list(levels)
     descriptor = _descriptor(samples, texels)
     pairs = _pair("KTXwriter", f"shrm {__release__}")
     head = len(_KTX2) + 9 * 4 + 4 * 4 + 2 * 8 + 24 * len(levels)
     header = struct.pack(
-        "<9I", number, type_size, size, size, 0, 0, faces, len(levels), _ZSTD if compress else 0
+        "<9I", number, type_size, *shape, 0, faces, len(levels), _ZSTD if compress else 0
     )
     index = struct.pack(
         "<4I2Q", head, len(descriptor), head + len(descriptor), len(pairs), 0, 0

@@ -48,6 +48,9 @@ _TEXTURES = (
 """Kinds of textures that materials have."""
 _MOST_PRIMITIVES = 2**12
 """The most primitives, each of which becomes a mesh of its own."""
+_STRENGTH = "KHR_materials_emissive_strength"
+_BRIGHTEST = 1e12
+"""The most radiance that a material may send."""
 _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_")
 """Beginnings of extensions without which the shape of a mesh is the same."""
 
@@ -213,7 +216,18 @@ def _material(given: Json) -> SurfaceMaterial:
         _unit(pbr.get("metallicFactor", 1)),
         _unit(pbr.get("roughnessFactor", 1)),
         tuple(key for key in _TEXTURES if key in pbr or key in given),
+        _emission(given),
     )
+
+
+def _emission(given: Json) -> tuple[float, float, float]:
+    """Return the radiance that a material sends, its factor times its strength."""
+    extension = table(table(given.get("extensions", {})).get(_STRENGTH, {}))
+    strength = float(extension.get("emissiveStrength", 1))
+    if not 0 <= strength <= _BRIGHTEST:
+        raise ValueError(f"an emissive strength of {strength}")
+    red, green, blue = (strength * _unit(each) for each in given.get("emissiveFactor", (0, 0, 0)))
+    return red, green, blue
 
 
 def _node(given: Json, tree: Json) -> Json:

@@ -38,6 +38,8 @@ class SurfaceMaterial:
         0 .. 1; GGX's alpha is the square of the roughness.
     textures : tuple of str
         The kinds of its textures, which are not read, such as ``baseColorTexture``.
+    emission : tuple of 3 float
+        The radiance that it sends from its front, linear RGB.
     """
 
     name: str = ""
@@ -45,6 +47,7 @@ class SurfaceMaterial:
     metallic: float = 1.0
     roughness: float = 1.0
     textures: tuple[str, ...] = ()
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @record(eq=False)

@@ -7,8 +7,10 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.probe.make import latlong_solid_angles
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.grid.latlong import latlong_coordinates
 from shrm_cli.sphere.harmonics import legendre_degrees, real_harmonics
+from shrm_cli.sphere.quadrature import spiral_directions
 
 _VALUES_AT_ONCE = 2**22
 _ROWS_AT_ONCE = 32
@@ -61,6 +63,17 @@ def facing_factor(radius: float) -> float:
     What lies below the surface's horizon does not count, so that no disc gives more than pi.
     """
     return float(np.pi * np.sin(min(radius, np.pi / 2)) ** 2)
+
+
+def disc_directions(disc: Disc, count: int) -> Array:
+    """Directions spread evenly over a disc, of equal solid angles, shape (count, 3)."""
+    local = spiral_directions(count)
+    # Cosines that are even over the sphere are brought to the range within the disc.
+    cosine = 1 - (1 - local[:, 2]) / 2 * (1 - np.cos(disc.radius))
+    scale = np.sqrt(np.maximum(1 - cosine**2, 0) / (1 - local[:, 2] ** 2))
+    local = np.stack([local[:, 0] * scale, local[:, 1] * scale, cosine], axis=1)
+    axis = disc.direction[None]
+    return local @ surface_frames(axis, horizontal_tangents(axis))[0]
 
 
 def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:

@@ -14,9 +14,8 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.maps.lamps.discs import LitDiscs
-from shrm_cli.probe.disc import Disc
-from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
-from shrm_cli.sphere.quadrature import spiral_directions
+from shrm_cli.probe.disc import Disc, disc_directions
+from shrm_cli.sphere.directions import horizontal_tangents
 
 Points = tuple[NDArray[np.int64], Array]
 """Triangles of points, shape (n,), and their places within these, barycentric (n, 3)."""
@@ -55,7 +54,7 @@ class LampsOnMesh:
         self._mesh, self._rays = mesh, rays
         self.discs = tuple(discs)
         self._brdf = brdf
-        self._directions = tuple(map(_within, discs))
+        self._directions = tuple(disc_directions(disc, _DIRECTIONS) for disc in discs)
         self._lift = _LIFT * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
 
     def radiance(
@@ -135,14 +134,3 @@ class LampsOnMesh:
         free = ~self._rays.occluded(origins[points], directions[along])
         seen = np.bincount(points, free * cosines[points, along], len(origins))
         return seen / np.maximum(cosines.sum(axis=1), np.finfo(float).tiny)
-
-
-def _within(disc: Disc) -> Array:
-    """Return directions spread evenly over a disc, shape (_DIRECTIONS, 3)."""
-    local = spiral_directions(_DIRECTIONS)
-    # Cosines that are even over the sphere are brought to the range within the disc.
-    cosine = 1 - (1 - local[:, 2]) / 2 * (1 - np.cos(disc.radius))
-    scale = np.sqrt(np.maximum(1 - cosine**2, 0) / (1 - local[:, 2] ** 2))
-    local = np.stack([local[:, 0] * scale, local[:, 1] * scale, cosine], axis=1)
-    axis = disc.direction[None]
-    return local @ surface_frames(axis, horizontal_tangents(axis))[0]

@@ -1,0 +1,208 @@
+"""`shrm grid` finds the light at many points of a room."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.options import announce, conclude, report_options
+from shrm_cli.cli.outputs import check_outputs, force_option
+from shrm_cli.cli.types import BOX, COUNTS, NAMED_COLOR
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.files.whole import keeping
+from shrm_cli.vocabulary import MAX_GRID_ORDER
+
+if TYPE_CHECKING:
+    from shrm_cli.rooms.grid import ProbeGrid
+    from shrm_cli.rooms.lattice import Lattice
+
+_SUFFIXES = (".npz", ".json", ".ktx2", ".exr")
+_LONGEST = 16
+"""Probes along the longest edge of a room, where their number is not given."""
+_ALBEDO = 0.5
+"""What triangles reflect that have no material."""
+
+
+@click.command()
+@click.argument("source", metavar="ROOM|TABLE.csv|GRID.npz", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(),
+    help="File to write: .npz, .json for three.js, .ktx2 for Bevy, or .exr.  "
+    "[default: SOURCE.grid.npz in the current folder]",
+)  # fmt: skip
+@click.option(
+    "--size", type=COUNTS,
+    help="Probes along x, y and z.  [default: 16 along the longest edge of the box]",
+)  # fmt: skip
+@click.option(
+    "--box", type=BOX, help="Two corners of the box with the probes.  [default: all of the room]"
+)
+@click.option(
+    "--order", type=click.IntRange(1, MAX_GRID_ORDER), default=2, show_default=True,
+    help="Largest degree of the harmonics.",
+)  # fmt: skip
+@click.option(
+    "--probe", type=click.Path(), help="Light that is seen past the room, such as through windows."
+)
+@click.option(
+    "--albedo", type=NAMED_COLOR, multiple=True,
+    help="What a material reflects, in place of its base colour. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--emit", type=NAMED_COLOR, multiple=True,
+    help="Radiance that a material sends. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--samples", type=click.IntRange(16, 65536), default=1024, show_default=True,
+    help="Directions along which each probe looks.",
+)  # fmt: skip
+@click.option(
+    "--light", type=click.Choice(["all", "reflected"]), default="all", show_default=True,
+    help="reflected leaves out what comes straight from lamps, which engines may add "
+    "themselves; .npz holds both.",
+)  # fmt: skip
+@force_option
+@report_options
+def grid(
+    source: str,
+    output: str | None,
+    size: tuple[int, int, int] | None,
+    box: tuple[float, ...] | None,
+    order: int,
+    probe: str | None,
+    albedo: tuple[tuple[str, tuple[float, float, float]], ...],
+    emit: tuple[tuple[str, tuple[float, float, float]], ...],
+    samples: int,
+    light: str,
+    force: bool,
+) -> None:
+    """Find the light at the points of a grid in a room, for surfaces that move in it.
+
+    ROOM is a mesh whose materials reflect diffusely, by their base colours, and some of which send
+    light. Each probe holds coefficients of the light that reaches it, of all bounces, and how far
+    it sees, so that light does not leak through walls. TABLE.csv has the columns x, y, z and file,
+    of probes that exist already. GRID.npz is written in another form.
+
+    \b
+      shrm grid house.glb --size 16,8,16
+      shrm grid house.glb --emit lamp=30,28,25 --probe sky.exr -o house.ktx2
+      shrm grid house.grid.npz --light reflected -o house.json
+    """
+    from shrm_cli.errors import OutputError
+    from shrm_cli.plan.policy import ERROR
+    from shrm_cli.rooms.export import WRITERS
+    from shrm_cli.rooms.file import is_grid, read_grid, write_grid
+
+    target = output or f"{Path(source).stem}.grid.npz"
+    suffix = Path(target).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise OutputError(f"{target}: grids are written as {', '.join(_SUFFIXES)}; name it so")
+    check_outputs([target], files=[source, *([probe] if probe else [])])
+    is_table = source.lower().endswith(".csv")
+    is_baked = is_grid(source)
+    of_rooms = Applies(not (is_table or is_baked), "to rooms")
+    refuse_inapplicable(
+        dict.fromkeys(("size", "box", "probe", "albedo", "emit", "samples"), of_rooms)
+        | {"order": Applies(not is_baked, "to rooms and tables")}
+        | {"light": Applies(suffix != ".npz", "to other files than .npz, which holds both")}
+    )
+    if is_baked:
+        found = read_grid(source)
+    elif is_table:
+        from shrm_cli.rooms.positions import read_positions
+
+        with progress_bar("projecting") as progress:
+            found = read_positions(source, order, progress)
+    else:
+        found = _baked(source, size, box, order, probe, dict(albedo), dict(emit), samples)
+    with keeping(*([] if force or output else [target])):
+        if suffix == ".npz":
+            write_grid(target, found)
+        else:
+            WRITERS[suffix](target, found, light == "all")
+    said = found.summary()
+    bytes_written = Path(target).stat().st_size
+    shape = " x ".join(map(str, said["shape"]))
+    lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
+    warnings = []
+    if "error" in said:
+        lines.append(
+            f"  irradiance between the probes is {said['error']:.1%} off (RMS), and "
+            f"{said['error_reflected']:.1%} without what comes straight from lamps"
+        )
+        if light == "all" and said["error"] > max(ERROR, 2 * said["error_reflected"]):
+            lines.append(
+                "  what comes straight from lamps changes faster than the probes lie; leave it to "
+                "lights of the engine (--light reflected)"
+            )
+        if said["in_walls"]:
+            lines.append(f"  {said['in_walls']:,} probes lie within walls")
+        if said["in_walls"] == found.lattice.count:
+            warnings.append(
+                f"{source}: all probes lie behind surfaces, whose triangles seem to face outwards; "
+                "turn them round, or give `box` within the room"
+            )
+    conclude({"file": target, **said, "bytes": bytes_written}, lines, warnings)
+
+
+def _baked(
+    source: str,
+    size: tuple[int, int, int] | None,
+    box: tuple[float, ...] | None,
+    order: int,
+    probe: str | None,
+    albedo: dict[str, tuple[float, float, float]],
+    emission: dict[str, tuple[float, float, float]],
+    samples: int,
+) -> ProbeGrid:
+    """Bake a room.
+
+    Raises
+    ------
+    MeshError, ProbeError
+        If a file cannot be read, or nothing sends light.
+    """
+    from shrm_cli.geometry.load import load_mesh
+    from shrm_cli.lights.split import split_lamps
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.rooms.bake import bake
+    from shrm_cli.rooms.room import Room
+
+    mesh = load_mesh(source)
+    split = None if probe is None else split_lamps(open_probe(probe))
+    changes = {"albedo": albedo, "emission": emission}
+    outside = (None, ()) if split is None else (split.residual_probe, split.discs)
+    room = Room.of(mesh, (_ALBEDO,) * 3, changes, *outside)
+    lattice = _lattice(mesh.bounds, size, box)
+    count = " x ".join(map(str, lattice.shape))
+    announce([f"{source}: {len(mesh.faces):,} triangles, {count} probes"])
+    with progress_bar("gathering") as progress:
+        return bake(room, lattice, order, samples, progress)
+
+
+def _lattice(
+    bounds: object, size: tuple[int, int, int] | None, box: tuple[float, ...] | None
+) -> Lattice:
+    """Return where the probes of a room are.
+
+    Raises
+    ------
+    ArgumentError
+        If the box is flat, or there are too many.
+    """
+    import numpy as np
+
+    from shrm_cli.errors import ArgumentError
+    from shrm_cli.rooms.lattice import MOST, Lattice
+
+    low, high = np.asarray(bounds if box is None else np.reshape(box, (2, 3)), dtype=float)
+    if not (high > low).all():
+        raise ArgumentError("box", "is flat; give two corners x0,y0,z0,x1,y1,z1, the lesser first")
+    edges = high - low
+    x, y, z = size or (max(1, round(_LONGEST * each)) for each in edges / edges.max())
+    if x * y * z > MOST:
+        raise ArgumentError("size", f"makes {x * y * z:,} probes; {MOST:,} are the most")
+    return Lattice(low, high, (x, y, z))

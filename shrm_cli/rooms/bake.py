@@ -1,0 +1,181 @@
+"""From a room to the probes of a grid."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.progress import Progress, Stages
+from shrm_cli.records import record
+from shrm_cli.rooms.emitters import Emitters
+from shrm_cli.rooms.grid import ProbeGrid, octahedral_directions
+from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.rooms.radiosity import Brightness
+from shrm_cli.rooms.room import Room
+from shrm_cli.sphere.harmonics import real_harmonics
+from shrm_cli.sphere.quadrature import scrambled, spiral_directions
+
+SAMPLES = 1024
+"""Directions along which a probe looks."""
+_OF_LAMPS = 256
+"""Points on lamps that a probe looks for."""
+IN_WALLS = 0.25
+"""The share of directions in which a probe within a wall sees triangles from behind."""
+_SHARPNESS = 50
+"""The power of the cosine by which directions count for a texel of distances (Majercik et al.)."""
+_PATCHES = 2.0
+"""Patches along the least spacing of the probes."""
+_RAYS_AT_ONCE = 2**18
+_PROOFS = 400
+"""Points between the probes where the light is gathered, to state errors."""
+
+
+def bake(
+    room: Room,
+    lattice: Lattice,
+    order: int,
+    samples: int = SAMPLES,
+    progress: Progress | None = None,
+) -> ProbeGrid:
+    """Find the light at the probes of a lattice, and how far it is off between them.
+
+    Parameters
+    ----------
+    room : Room
+    lattice : Lattice
+    order : int
+        The largest degree of the harmonics.
+    samples : int
+        Directions along which each probe looks.
+    progress : callable, optional
+        Called with the work done, and in all.
+
+    Returns
+    -------
+    ProbeGrid
+        Its facts have the relative RMS errors of the irradiance at random points, ``error`` of all
+        light and ``error_reflected`` of that which does not come straight from lamps.
+    """
+    stages = Stages(progress, 3)
+    rays = Rays(room.mesh)
+    patch = float(lattice.spacing.min()) / _PATCHES
+    gathering = Gathering(Brightness(room, rays, patch, stages.within), order, samples)
+    stages.done(1, 3)
+    longest = float(np.linalg.norm(lattice.spacing))
+    points = lattice.points()
+    step = max(_RAYS_AT_ONCE // samples, 1)
+    found = []
+    for start in range(0, len(points), step):
+        found.append(gathering.probe(points[start : start + step], start, longest))
+        stages.within(min(start + step, len(points)), len(points))
+    stages.done(2, 3)
+    reflected, direct, moments, behind = (
+        np.concatenate(each)
+        for each in zip(*((e.reflected, e.direct, e.moments, e.behind) for e in found), strict=True)
+    )
+    grid = ProbeGrid(lattice, reflected, direct, moments, behind <= IN_WALLS)
+    return replace(grid, facts=_proven(grid, gathering, stages))
+
+
+def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str, float]:
+    """Return relative RMS errors at random points that are not within walls."""
+    lattice = grid.lattice
+    # Any numbers without a pattern will do for points and normals, the same in each run.
+    order = np.stack([np.roll(scrambled(_PROOFS), shift) for shift in (0, 17, 61)], axis=1)
+    points = lattice.low + (order + 0.5) / _PROOFS * (lattice.high - lattice.low)
+    normals = spiral_directions(_PROOFS)[scrambled(_PROOFS)]
+    truths = []
+    for start in range(0, _PROOFS, 50):
+        part = slice(start, start + 50)
+        truths.append(gathering.irradiance(points[part], normals[part], start))
+        stages.within(start + 50, _PROOFS)
+    reflected, direct, behind = (np.concatenate(each) for each in zip(*truths, strict=True))
+    free = behind < IN_WALLS
+    found = {}
+    for name, truth, is_direct in (
+        ("error", reflected + direct, True), ("error_reflected", reflected, False),
+    ):  # fmt: skip
+        missed = grid.irradiance(points, normals, is_direct) - truth
+        whole = max(float((truth[free] ** 2).sum()), np.finfo(float).tiny)
+        found[name] = float(np.sqrt((missed[free] ** 2).sum() / whole))
+    return found
+
+
+@record(eq=False)
+class Looked:
+    """What some probes see; see `ProbeGrid`. `behind` are the shares of back faces, shape (n,)."""
+
+    reflected: Array
+    direct: Array
+    moments: Array
+    behind: Array
+
+
+class Gathering:
+    """What is seen from points of a room.
+
+    Parameters
+    ----------
+    brightness : Brightness
+    order, samples : int
+        As `bake` takes them.
+    """
+
+    def __init__(self, brightness: Brightness, order: int, samples: int) -> None:
+        self._brightness, self._order = brightness, order
+        self._emitters = Emitters(brightness.room, brightness.rays, _OF_LAMPS)
+        self._directions = spiral_directions(samples)
+        self._area = 4 * np.pi / samples
+        self._harmonics = real_harmonics(order, self._directions) * self._area
+        weights = np.maximum(octahedral_directions() @ self._directions.T, 0) ** _SHARPNESS
+        self._texels = weights / weights.sum(axis=1, keepdims=True)
+
+    def probe(self, points: Array, number: int, longest: float) -> Looked:
+        """Return what probes see, with distances up to `longest`; `number` is the first one's."""
+        reflected, lamps, distance, behind = self._look(points)
+        directions, light = self._arriving(points, number)
+        harmonics = real_harmonics(self._order, directions)
+        direct = np.einsum("dj,ndc->njc", self._harmonics, lamps)
+        direct += np.einsum("nsj,nsc->njc", harmonics, light, optimize=True)
+        distance = np.minimum(distance, longest)
+        moments = np.stack([distance @ self._texels.T, distance**2 @ self._texels.T], axis=-1)
+        return Looked(
+            np.einsum("dj,ndc->njc", self._harmonics, reflected).astype(np.float32),
+            direct.astype(np.float32),
+            moments.astype(np.float32),
+            behind.mean(axis=1),
+        )
+
+    def irradiance(
+        self, points: Array, normals: Array, number: int = 0
+    ) -> tuple[Array, Array, Array]:
+        """Return the irradiance of surfaces at points: reflected, direct, and back faces' share."""
+        reflected, lamps, _, behind = self._look(points)
+        cosines = np.maximum(normals @ self._directions.T, 0) * self._area
+        directions, light = self._arriving(points, number)
+        others = np.maximum(np.einsum("nsv,nv->ns", directions, normals), 0)
+        direct = np.einsum("nd,ndc->nc", cosines, lamps) + np.einsum("ns,nsc->nc", others, light)
+        return np.einsum("nd,ndc->nc", cosines, reflected), direct, behind.mean(axis=1)
+
+    def _arriving(self, points: Array, number: int) -> tuple[Array, Array]:
+        """Return the light of lamps that is looked for, as `Emitters.arriving` does."""
+        return self._emitters.arriving(
+            points, number, lambda directions: np.full(directions.shape[:-1], 1 / self._area)
+        )
+
+    def _look(self, points: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Return radiance of surfaces and sky and of lamps, distances, and which faces are back."""
+        count = len(self._directions)
+        starts = np.repeat(points, count, axis=0)
+        ways = np.tile(self._directions, (len(points), 1))
+        of = self._brightness
+        seen = of.look(starts, ways, self._emitters, 1 / self._area)
+        shape = len(points), count
+        return (
+            (of.radiance[seen.patches] + seen.sky).reshape(*shape, 3),
+            seen.lamps.reshape(*shape, 3),
+            seen.distance.reshape(shape),
+            seen.is_behind.reshape(shape),
+        )

@@ -1,0 +1,182 @@
+"""A grid of probes, and the irradiance between them.
+
+Each of the eight probes about a point counts by its distance, by how far it is on the side that the
+surface faces, and by how likely it sees the point: it knows the mean and the mean square of the
+distance to what is met in each direction, and Chebyshev's inequality bounds from them the chance
+that the point is nearer. So light does not leak through walls between probes.
+
+References
+----------
+Majercik, Guertin, Nowrouzezahrai and McGuire 2019, Dynamic Diffuse Global Illumination with
+Ray-Traced Irradiance Fields, Journal of Computer Graphics Techniques 8(2), section 5; the moments
+are those of Donnelly and Lauritzen 2006, Variance Shadow Maps.
+"""
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.maps.irradiance.irradiance import lambert_factors
+from shrm_cli.records import record
+from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
+
+EDGE = 8
+"""Texels along an edge of the octahedral maps of distances."""
+_BACK = 0.2
+"""The share of a probe that lies behind the surface (Majercik et al. 2019, listing 1)."""
+_SHARPER = 3
+"""The power of the chance that a probe sees a point, which makes leaks darker."""
+_BIAS = 0.1
+"""How far along its normal a point is moved before probes look for it, in least spacings."""
+_LEAST = 1e-6
+"""The sum of weights below which all probes are taken for hidden."""
+
+
+@record(eq=False)
+class ProbeGrid:
+    """Probes on a lattice.
+
+    Attributes
+    ----------
+    lattice : Lattice
+    reflected : ndarray of float32, shape (n, (order+1)^2, 3)
+        Radiance that arrives at each probe, over the harmonics of world axes, index l(l+1)+m: that
+        of surfaces and of the sky, without what comes straight from lamps.
+    direct : ndarray of float32, shape (n, (order+1)^2, 3)
+        What comes straight from lamps.
+    moments : ndarray of float32, shape (n, EDGE^2, 2), optional
+        The mean distance and its mean square about the directions of `octahedral_directions`, up
+        to a cell's diagonal; None where nothing is known of walls.
+    alive : ndarray of bool, shape (n,)
+        Whether a probe counts; those within walls do not.
+    facts : dict
+        What made it, as JSON has it.
+    """
+
+    lattice: Lattice
+    reflected: Array
+    direct: Array
+    moments: Array | None
+    alive: NDArray[np.bool_]
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def order(self) -> int:
+        """The largest degree of the harmonics."""
+        return order_of(self.reflected.shape[1])
+
+    @property
+    def coefficients(self) -> Array:
+        """Those of all light."""
+        return self.reflected + self.direct
+
+    def summary(self) -> dict[str, Any]:
+        """Return what users and scripts are told of the grid."""
+        lattice = self.lattice
+        return {
+            "shape": list(lattice.shape),
+            "low": lattice.low.tolist(),
+            "high": lattice.high.tolist(),
+            "order": self.order,
+            "walls": self.moments is not None,
+            "in_walls": int((~self.alive).sum()),
+            **self.facts,
+        }
+
+    def irradiance(self, points: ArrayLike, normals: ArrayLike, direct: bool = True) -> Array:
+        """Return the irradiance of surfaces, shape (n, 3), without 1/pi and not below 0.
+
+        Parameters
+        ----------
+        points, normals : array_like, shape (n, 3)
+            World axes; normals are unit vectors.
+        direct : bool
+            Whether light counts that comes straight from lamps.
+        """
+        points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
+        probes, weights = self.weights(points, normals)
+        held = self.coefficients if direct else self.reflected
+        light = np.einsum("nk,nkjc->njc", weights, held[probes])
+        shares = lambert_factors(self.order)[degrees(self.order)]
+        values = np.einsum("nj,njc->nc", shares * real_harmonics(self.order, normals), light)
+        return np.maximum(values, 0)
+
+    def weights(self, points: Array, normals: Array) -> tuple[Array, Array]:
+        """Return the probes about points, and how much each of them counts, shapes (n, 8)."""
+        probes, near = self.lattice.corners(points)
+        places = self.lattice.points()[probes]
+        to_probe = places - points[:, None]
+        to_probe /= np.maximum(np.linalg.norm(to_probe, axis=-1, keepdims=True), 1e-12)
+        facing = (np.einsum("nkv,nv->nk", to_probe, normals) + 1) / 2
+        near = near * self.alive[probes]
+        weights = near * (facing**2 + _BACK)
+        if self.moments is not None:
+            moved = points + _BIAS * self.lattice.spacing.min() * normals
+            weights = weights * self._seen(probes, moved[:, None] - places)
+        # Where every probe is hidden, distance alone tells.
+        total = weights.sum(axis=1, keepdims=True)
+        weights = np.where(total > _LEAST, weights, near)
+        return probes, weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-30)
+
+    def _seen(self, probes: Array, ways: Array) -> Array:
+        """Return how likely probes see points at some ways from them, shape (n, 8)."""
+        assert self.moments is not None
+        distance = np.linalg.norm(ways, axis=-1)
+        directions = ways / np.maximum(distance, 1e-12)[..., None]
+        texels, shares = _texels(directions)
+        found = np.einsum("nkt,nktm->nkm", shares, self.moments[probes[..., None], texels])
+        mean, square = found[..., 0], found[..., 1]
+        variance = np.abs(square - mean**2)
+        chance = variance / (variance + (distance - mean) ** 2)
+        return np.where(distance <= mean, 1.0, chance) ** _SHARPER
+
+
+def octahedral_directions(edge: int = EDGE) -> Array:
+    """Directions of the texels of an octahedral map, shape (edge^2, 3), row after row.
+
+    With u and v in -1 .. 1 from left to right and from top to bottom, a direction is that of
+    ``(u, v, 1 - |u| - |v|)``, and where that z is negative x and y are folded over:
+    ``x = (1 - |v|) sign(u), y = (1 - |u|) sign(v)``.
+
+    References
+    ----------
+    Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit Vectors.
+    """
+    axis = (np.arange(edge) + 0.5) / edge * 2 - 1
+    v, u = (each.ravel() for each in np.meshgrid(axis, axis, indexing="ij"))
+    z = 1 - np.abs(u) - np.abs(v)
+    x = np.where(z < 0, (1 - np.abs(v)) * np.where(u < 0, -1, 1), u)
+    y = np.where(z < 0, (1 - np.abs(u)) * np.where(v < 0, -1, 1), v)
+    found = np.stack([x, y, z], axis=-1)
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+
+
+def _texels(directions: Array) -> tuple[Array, Array]:
+    """Return the four texels about directions, and their shares, shapes (..., 4).
+
+    Past an edge of the map the texels are those of the mirrored row or column.
+    """
+    scaled = directions / np.abs(directions).sum(axis=-1, keepdims=True)
+    x, y, z = np.moveaxis(scaled, -1, 0)
+    u = np.where(z < 0, (1 - np.abs(y)) * np.where(x < 0, -1, 1), x)
+    v = np.where(z < 0, (1 - np.abs(x)) * np.where(y < 0, -1, 1), y)
+    column, row = ((each + 1) / 2 * EDGE - 0.5 for each in (u, v))
+    left, top = np.floor(column).astype(np.int64), np.floor(row).astype(np.int64)
+    texels, shares = [], []
+    for down in (0, 1):
+        for right in (0, 1):
+            j, i = left + right, top + down
+            beside, beyond = (j < 0) | (j >= EDGE), (i < 0) | (i >= EDGE)
+            # The neighbour over an edge lies mirrored about the edge's middle.
+            i, j = np.where(beside, EDGE - 1 - i, i), np.where(beyond, EDGE - 1 - j, j)
+            i, j = np.clip(i, 0, EDGE - 1), np.clip(j, 0, EDGE - 1)
+            texels.append(i * EDGE + j)
+            across = column - left if right else 1 - column + left
+            upward = row - top if down else 1 - row + top
+            shares.append(across * upward)
+    return np.stack(texels, axis=-1), np.stack(shares, axis=-1)

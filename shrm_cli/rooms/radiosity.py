@@ -1,0 +1,174 @@
+"""The brightness of a room's surfaces: light is sent from patch to patch until it is lost.
+
+The irradiance of a patch is ``E = D + pi <L>``: what lamps send straight to it, and the mean of the
+radiance L that arrives along directions which are dense by the cosine to its normal. What each
+direction meets is found once, as the number of a patch, and then light goes along it as often as is
+needed: ``L = albedo / pi E`` of that patch. Such a mean over few directions is noisy, but it is a
+mean over patches, and a probe gathers from hundreds of them.
+
+References
+----------
+Goral, Torrance, Greenberg and Battaile 1984, Modeling the Interaction of Light Between Diffuse
+Surfaces. Keller 1997, Instant Radiosity, has the same integral by paths.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.progress import Progress
+from shrm_cli.records import record
+from shrm_cli.rooms.emitters import Emitters
+from shrm_cli.rooms.patches import Patches
+from shrm_cli.rooms.room import Room
+from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.sphere.quadrature import spiral_directions
+
+_DIRECTIONS = 96
+"""Directions along which a patch gathers what others reflect."""
+_SAMPLES = 32
+"""Points on lamps that a patch looks for."""
+_BOUNCES = 100
+_LOST = 1e-4
+"""Light of which no more than this part changes is no longer sent on."""
+_AT_ONCE = 2**11
+"""Patches at a time."""
+LIFT = 1e-5
+"""How far above surfaces rays begin, as a part of the diagonal of the room's box."""
+
+
+@record(eq=False)
+class Seen:
+    """What rays see, in arrays of an entry each.
+
+    Attributes
+    ----------
+    patches : ndarray of int64, shape (n,)
+        What they meet from its front; -1 for nothing.
+    sky, lamps : ndarray, shape (n, 3)
+        Radiance of the surroundings, and of what is met, as far as `Emitters` leave it.
+    distance : ndarray, shape (n,)
+        To what is met; infinite to nothing.
+    is_behind : ndarray of bool, shape (n,)
+        Whether a triangle is met from behind.
+    """
+
+    patches: NDArray[np.int64]
+    sky: Array
+    lamps: Array
+    distance: Array
+    is_behind: NDArray[np.bool_]
+
+
+class Brightness:
+    """The light that each patch of a room sends from its front, besides that of lamps.
+
+    Parameters
+    ----------
+    room : Room
+    rays : Rays
+    size : float
+        The longest edge of a patch.
+    progress : callable, optional
+        Called with the patches done, and all of them.
+    """
+
+    def __init__(
+        self, room: Room, rays: Rays, size: float, progress: Progress | None = None
+    ) -> None:
+        self.room, self.rays = room, rays
+        self.patches = patches = Patches(room, size)
+        normals = room.normals[patches.owner]
+        origins = patches.centers + LIFT * room.size * normals
+        emitters = Emitters(room, rays, _SAMPLES)
+        met = np.empty((len(patches), _DIRECTIONS), np.int64)
+        lit = np.empty((len(patches), 3))
+        for start in range(0, len(patches), _AT_ONCE):
+            part = slice(start, min(start + _AT_ONCE, len(patches)))
+            of = normals[part]
+
+            def cosine(directions: Array, of: Array = of) -> Array:
+                return np.maximum(np.einsum("nsv,nv->ns", directions, of), 0)
+
+            def dense(directions: Array, cosine: Any = cosine) -> Array:
+                found: Array = cosine(directions) * (_DIRECTIONS / np.pi)
+                return found
+
+            directions, light = emitters.arriving(origins[part], start, dense)
+            lit[part] = np.einsum("ns,nsc->nc", cosine(directions), light)
+            ways = _above(of, start)
+            starts = np.repeat(origins[part], _DIRECTIONS, axis=0)
+            seen = self.look(starts, ways.reshape(-1, 3), emitters, dense(ways).reshape(-1))
+            met[part] = seen.patches.reshape(-1, _DIRECTIONS)
+            straight = (seen.sky + seen.lamps).reshape(-1, _DIRECTIONS, 3)
+            lit[part] += np.pi * straight.mean(axis=1)
+            if progress is not None:
+                progress(part.stop, len(patches))
+        self.radiance = self._settled(lit, met)
+
+    def _settled(self, lit: Array, met: NDArray[np.int64]) -> Array:
+        """Return the radiance of each patch, shape (k + 1, 3); the last one is of no patch."""
+        albedo = self.room.albedo[self.patches.owner]
+        sent = np.zeros((len(albedo) + 1, 3))
+        sent[:-1] = albedo / np.pi * lit
+        total = sent.copy()
+        for _ in range(_BOUNCES):
+            arriving = np.empty_like(lit)
+            for start in range(0, len(met), _AT_ONCE):
+                part = slice(start, start + _AT_ONCE)
+                arriving[part] = sent[met[part]].mean(axis=1)
+            sent[:-1] = albedo * arriving
+            total += sent
+            if sent.sum() <= _LOST * total.sum():
+                break
+        return total
+
+    def look(
+        self, origins: Array, directions: Array, emitters: Emitters, dense: Array | float
+    ) -> "Seen":
+        """Return what rays see.
+
+        Parameters
+        ----------
+        origins, directions : ndarray, shape (n, 3)
+        emitters : Emitters
+            Which look for the lamps besides.
+        dense : ndarray, shape (n,), or float
+            How many of the rays a unit of solid angle has.
+        """
+        faces, barycentric, distance = self.rays.first_hits(origins, directions)
+        facing = -np.einsum("nv,nv->n", self.room.normals[faces], directions)
+        hit = np.flatnonzero((faces >= 0) & (facing > 0))
+        patches = np.full(len(faces), -1)
+        patches[hit] = self.patches.at(faces[hit], barycentric[hit])
+        rivals = emitters.density(faces[hit], distance[hit], facing[hit])
+        own = np.broadcast_to(dense, len(faces))[hit]
+        share = own / np.maximum(own + rivals, np.finfo(float).tiny)
+        lamps, sky = np.zeros((2, len(faces), 3))
+        lamps[hit] = share[:, None] * self.room.emission[faces[hit]]
+        free = np.flatnonzero(faces < 0)
+        if len(free):
+            sky[free] = self.room.sky_radiance(directions[free])
+        return Seen(patches, sky, lamps, distance, (faces >= 0) & (patches < 0))
+
+
+def _above(normals: Array, number: int) -> Array:
+    """Directions that are dense by the cosine to normals, shape (n, _DIRECTIONS, 3).
+
+    Each normal has the same, turned about it by another angle. `number` is that of the first one.
+    """
+    spiral = spiral_directions(_DIRECTIONS)
+    # What is even over the sphere's heights is even over the squares of the cosines.
+    height = np.sqrt((spiral[:, 2] + 1) / 2)
+    angle = np.arctan2(spiral[:, 1], spiral[:, 0])
+    turn = 2 * np.pi * 0.61803398875 * np.arange(number, number + len(normals))
+    around = angle + turn[:, None]
+    flat = np.sqrt(1 - height**2)
+    local = np.stack(
+        [flat * np.cos(around), flat * np.sin(around), np.broadcast_to(height, around.shape)],
+        axis=-1,
+    )
+    return local @ surface_frames(normals, horizontal_tangents(normals))

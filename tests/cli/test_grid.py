@@ -1,0 +1,163 @@
+"""`shrm grid`: a room that is baked, and grids in other forms."""
+
+import json
+
+import numpy as np
+import pytest
+
+from shrm_cli.rooms.file import read_grid
+from tests.cli.helpers import assert_refused, done, run, snapshot, write_exr
+from tests.rooms import shapes
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with a room whose lamp is a material, and a white sky."""
+    parts = [shapes.box([0, 0, 0], [4, 2, 3]), shapes.ceiling_lamp(2, 1.5, 1.99)]
+    write_gltf(tmp_path / "room.glb", parts, [("wall", 0.5, 0), ("lamp", 0, 10)])
+    write_gltf(tmp_path / "dark.glb", parts[:1], [("wall", 0.5, 0)])
+    write_exr(tmp_path / "white.exr", np.ones((16, 32, 3), np.float32))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write_gltf(path, parts, materials):
+    """Write pieces as a GLB, with a grey albedo and a radiance each."""
+    buffer, views, accessors, primitives = b"", [], [], []
+    for number, (points, faces, normals) in enumerate(parts):
+        for values, kind in ((points.astype("<f4"), "VEC3"), (normals.astype("<f4"), "VEC3"),
+                             (faces.astype("<u4").reshape(-1), "SCALAR")):  # fmt: skip
+            views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": values.nbytes})
+            accessors.append(
+                {
+                    "bufferView": len(views) - 1,
+                    "componentType": 5125 if kind == "SCALAR" else 5126,
+                    "count": len(values),
+                    "type": kind,
+                }
+            )
+            buffer += values.tobytes()
+        first = len(accessors) - 3
+        attributes = {"POSITION": first, "NORMAL": first + 1}
+        primitives.append({"attributes": attributes, "indices": first + 2, "material": number})
+    strength = "KHR_materials_emissive_strength"
+    tree = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(buffer)}],
+        "bufferViews": views,
+        "accessors": accessors,
+        "meshes": [{"primitives": primitives}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+        "materials": [
+            {
+                "name": name,
+                "pbrMetallicRoughness": {"baseColorFactor": [*[grey] * 3, 1], "metallicFactor": 0},
+                "emissiveFactor": [1.0 if bright else 0.0] * 3,
+                "extensions": {strength: {"emissiveStrength": bright}},
+            }
+            for name, grey, bright in materials
+        ],
+    }
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = b"glTF" + np.array([2, 28 + len(text) + len(buffer)], "<u4").tobytes()
+    chunk = np.array([len(text), 0x4E4F534A], "<u4").tobytes()
+    data = np.array([len(buffer), 0x004E4942], "<u4").tobytes()
+    path.write_bytes(head + chunk + text + data + buffer)
+
+
+SMALL = ("--size", "4,2,3", "--samples", "64")
+
+
+def test_a_room_is_baked(folder):
+    said = json.loads(done("grid", "room.glb", *SMALL, "--json"))
+    assert said["file"] == "room.grid.npz"
+    assert said["shape"] == [4, 2, 3]
+    assert said["error_reflected"] < said["error"]
+    found = read_grid("room.grid.npz")
+    assert found.lattice.low == pytest.approx([0, 0, 0])
+    assert found.lattice.high == pytest.approx([4, 2, 3])
+    assert found.direct[:, 0].min() > 0
+    assert found.reflected[:, 0].min() > 0
+    told = done("info", "room.grid.npz")
+    assert "grid of probes" in told
+    before = (folder / "room.grid.npz").read_bytes()
+    done("grid", "room.glb", *SMALL)
+    assert (folder / "room.grid.npz").read_bytes() == before
+    assert_refused(run("grid", "room.glb", *SMALL, "--order", "1"), 1, "exists", "--force")
+    done("grid", "room.glb", *SMALL, "--order", "1", "--force")
+    assert read_grid("room.grid.npz").order == 1
+
+
+def test_materials_are_changed_by_their_names(folder):
+    done("grid", "room.glb", *SMALL, "-o", "a.npz")
+    done("grid", "room.glb", *SMALL, "--albedo", "wall=0", "-o", "b.npz")
+    done("grid", "room.glb", *SMALL, "--emit", "lamp=20,10,0", "-o", "c.npz")
+    a, b, c = (read_grid(f"{name}.npz") for name in "abc")
+    assert not b.reflected.any()
+    np.testing.assert_allclose(b.direct, a.direct)
+    np.testing.assert_allclose(c.direct, a.direct * [2, 1, 0], rtol=1e-5, atol=1e-6)
+
+
+def test_light_from_outside(folder):
+    """A closed room has none of it, and a box beside the room has all."""
+    said = run("grid", "dark.glb", *SMALL, "--probe", "white.exr", "-o", "in.npz")
+    assert said.code == 0
+    assert not read_grid("in.npz").coefficients.any()
+    box = ("--box", "10,0,0,11,1,1")
+    done("grid", "dark.glb", *SMALL, *box, "--probe", "white.exr", "-o", "out.npz")
+    light = read_grid("out.npz").reflected[:, 0]
+    np.testing.assert_allclose(light, np.sqrt(4 * np.pi), rtol=0.02)
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.ktx2", "a.exr"])
+def test_other_forms(folder, name):
+    done("grid", "room.glb", *SMALL, "-o", f"direct_{name}")
+    done("grid", "room.glb", *SMALL)
+    done("grid", "room.grid.npz", "-o", name)
+    assert (folder / name).read_bytes() == (folder / f"direct_{name}").read_bytes()
+    done("grid", "room.grid.npz", "--light", "reflected", "-o", f"dim_{name}")
+    assert (folder / name).read_bytes() != (folder / f"dim_{name}").read_bytes()
+
+
+def test_a_table_of_probes(folder):
+    rows = [f"{x},0,0,white.exr" for x in range(3)]
+    (folder / "t.csv").write_text("\n".join(["x,y,z,file", *rows]) + "\n")
+    said = json.loads(done("grid", "t.csv", "--json"))
+    assert said["shape"] == [3, 1, 1]
+    assert said["walls"] is False
+    np.testing.assert_allclose(
+        read_grid("t.grid.npz").reflected[:, 0], np.sqrt(4 * np.pi), rtol=1e-3
+    )
+
+
+def test_a_box_behind_surfaces_is_said(folder):
+    points, faces, normals = shapes.box([0, 0, 0], [4, 2, 3], inward=False)
+    write_gltf(folder / "out.glb", [(points, faces, normals)], [("wall", 0.5, 1)])
+    said = run("grid", "out.glb", *SMALL)
+    assert said.code == 0
+    assert "turn them round" in said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "parts"),
+    [
+        (("dark.glb",), 1, ["nothing in it sends light", "--emit", "--probe"]),
+        (("room.glb", "--emit", "sun=1"), 1, ["no material 'sun'", "lamp, wall"]),
+        (("room.glb", "--albedo", "wall=2"), 1, ["--albedo"]),
+        (("room.glb", "--emit", "lamp"), 2, ["NAME=R,G,B"]),
+        (("room.glb", "--box", "0,0,0,1,0,1"), 2, ["--box", "flat"]),
+        (("room.glb", "--size", "9999,9999,9999"), 2, ["--size", "are the most"]),
+        (("room.glb", "-o", "a.txt"), 1, ["a.txt", ".npz"]),
+        (("room.glb", "--light", "reflected"), 2, ["--light"]),
+        (("none.glb",), 1, ["none.glb", "no such file"]),
+        (("none.csv",), 1, ["none.csv"]),
+    ],
+)
+def test_what_is_refused(folder, arguments, code, parts):
+    before = snapshot(folder)
+    small = SMALL if "--size" not in arguments and not arguments[0].endswith("csv") else ()
+    assert_refused(run("grid", *arguments, *small), code, *parts)
+    assert snapshot(folder) == before

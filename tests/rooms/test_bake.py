@@ -1,0 +1,222 @@
+"""Baked rooms against closed forms, and against Mitsuba."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shrm_cli.geometry.rays import Rays
+from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.probe import Probe
+from shrm_cli.rooms.bake import Gathering, bake
+from shrm_cli.rooms.emitters import Emitters
+from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.rooms.patches import Patches
+from shrm_cli.rooms.radiosity import Brightness
+from tests.rooms import shapes
+
+
+def points_of(room, count, rng):
+    """Points between the corners of a room's box, and normals."""
+    low, high = room.mesh.bounds
+    points = rng.uniform(low, high, (count, 3))
+    normals = rng.standard_normal((count, 3))
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def test_patches_are_found_by_their_points(rng):
+    """Each point lies in its patch: by coordinates in it, which none other has within 0 .. 1."""
+    room = shapes.room([shapes.box([0, 0, 0], [2, 1, 3])], [[0.5] * 3], [[1] * 3])
+    patches = Patches(room, 0.4)
+    faces = rng.integers(len(room.mesh.faces), size=3000)
+    weights = rng.dirichlet(np.ones(3), size=3000)
+    numbers = patches.at(faces, weights)
+    np.testing.assert_array_equal(patches.owner[numbers], faces)
+    corners = room.mesh.corners(faces)
+    cuts = np.sqrt(np.bincount(patches.owner))[faces]
+    points = np.einsum("nc,ncv->nv", weights, corners)
+    # Of the patches of a triangle, the one that a point lies in has the nearest middle by the
+    # metric in which the triangle is equilateral.
+    flat = np.array([[0, 0], [1, 0], [0.5, np.sqrt(0.75)]])
+    edges = corners[:, 1:] - corners[:, :1]
+    for k in range(0, 3000, 37):
+        own = np.flatnonzero(patches.owner == faces[k])
+        solve = np.linalg.pinv(edges[k].T)
+        places = (patches.centers[own] - corners[k, 0]) @ solve.T @ flat[1:]
+        place = (points[k] - corners[k, 0]) @ solve.T @ flat[1:]
+        nearest = own[np.argmin(np.linalg.norm(places - place, axis=1))]
+        assert nearest == numbers[k], cuts[k]
+
+
+def test_a_furnace_is_equally_bright_everywhere(rng):
+    """Walls that send e and reflect a of all light: L = e / (1 - a)."""
+    room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.6, 0.3, 0.9]], [[1, 2, 3]])
+    grid = bake(room, Lattice(*room.mesh.bounds, (3, 3, 3)), 2)
+    expected = np.pi * np.array([1, 2, 3]) / (1 - np.array([0.6, 0.3, 0.9]))
+    points, normals = points_of(room, 100, rng)
+    found = grid.irradiance(points, normals)
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-2)
+    assert grid.facts["error"] < 5e-3
+    assert grid.alive.all()
+
+
+def rectangle_factor(point, normal, corners):
+    """Lambert's formula: the irradiance from a polygon of radiance 1 that is above the horizon."""
+    ways = corners - point
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    total = np.zeros(3)
+    for first, second in zip(ways, np.roll(ways, -1, axis=0), strict=True):
+        across = np.cross(first, second)
+        total += np.arccos(np.clip(first @ second, -1, 1)) * across / np.linalg.norm(across)
+    return abs(total @ normal) / 2
+
+
+@pytest.mark.parametrize("half", [0.02, 0.5, 1.4])
+def test_light_straight_from_a_lamp_is_that_of_lamberts_formula(rng, half):
+    parts = [shapes.box([0, 0, 0], [4, 3, 4]), shapes.ceiling_lamp(2, half=half)]
+    room = shapes.room(parts, [[0] * 3] * 2, [[0] * 3, [3, 2, 1]])
+    gathering = Gathering(Brightness(room, Rays(room.mesh), 1.0), 2, 1024)
+    points = rng.uniform([0, 0, 0], [4, 2.5, 4], (200, 3))
+    up = np.tile([0.0, 1, 0], (200, 1))
+    reflected, direct, behind = gathering.irradiance(points, up)
+    corners = shapes.ceiling_lamp(2, half=half)[0]
+    expected = np.array([rectangle_factor(point, up[0], corners) for point in points])
+    off = direct / (expected[:, None] * [3, 2, 1]) - 1
+    assert np.sqrt(np.mean(off**2)) < 0.02
+    assert abs(off.mean()) < 0.003
+    assert reflected.max() == 0
+    assert behind.max() == 0
+
+
+def test_a_lamp_between_many_is_found(rng):
+    """Half of the samples go by area, so that a dim lamp next door has enough of them."""
+    room = shapes.two_rooms(bright=1e4)
+    emitters = Emitters(room, Rays(room.mesh), 256)
+    points = rng.uniform([4.4, 0.5, 0.5], [8, 2, 3.5], (50, 3))
+    directions, light = emitters.arriving(points, 0, lambda ways: np.zeros(ways.shape[:2]))
+    found = np.einsum("ns,nsc->nc", np.maximum(directions[..., 1], 0), light)
+    corners = shapes.ceiling_lamp(6.2)[0]
+    expected = [rectangle_factor(point, np.array([0, 1.0, 0]), corners) for point in points]
+    off = found[:, 0] / (0.3 * np.array(expected)) - 1
+    assert np.sqrt(np.mean(off**2)) < 0.03
+
+
+def test_the_sky_comes_through_an_opening(rng):
+    """A box without a lid, black, under a white sky with a sun: both in closed form."""
+    points, faces, normals = shapes.box([0, 0, 0], [2, 2, 2])
+    lid = (points[faces][..., 1] > 1.9).all(axis=1)
+    kept = faces[~lid]
+    used = np.unique(kept)
+    kept = np.searchsorted(used, kept)
+    room = shapes.room([(points[used], kept, normals[used])], [[0] * 3], [[0] * 3])
+    sky = Probe.from_array(np.full((16, 32, 3), 2.0, np.float32))
+    sun = Disc(np.array([0.0, 1, 0]), 0.02, np.array([50.0, 60, 70]))
+    room = replace(room, sky=sky, discs=(sun,))
+    gathering = Gathering(Brightness(room, Rays(room.mesh), 1.0), 2, 4096)
+    places = rng.uniform([0.2, 0.1, 0.2], [1.8, 1.5, 1.8], (60, 3))
+    up = np.tile([0.0, 1, 0], (60, 1))
+    reflected, direct, _ = gathering.irradiance(places, up)
+    lid_corners = np.array([[0, 2, 0], [2, 2, 0], [2, 2, 2], [0, 2, 2]], float)
+    expected = [2 * rectangle_factor(place, up[0], lid_corners) for place in places]
+    np.testing.assert_allclose(reflected[:, 0], expected, rtol=0.02)
+    np.testing.assert_allclose(direct, np.tile(sun.irradiance, (60, 1)), rtol=1e-3)
+
+
+def test_light_does_not_leak_through_a_thin_wall(rng):
+    """One room is dark: no point in it has a twentieth of the other room's light."""
+    room = shapes.two_rooms(dim=0.0)
+    grid = bake(room, Lattice(*room.mesh.bounds, (16, 6, 8)), 2, samples=512)
+    points, normals = points_of(room, 5000, rng)
+    light = grid.irradiance(points, normals).mean(axis=1)
+    bright = light[points[:, 0] < 4].mean()
+    dark = light[points[:, 0] > 4.2]
+    assert dark.max() < 0.01 * bright
+    leaking = replace(grid, moments=None).irradiance(points, normals).mean(axis=1)
+    assert leaking[points[:, 0] > 4.2].max() > 0.2 * bright
+    # Of the probes, those within the crate are left out, and no others.
+    places = grid.lattice.points()
+    inside = ((places > [1, 0, 1]) & (places < [1.8, 0.8, 1.8])).all(axis=1)
+    np.testing.assert_array_equal(~grid.alive, inside)
+    assert inside.any()
+
+
+def test_stated_errors_are_those_at_other_points(rng):
+    room = shapes.two_rooms()
+    grid = bake(room, Lattice(*room.mesh.bounds, (10, 4, 5)), 2, samples=256)
+    gathering = Gathering(Brightness(room, Rays(room.mesh), 0.4), 2, 1024)
+    points, normals = points_of(room, 300, rng)
+    reflected, _, behind = gathering.irradiance(points, normals)
+    free = behind < 0.25
+    missed = grid.irradiance(points, normals, direct=False) - reflected
+    error = np.sqrt((missed[free] ** 2).sum() / (reflected[free] ** 2).sum())
+    assert 0.5 * error < grid.facts["error_reflected"] < 2 * error
+    assert grid.facts["error"] > grid.facts["error_reflected"]
+
+
+@pytest.mark.proof
+@pytest.mark.slow
+def test_two_rooms_beside_mitsuba(rng):
+    """Irradiance at 2000 random points, beside Mitsuba's path tracer at a part of them.
+
+    The grid holds what does not come straight from lamps; that is gathered at the points.
+    """
+    mitsuba = pytest.importorskip("mitsuba", reason="mitsuba is not installed")
+    mitsuba.set_variant("scalar_rgb")
+    room = shapes.two_rooms()
+    grid = bake(room, Lattice(*room.mesh.bounds, (16, 8, 16)), 2)
+    points, normals = points_of(room, 2000, rng)
+    gathering = Gathering(Brightness(room, Rays(room.mesh), 0.2), 2, 1024)
+    both = [gathering.irradiance(points[k : k + 100], normals[k : k + 100], k)
+            for k in range(0, 2000, 100)]  # fmt: skip
+    reflected, direct, behind = (np.concatenate(each) for each in zip(*both, strict=True))
+    free = np.flatnonzero(behind < 0.05)
+    found = grid.irradiance(points, normals, direct=False)
+    error = np.sqrt(((found - reflected)[free] ** 2).sum() / (reflected[free] ** 2).sum())
+    assert error < 0.03, error
+    chosen = free[:60]
+    once, again = (path_traced(mitsuba, room, points[chosen], normals[chosen], k) for k in (0, 1))
+    expected = (once + again) / 2
+    ours = found[chosen] + direct[chosen]
+    noise = ((once - again) ** 2).sum() / 4
+    assert ((ours - expected) ** 2).sum() - noise < 0.02**2 * (expected**2).sum()
+    assert abs(ours.sum() / expected.sum() - 1) < 0.01
+
+
+def path_traced(mitsuba, room, points, normals, seed):
+    """The irradiance of tiny discs by Mitsuba, shape (n, 3)."""
+    shapes_of = {}
+    colors = np.column_stack([room.albedo, room.emission])
+    for number, color in enumerate(np.unique(colors, axis=0)):
+        faces = room.mesh.faces[(colors == color).all(axis=1)]
+        properties = mitsuba.Properties()
+        properties["bsdf"] = mitsuba.load_dict(
+            {"type": "diffuse", "reflectance": {"type": "rgb", "value": color[:3].tolist()}}
+        )
+        if color[3:].any():
+            properties["emitter"] = mitsuba.load_dict(
+                {"type": "area", "radiance": {"type": "rgb", "value": color[3:].tolist()}}
+            )
+        shape = mitsuba.Mesh("mesh", len(room.mesh.vertices), len(faces), properties, True)
+        held = mitsuba.traverse(shape)
+        held["vertex_positions"] = room.mesh.vertices.ravel().astype(np.float32)
+        held["vertex_normals"] = room.mesh.normals.ravel().astype(np.float32)
+        held["faces"] = faces.ravel().astype(np.uint32)
+        held.update()
+        shapes_of[f"shape{number}"] = shape
+    film = {"type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}}
+    for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
+        up = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.9 else [0, 1.0, 0])
+        place = mitsuba.ScalarTransform4f().look_at(
+            origin=point.tolist(), target=(point + normal).tolist(), up=up.tolist()
+        ) @ mitsuba.ScalarTransform4f().scale(1e-4)
+        sensor = {
+            "type": "irradiancemeter",
+            "film": film,
+            "sampler": {"type": "independent", "sample_count": 8192},
+        }
+        shapes_of[f"meter{k:04d}"] = {"type": "disk", "to_world": place, "sensor": sensor}
+    scene = mitsuba.load_dict({"type": "scene", **shapes_of}, optimize=False)
+    way = mitsuba.load_dict({"type": "path", "max_depth": 24})
+    numbered = enumerate(scene.sensors(), 1000 * seed)
+    found = [mitsuba.render(scene, sensor=sensor, integrator=way, seed=k) for k, sensor in numbered]
+    return np.array([np.array(each)[0, 0, :3] for each in found])

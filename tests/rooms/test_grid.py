@@ -1,0 +1,264 @@
+"""Interpolation between probes, their files, and the forms that engines read."""
+
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.errors import MeshError
+from shrm_cli.export.ktx import can_compress
+from shrm_cli.rooms import export
+from shrm_cli.rooms.file import is_grid, read_grid, write_grid
+from shrm_cli.rooms.grid import EDGE, ProbeGrid, _texels, octahedral_directions
+from shrm_cli.rooms.lattice import Lattice
+from shrm_cli.rooms.positions import read_positions
+from tests.cli.helpers import write_exr
+from tests.oracles import real_harmonics, sphere_rule
+
+
+def lit(shape=(3, 2, 4), order=2, seed=3, walls=True):
+    """A grid of random light that is nowhere negative, in a box of three edges."""
+    rng = np.random.default_rng(seed)
+    lattice = Lattice(np.array([-1.0, 0, 2]), np.array([2.0, 1, 7]), shape)
+    light = 0.05 * rng.standard_normal((lattice.count, (order + 1) ** 2, 3))
+    light[:, 0] = rng.uniform(1, 2, (lattice.count, 3))
+    direct = np.zeros_like(light)
+    direct[:, 0] = rng.uniform(0, 1, (lattice.count, 3))
+    moments = np.ones((lattice.count, EDGE**2, 2)) * [9.0, 81.5] if walls else None
+    alive = np.ones(lattice.count, bool)
+    return ProbeGrid(lattice, light, direct, moments, alive, {"error": 0.125})
+
+
+def directions(rng, count):
+    found = rng.standard_normal((count, 3))
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("shape", [(3, 2, 4), (1, 5, 1)])
+def test_shares_of_corners_keep_linear_functions(rng, shape):
+    lattice = Lattice(np.array([-1.0, 0, 2]), np.array([2.0, 1, 7]), shape)
+    inner = lattice.low + lattice.spacing / 2, lattice.high - lattice.spacing / 2
+    points = rng.uniform(*inner, (200, 3))
+    probes, shares = lattice.corners(points)
+    np.testing.assert_allclose(shares.sum(axis=1), 1)
+    found = np.einsum("nk,nkv->nv", shares, lattice.points()[probes])
+    np.testing.assert_allclose(found, points, atol=1e-12)
+
+
+def test_irradiance_at_a_probe_is_an_integral_over_its_light(rng):
+    grid = lit()
+    places = grid.lattice.points()
+    around, weights = sphere_rule(24)
+    light = np.einsum("dj,njc->ndc", real_harmonics(2, around), grid.reflected + grid.direct)
+    normals = directions(rng, len(places))
+    cosines = np.maximum(normals @ around.T, 0)
+    expected = np.einsum("d,nd,ndc->nc", weights, cosines, light)
+    np.testing.assert_allclose(grid.irradiance(places, normals), expected, rtol=0.01)
+    light = np.einsum("dj,njc->ndc", real_harmonics(2, around), grid.reflected)
+    dim = np.einsum("d,nd,ndc->nc", weights, cosines, light)
+    np.testing.assert_allclose(grid.irradiance(places, normals, direct=False), dim, rtol=0.01)
+
+
+def test_octahedral_maps_are_filtered_over_their_edges(rng):
+    """A smooth function at the texels is found between them, wherever the map is cut."""
+    around = directions(rng, 5000)
+    texels, shares = _texels(around)
+    np.testing.assert_allclose(shares.sum(axis=1), 1)
+    tilt = np.array([0.3, -0.7, 0.2])
+    values = np.exp(octahedral_directions() @ tilt)
+    found = np.einsum("nt,nt->n", shares, values[texels])
+    np.testing.assert_allclose(found, np.exp(around @ tilt), rtol=0.08)
+    exact, weights = _texels(octahedral_directions())
+    chosen = exact[np.arange(EDGE**2), weights.argmax(axis=1)]
+    np.testing.assert_array_equal(chosen, np.arange(EDGE**2))
+
+
+def test_hidden_and_dead_probes_do_not_count():
+    grid = lit(shape=(2, 1, 1))
+    light = np.zeros_like(grid.reflected)
+    light[0, 0], light[1, 0] = 1, 100
+    grid = replace(grid, reflected=light, direct=0 * light)
+    middle, up = np.array([[0.5, 0.5, 4.5]]), np.array([[0.0, 1, 0]])
+    one = np.sqrt(np.pi) / 2
+    assert grid.irradiance(middle, up)[0, 0] == pytest.approx(101 / 2 * one)
+    hidden = np.array(grid.moments)
+    hidden[1] = 0.2, 0.0401  # a wall a fifth of a unit before the probe
+    assert grid.irradiance(middle, up)[0, 0] > 50 * one
+    found = replace(grid, moments=hidden).irradiance(middle, up)[0, 0]
+    assert found == pytest.approx(one, rel=0.01)
+    dead = replace(grid, alive=np.array([True, False]))
+    assert dead.irradiance(middle, up)[0, 0] == pytest.approx(one)
+    both = replace(grid, moments=np.broadcast_to([0.2, 0.04], hidden.shape))
+    assert both.irradiance(middle, up)[0, 0] == pytest.approx(101 / 2 * one, rel=1e-3)
+
+
+def test_files_hold_the_same(tmp_path):
+    grid = lit()
+    write_grid(tmp_path / "a.npz", grid)
+    write_grid(tmp_path / "b.npz", grid)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    found = read_grid(tmp_path / "a.npz")
+    assert is_grid(tmp_path / "a.npz")
+    assert found.summary() == grid.summary()
+    for name in ("reflected", "direct", "moments", "alive"):
+        np.testing.assert_allclose(getattr(found, name), getattr(grid, name), rtol=1e-6)
+    write_grid(tmp_path / "c.npz", replace(grid, moments=None))
+    assert read_grid(tmp_path / "c.npz").moments is None
+
+
+@pytest.mark.parametrize("fault", ["box", "shape", "order", "nan", "moments", "version"])
+def test_files_that_do_not_fit_are_refused(tmp_path, fault):
+    grid = lit()
+    lattice = grid.lattice
+    if fault == "box":
+        grid = replace(grid, lattice=replace(lattice, high=lattice.low))
+    elif fault == "shape":
+        grid = replace(grid, lattice=replace(lattice, shape=(3, 2, 5)))
+    elif fault == "order":
+        grid = replace(grid, reflected=grid.reflected[:, :5])
+    elif fault == "nan":
+        grid = replace(grid, direct=grid.direct * np.nan)
+    elif fault == "moments":
+        grid = replace(grid, moments=grid.moments[:, :5])
+    write_grid(tmp_path / "a.npz", grid)
+    if fault == "version":
+        raw = (tmp_path / "a.npz").read_bytes()
+        wide = '"version": 1'.encode("utf-32-le")
+        assert wide in raw
+        (tmp_path / "a.npz").write_bytes(raw.replace(wide, '"version": 9'.encode("utf-32-le")))
+    with pytest.raises(MeshError, match=r"a\.npz"):
+        read_grid(tmp_path / "a.npz")
+
+
+def three(coefficients, normal):
+    """What three.js's shader makes of nine coefficients."""
+    c, (x, y, z) = np.asarray(coefficients).reshape(9, 3), normal
+    result = c[0] * 0.886227
+    result = result + c[1] * 2 * 0.511664 * y + c[2] * 2 * 0.511664 * z + c[3] * 2 * 0.511664 * x
+    result = result + c[4] * 2 * 0.429043 * x * y + c[5] * 2 * 0.429043 * y * z
+    result = result + c[6] * (0.743125 * z * z - 0.247708) + c[7] * 2 * 0.429043 * x * z
+    return result + c[8] * 0.429043 * (x * x - y * y)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_json_is_in_the_order_of_three(rng, order):
+    grid = lit(order=order)
+    held = json.loads(export.as_json(grid, direct=True))
+    nx, ny, nz = held["resolution"]
+    assert (nx, ny, nz) == grid.lattice.shape
+    numbers = np.array(held["coefficients"]).reshape(nz, ny, nx, 27)
+    low = replace(grid, reflected=grid.reflected[:, :9], direct=grid.direct[:, :9])
+    for index in ((0, 0, 0), (2, 1, 3), (1, 0, 2)):
+        step = (np.array(held["max"]) - held["min"]) / held["resolution"]
+        place = held["min"] + (np.array(index) + 0.5) * step
+        normal = directions(rng, 1)
+        expected = low.irradiance(place[None], normal)[0]
+        found = three(numbers[index[2], index[1], index[0]], normal[0])
+        np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+def unpacked(word):
+    """RGB of a texel with a shared exponent, by Vulkan's specification."""
+    scale = 2.0 ** ((word >> 27) - 15 - 9)
+    return np.stack([(word >> shift & 511) * scale for shift in (0, 9, 18)], axis=-1)
+
+
+@pytest.mark.skipif(not can_compress(), reason="zstandard is not installed")
+def test_volumes_are_bevys_ambient_cubes():
+    import zstandard
+
+    grid = lit()
+    data = export.as_volume(grid, direct=False)
+    number, _, width, height, depth, layers, faces, levels, scheme = struct.unpack_from(
+        "<9I", data, 12
+    )
+    nx, ny, nz = grid.lattice.shape
+    assert (number, width, height, depth) == (123, nx, 2 * ny, 3 * nz)
+    assert (layers, faces, levels, scheme) == (0, 1, 1, 2)
+    at, size, whole = struct.unpack_from("<3Q", data, 80)
+    words = np.frombuffer(zstandard.decompress(data[at : at + size]), "<u4")
+    assert words.nbytes == whole
+    texels = unpacked(words.astype(np.int64)).reshape(depth, height, width, 3)
+    sides = {"-X": (0, 0), "+X": (ny, 0), "-Y": (0, nz), "+Y": (ny, nz),
+             "-Z": (0, 2 * nz), "+Z": (ny, 2 * nz)}  # fmt: skip
+    for name, (up, deep) in sides.items():
+        normal = np.zeros((1, 3))
+        normal[0, "XYZ".index(name[1])] = 1 if name[0] == "+" else -1
+        for x, y, z in ((0, 0, 0), (2, 1, 3), (1, 1, 2)):
+            place = grid.lattice.low + (np.array([x, y, z]) + 0.5) * grid.lattice.spacing
+            expected = grid.irradiance(place[None], normal, direct=False)[0] / np.pi
+            np.testing.assert_allclose(texels[z + deep, y + up, x], expected, rtol=0.01)
+
+
+def test_pictures_have_a_row_of_probes_a_line(tmp_path):
+    grid = lit()
+    export.WRITERS[".exr"](tmp_path / "a.exr", grid, True)
+    image = oiio.ImageBuf(str(tmp_path / "a.exr"))
+    facts = json.loads(image.spec().getattribute("shrm:grid"))
+    nx, ny, nz = facts["resolution"]
+    pixels = image.get_pixels(oiio.FLOAT).reshape(9, nz, ny, nx, 3)
+    light = (grid.reflected + grid.direct).reshape(nx, ny, nz, 9, 3)
+    np.testing.assert_allclose(pixels[5, 3, 1, 2], light[2, 1, 3, 5], rtol=1e-6)
+    assert facts["order"] == 2
+
+
+def test_probes_within_walls_get_their_neighbours_light():
+    grid = lit(shape=(4, 1, 1))
+    grid = replace(grid, alive=np.array([False, False, True, True]))
+    light = export.prepared(grid, direct=False)[:, 0, 0]
+    np.testing.assert_allclose(light[:3], np.broadcast_to(light[2], (3, 9, 3)))
+    np.testing.assert_allclose(light[2:], grid.reflected[2:])
+
+
+def test_probes_that_would_be_negative_get_a_window(rng):
+    grid = lit(shape=(2, 1, 1))
+    light = np.array(grid.reflected)
+    light[0] = 40 * real_harmonics(2, np.array([[0.6, 0.0, 0.8]]))[0][:, None]
+    light[0, 0] += 1
+    made = export.prepared(replace(grid, reflected=light), direct=False)[:, 0, 0]
+    np.testing.assert_allclose(made[1], light[1])
+    windowed = replace(grid, reflected=made, direct=0 * made)
+    normals = directions(rng, 4000)
+    values = np.array([three(made[0], normal) for normal in normals])
+    assert np.array([three(light[0], normal) for normal in normals]).min() < -0.5
+    assert values.min() > -1e-3 * values.max()
+    assert windowed.order == 2
+
+
+def test_tables_name_probes_that_exist(tmp_path):
+    rows = ["x,y,z,file"]
+    for index, place in enumerate(np.ndindex(2, 1, 3)):
+        write_exr(tmp_path / f"{index}.exr", np.full((8, 16, 3), index + 1, np.float32))
+        x, y, z = np.array(place) * [2.0, 1, 0.5] + [1, 5, -1]
+        rows.append(f"{x},{y},{z},{index}.exr")
+    table = tmp_path / "t.csv"
+    table.write_text("\n".join([rows[0], *reversed(rows[1:])]) + "\n")
+    grid = read_positions(table, 2)
+    assert grid.lattice.shape == (2, 1, 3)
+    np.testing.assert_allclose(grid.lattice.points()[0], [1, 5, -1])
+    np.testing.assert_allclose(grid.lattice.points()[-1], [3, 5, 0])
+    means = grid.reflected[:, 0, 0] / np.sqrt(4 * np.pi)
+    np.testing.assert_allclose(means, np.arange(1, 7), rtol=1e-5)
+    assert grid.moments is None
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("a,b\n1,2\n", "columns x, y, z, file"),
+        ("x,y,z,file\n", "0 rows"),
+        ("x,y,z,file\n0,0,a,0.exr\n", "line 2"),
+        ("x,y,z,file\n0,0,inf,0.exr\n", "line 2"),
+        ("x,y,z,file\n0,0,0,\n", "line 2"),
+        ("x,y,z,file\n0,0,0,0.exr\n1,0,0,0.exr\n1.7,0,0,0.exr\n", "evenly"),
+        ("x,y,z,file\n0,0,0,0.exr\n1,1,0,0.exr\n", "whole lattice"),
+        ("x,y,z,file\n0,0,0,0.exr\n0,0,0,0.exr\n", "whole lattice"),
+    ],
+)
+def test_tables_that_are_no_lattice_are_refused(tmp_path, text, part):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(MeshError, match=part):
+        read_positions(tmp_path / "t.csv", 2)
