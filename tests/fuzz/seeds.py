@@ -171,6 +171,7 @@ _TRANSFER = (
     "render sound.product.exr --probe sound.exr --mesh sound.obj --transfer FILE --size 16 "
     "-o OUT.exr",
 )
+_GRID = ("info FILE", "info FILE --json", "grid FILE -o OUT.exr", "grid FILE -o OUT.json")
 _TABLE = ("info FILE", "info FILE --json", "render FILE --size 16 -o OUT.png")
 
 
@@ -218,6 +219,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
         Seed("scene", "scene.toml", _SCENE),
         *(Seed("transfer", name, _TRANSFER) for name in _transfers(folder)),
+        Seed("grid of probes", _grid(folder), _GRID),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
     ]
 
@@ -560,6 +562,14 @@ def _transfers(folder: Path) -> list[str]:
     """Transfer of the mesh, and what is rendered with it: names."""
     with contextlib.chdir(folder):
         return _bake()
+
+
+def _grid(folder: Path) -> str:
+    """A grid of probes around the mesh: its name."""
+    with contextlib.chdir(folder):
+        size = ("--size", "2,1,2", "--samples", "16", "--order", "1")
+        _shrm("grid", MESH, "--probe", SOUND, *size, "-o", "small.grid.npz")
+    return "small.grid.npz"
 
 
 def _bake() -> list[str]:
