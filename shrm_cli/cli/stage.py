@@ -163,14 +163,23 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
     refuse_inapplicable(dict.fromkeys(OF_SURFACES, baked))
 
 
-def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
-    """Return the surfaces of a mesh with its own shadows, under each of several maps.
+def surfaces(stage: Stage, maps: Sequence[Map], transfer: str | None) -> list[list[Any]]:
+    """Return the surfaces of a stage under each of several maps, as `MeshSubject.draw` takes them.
+
+    Parameters
+    ----------
+    stage : Stage
+    maps : sequence of Map
+    transfer : str, optional
+        What was baked of the mesh: its own shadows.
 
     Raises
     ------
     TransferError
         If the transfer does not fit the mesh or a map.
     """
+    if transfer is None or not maps:
+        return [stage.reflectors(each) for each in maps]
     from shrm_cli.render.vertex_colors import vertex_colors
     from shrm_cli.transfer.file import read_transfer
 

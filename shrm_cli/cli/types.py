@@ -144,6 +144,22 @@ BRUSH = Parsed("uv|X,Y,Z", _brush)
 """What tangents follow: ``uv``, or a direction."""
 
 
+def _turn(text: str) -> tuple[tuple[float, ...], float]:
+    axis, _, angle = text.rpartition(":")
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    along = axes.get(axis) or _numbers(axis.replace("/", ","))
+    degrees = _numbers(angle)
+    if len(along) != 3 or len(degrees) != 1 or max(map(abs, along)) > _LARGEST:
+        raise ValueError(f"{text!r} is not AXIS:DEGREES such as y:90 or 1/1/0:360")
+    if not any(along):
+        raise ValueError("0/0/0 is no axis")
+    return along, degrees[0]
+
+
+TURN = Parsed("AXIS:DEGREES", _turn)
+"""A rotation: the axis ``x``, ``y``, ``z`` or ``X/Y/Z``, and an angle in degrees."""
+
+
 def _whole(digits: str) -> int | None:
     """Return the number that digits are, or None for one beyond a billion, of any length."""
     shortest = digits.lstrip("0") or "0"

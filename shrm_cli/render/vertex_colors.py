@@ -1,5 +1,7 @@
 """Surfaces that are shaded at the vertices of their mesh, by its precomputed transfer."""
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,8 +13,9 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.sphere.directions import normalize
+from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
-from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
+from shrm_cli.transfer.shading import diffuse_colors, fitted, glossy_colors
 from shrm_cli.transfer.transfer import Transfer
 
 _MIDDLE = 0.5
@@ -52,13 +55,42 @@ class VertexColors:
     ) -> None:
         transfer.check_mesh(mesh_digest(mesh.vertices, mesh.faces), mesh.name)
         self._mesh, self._transfer, self._product = mesh, transfer, product
-        self._lighting = np.asarray(lighting, dtype=float)
+        if product is not None:
+            transfer.check_glossy()
+        self._set(np.asarray(lighting, dtype=float))
+
+    def _set(self, lighting: Array) -> None:
+        """Set the light, and what a diffuse surface makes of it."""
+        self._lighting = lighting
         self._eye: Array | None = None
         self._colors: Array = np.empty((0, 3))
-        if product is None:
-            self._colors = np.maximum(diffuse_colors(transfer, self._lighting), 0)
-        else:
-            transfer.check_glossy()
+        if self._product is None:
+            self._colors = np.maximum(diffuse_colors(self._transfer, lighting), 0)
+
+    def under(
+        self, turn: Array | None, second: "VertexColors | None" = None, share: float = 0.0
+    ) -> "VertexColors":
+        """Return the mesh under light that has moved; its shadows stay those of the mesh.
+
+        Parameters
+        ----------
+        turn : ndarray, shape (3, 3), optional
+            The rotation of the light.
+        second : VertexColors, optional
+            The same mesh under the light that this one becomes.
+        share : float
+            How much of the light is that of the second one.
+        """
+        light = self._lighting
+        if second is not None:
+            count = max(len(light), len(second._lighting))
+            first, other = fitted(light, count), fitted(second._lighting, count)
+            light = (1 - share) * first + share * other
+        if turn is not None:
+            light = transform_coefficients(light, turn)
+        moved = copy(self)
+        moved._set(light)
+        return moved
 
     def seen_from(self, eye: Array) -> Array:
         """Return the radiance of each vertex towards a point, shape (v, 3)."""
