@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from shrm_cli.maps.base import Map
+    from shrm_cli.render.keys import Key
     from shrm_cli.render.moving import Moment
     from shrm_cli.render.stage import Stage
 
@@ -78,7 +79,26 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
     return frames, [output] if frames is None else frame_paths(output, frames)
 
 
-def moments(view: tuple[float, float], frames: int | None, values: dict[str, Any]) -> list[Moment]:
+def scene_keys(mesh: str | None) -> list[Key]:
+    """Return the keyframes of a scene, which say how many frames there are.
+
+    Raises
+    ------
+    click.UsageError
+        If there are some, and an option says the same.
+    """
+    from shrm_cli.render.keys import read_keys
+    from shrm_cli.render.scene_file import is_scene_name
+
+    keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
+    said = Applies(not keys, "without [[key]] in the scene, which says it")
+    refuse_inapplicable({"frames": said, "turn_light": said, "blend": said})
+    return keys
+
+
+def moments(
+    view: tuple[float, float], frames: int | None, values: dict[str, Any], keys: Sequence[Key]
+) -> list[Moment]:
     """Return the frames that are drawn, or the one picture.
 
     Raises
@@ -94,6 +114,12 @@ def moments(view: tuple[float, float], frames: int | None, values: dict[str, Any
     refuse_inapplicable({"blend": blends, "background_to": blends})
     shown = Applies("background" in given_options(), "with --background")
     refuse_inapplicable({"background_to": shown})
+    if keys:
+        from shrm_cli.render.keys import moments_between
+
+        if blends.holds != any(each.blend is not None for each in keys):
+            raise click.UsageError("--blend-to and a blend in [[key]] of the scene need each other")
+        return moments_between(keys, Viewer(*view))
     turn, share = values["turn_light"], None
     if values["blend_to"]:
         share = 1.0 if values["blend"] is None else values["blend"]

@@ -18,6 +18,7 @@ from shrm_cli.cli.moving import (
     moments,
     open_others,
     refuse_fixed_light,
+    scene_keys,
 )
 from shrm_cli.cli.options import (
     conclude,
@@ -146,9 +147,11 @@ def render(
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
+    keys = scene_keys(mesh)
+    frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps, mesh, frames)
     steps, targets = frame_targets(pattern, frames)
-    shown_moments = moments(view, steps, values)
+    shown_moments = moments(view, steps, values, keys)
     if not is_animated(pattern):
         refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
         file_type(pattern)

@@ -139,3 +139,23 @@ def test_what_is_wrong_is_said_in_a_line(folder, arguments, said):
     result = run("render", *arguments)
     assert result.code != 0
     assert said in result.err.splitlines()[-1]
+
+
+def test_keys_of_a_scene_move_light_and_viewer(folder):
+    (folder / "scene.toml").write_text(
+        '[[objects]]\nmesh = "roof.obj"\n[[key]]\nframe = 1\nturn = 0\nview = [20, 30]\n'
+        "[[key]]\nframe = 3\nturn = 80\nview = [40, 10]\n"
+    )
+    options = ["--mesh", "scene.toml", "--size", "48"]
+    done("sky.irradiance.exr", *options, "-o", "f%02d.exr")
+    turned(folder, 40)
+    done("turned.exr", "--mesh", "roof.obj", "--size", "48", "--view", "30,20", "-o", "truth.exr",
+         "--distance", str(recipe("f02.exr")["distance"]))  # fmt: skip
+    truth = read("truth.exr")
+    np.testing.assert_allclose(read("f02.exr"), truth, atol=2e-6 * truth.max())
+    assert recipe("f03.exr")["view"] == [40, 10]
+    assert not (folder / "f04.exr").exists()
+    result = run("render", "sky.irradiance.exr", *options, "--frames", "2")
+    assert "--frames applies without [[key]] in the scene" in result.err
+    result = run("render", "sky.irradiance.exr", *options, "--blend-to", "night.irradiance.exr")
+    assert "need each other" in result.err
