@@ -244,8 +244,9 @@ def open_probe(
     Parameters
     ----------
     path : path-like
-        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., or a light file
-        (``.toml``), which names probes and circular lights.
+        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., a light file
+        (``.toml``), which names probes and circular lights, or a file of harmonic coefficients,
+        see `shrm_cli.probe.series`.
     options : ReadOptions, optional
         How the file is to be understood.
     **keywords
@@ -263,6 +264,11 @@ def open_probe(
         from shrm_cli.probe.light_file import open_light_file
 
         return open_light_file(name, options)
+    if name.lower().endswith(_SERIES):
+        from shrm_cli.probe.series import holds_series, open_series
+
+        if holds_series(name):
+            return open_series(name, options)
     if "%" in os.path.basename(name) and not os.path.exists(name):
         if options.layout not in (None, "faces"):
             raise ProbeError(f"{name}: six files are not {options.layout}; leave `layout` out")
@@ -366,6 +372,8 @@ def _open_faces(name: str, options: ReadOptions) -> tuple[ImageFile | DdsFile, .
     return files
 
 
+_SERIES = (".txt", ".npy", ".json", ".exr")
+"""The suffixes of files of which some hold coefficients of light."""
 AnyProbe = Probe | str | os.PathLike[str] | NDArray[np.floating]
 """A probe, the name of its file, or its pixels."""
 
