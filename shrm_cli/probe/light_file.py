@@ -46,6 +46,7 @@ _LEAST_RADIUS = 1e-6
 _OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working"}
 """The options that apply to a light file: they turn what is in it, and tell its primaries."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
+_KINDS = "probe", "disc", "sh"
 _SH_KEYS = {
     "file", "coefficients", "basis", "of", "part", "scale", "yaw", "pitch", "roll", "mirror", "up",
     "primaries",
@@ -73,19 +74,15 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     """
     _check_options(name, options)
     path = check_file(name)
-    too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
-    found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
+    tables, in_file, text = _parsed(name)
     note(path)
-    kinds = "probe", "disc", "sh"
-    _check_keys(name, found, {*kinds, "working"})
-    tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in kinds}
     count = sum(len(each) for each in tables.values())
     if not 1 <= count <= _MOST_LIGHTS:
         raise ProbeError(
             f"{name}: {count:,} lights; give 1 to {_MOST_LIGHTS} [[probe]], [[disc]] or [[sh]]"
         )
     terms = [_term(f"{name}: probe {k}", path, each) for k, each in enumerate(tables["probe"], 1)]
-    asked = found.get("working") if options.working is None else options.working
+    asked = in_file if options.working is None else options.working
     own = _primaries(name, "working", asked)
     colors = own or next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
     found_terms, notes = _together(terms, colors, own is not None)
@@ -100,6 +97,26 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     )  # fmt: skip
     record = {} if options.working is None or own is None else {"working": list(own)}
     return LightSum.of(image, options.matrix(), colors, record)
+
+
+def read_light_tables(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any]:
+    """Return the tables of a light file by their kinds, as they are, and what it says of `working`.
+
+    Raises
+    ------
+    ProbeError
+        If it is no TOML of such tables.
+    """
+    return _parsed(name)[:2]
+
+
+def _parsed(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any, bytes]:
+    """The tables, the primaries and the bytes of a light file."""
+    too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
+    found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
+    _check_keys(name, found, {*_KINDS, "working"})
+    tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in _KINDS}
+    return tables, found.get("working"), text
 
 
 def _together(

@@ -289,7 +289,10 @@ def _project_sum(light: "LightSum", order: int) -> Lighting:
     energy += light.image_of_sum.overlaps()
     light.report.energy = float(coefficients[0].sum() * np.sqrt(4 * np.pi))
     light.tell_warnings()
-    return Lighting(transform_coefficients(coefficients, light.matrix), energy)
+    alone = not light.terms and not light.discs
+    if not (alone and np.array_equal(light.matrix, np.eye(3))):  # numbers of files stay as they are
+        coefficients = transform_coefficients(coefficients, light.matrix)
+    return Lighting(coefficients, energy)
 
 
 def _squared(pixels: Array, weights: Array) -> Array:

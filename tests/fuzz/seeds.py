@@ -157,7 +157,9 @@ _LIGHTS = (
     "convert FILE --to strip --size 4 -o OUT.exr",
     "prefilter FILE --to irradiance --size 4 -o OUT.exr",
     "render sound.shrm.exr --background FILE --size 16 -o OUT.png",
+    "light edit FILE --set 1,-1=2 --dim 30,20:0.5 --rotate y:30 -o OUT.json",
 )
+_EDITED = (*_LIGHTS, "light edit FILE --scale 2 --rotate 1/1/0:30 -o OUT.toml")
 _MESH = (
     "render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",
     "render sound.shrm.exr --mesh FILE --size 24x16 --brush 1,0,0 --json -o OUT.exr",
@@ -215,7 +217,7 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed(kind, name, _MATERIAL) for kind, name in _materials(folder)),
         Seed("product texture", "product.exr", _PRODUCT),
         *(Seed("coefficients of light", name, _LIGHTS) for name in _series(folder)),
-        *(Seed("light file", name, _LIGHTS) for name in _lights(folder)),
+        *(Seed("light file", name, _EDITED) for name in _lights(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
         Seed("scene", "scene.toml", _SCENE),
