@@ -131,6 +131,8 @@ MAX_EXPONENTIAL_ORDER = 16
 TAP_COUNTS = 3, 5, 8
 """How many look-ups of a split sum may stand for a brushed surface."""
 DEFAULT_TAPS = 5
+DEFAULT_FRAMES, DEFAULT_FPS = 48, 24.0
+"""Frames of a moving picture, and how many of them are shown in a second."""
 MIN_ROUGHNESS = 0.05
 """The least perceptual roughness of GGX, at which its lobe is 0.3 degrees wide."""
 MAX_LEVELS = 64

@@ -79,6 +79,10 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     conclude({"file": file, **values}, lines, warnings)
 
 
+_KINDS = {"light file": "light file", "coefficients": "coefficients of light"}
+"""What probes that are no images are called."""
+
+
 def _describe_table(file: str) -> dict[str, Any]:
     from shrm_cli.brdf.measured.table import Table
 
@@ -119,7 +123,7 @@ def _describe_probe(file: str, options: Any, stats: bool) -> tuple[dict[str, Any
     probe = open_probe(file, options)
     first = probe.images[0]
     values = {
-        "kind": "light file" if first.file_format == "light file" else "probe",
+        "kind": _KINDS.get(first.file_format, "probe"),
         "layout": probe.layout,
         "width": first.width,
         "height": first.height,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.moving import fps_option, frame_targets, max_memory_option
 from shrm_cli.cli.options import (
     conclude,
     make_read_options,
@@ -20,11 +21,12 @@ from shrm_cli.cli.options import (
     view_option,
 )
 from shrm_cli.cli.outputs import check_outputs, picture_attributes
-from shrm_cli.cli.types import BYTES, STOPS, within
+from shrm_cli.cli.types import STOPS
 from shrm_cli.cli.usage import Applies, flags, refuse_inapplicable
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import descriptions
+from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,7 +44,6 @@ _ERROR = 0.05
 """The error of maps where no option says how exact they are. For gold and plastic under three real
 probes such principal maps took .8 to 6 s of a core, SHRMs of the default tolerance 1.7 to 6 s with
 errors of 7 to 24 %, and principal maps of that tolerance 5 to 6 s."""
-_FRAMES = 48
 _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 
 
@@ -69,17 +70,10 @@ _PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
 )  # fmt: skip
 @click.option(
     "--frames", type=click.IntRange(1, 9999), metavar="N",
-    help=f"Walk around the spheres in N steps.  [default: {_FRAMES} of a moving picture]",
+    help=f"Walk around the spheres in N steps.  [default: {DEFAULT_FRAMES} of a moving picture]",
 )  # fmt: skip
-@click.option(
-    "--fps", type=within(0.1, 120), metavar="X",
-    help="Frames a second of a moving picture.  [default: 24]",
-)  # fmt: skip
-@click.option(
-    "--max-memory", type=BYTES, metavar="BYTES",
-    help="The most memory that the sheet may take, such as 2GB: GIF and APNG hold all frames.  "
-    "[default: half of the machine's]",
-)  # fmt: skip
+@fps_option
+@max_memory_option
 @precision_option
 @probe_options
 @report_options
@@ -114,12 +108,7 @@ def lookdev(
 
     from shrm_cli.analysis.memory import check_sheet
     from shrm_cli.brdf.spec import parse_spec
-    from shrm_cli.files.animation import (
-        check_animation,
-        held_bytes,
-        is_animated,
-        write_animation,
-    )
+    from shrm_cli.files.animation import held_bytes, is_animated, write_animation
     from shrm_cli.files.picture import write_picture
     from shrm_cli.files.png import encode_srgb
     from shrm_cli.files.whole import write_bytes
@@ -128,22 +117,18 @@ def lookdev(
     from shrm_cli.maps.request import check_arguments
     from shrm_cli.progress import Stages
     from shrm_cli.render.camera import Viewer
-    from shrm_cli.render.frames import frame_paths, turntable
+    from shrm_cli.render.frames import turntable
     from shrm_cli.render.sheet import Grid
 
     suffix = Path(output).suffix.lower()
     moving = is_animated(output)
     refuse_inapplicable(
         {
-            "fps": Applies(moving, "to moving pictures, .apng, .gif and .mp4"),
             "frames": Applies(suffix != ".html", "to pictures; a page shows one view"),
             "precision": Applies(suffix == ".exr", "to EXR"),
         }
     )
-    if moving:
-        check_animation(output)
-    steps = frames or (_FRAMES if moving else None)
-    targets = frame_paths(output, steps) if steps and not moving else [output]
+    steps, targets = frame_targets(output, frames)
     given = {name: values.pop(name) for name in _MAKING}
     given = {name: value for name, value in given.items() if value is not None}
     if to == "principal" and not given.keys() & {"eps", "error", "order_f", "order_p", "max_size"}:
@@ -182,8 +167,8 @@ def lookdev(
             write_bytes(output, page)
             written = f"{len(page):,} bytes"
         elif moving:
-            write_animation(output, map(encode_srgb, sheets), fps or 24.0)
-            written = f"{len(viewers)} frames, {fps or 24.0:g} a second"
+            write_animation(output, map(encode_srgb, sheets), fps or DEFAULT_FPS)
+            written = f"{len(viewers)} frames, {fps or DEFAULT_FPS:g} a second"
         else:
             recipe = {
                 "lookdev": [Path(path).name for path in probes], "brdfs": list(specs), "to": to,

@@ -37,6 +37,7 @@ _COMMANDS = {
     "info": "Print what a file is.",
     "brdf": "List the BRDFs, or explain one.",
     "probe": "Make a light probe.",
+    "light": "Edit light by its coefficients, and show their basis.",
     "sun": "Take the sun and other lamps out of a probe.",
     "product": "Make the product texture of a BRDF, brushed ones too.",
     "transfer": "Bake how a mesh shadows and lights itself.",

@@ -8,6 +8,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.moving import (
+    LIGHT_MOVES,
+    fps_option,
+    frame_targets,
+    frames_option,
+    light_options,
+    max_memory_option,
+    moments,
+    open_others,
+    refuse_fixed_light,
+    scene_keys,
+)
 from shrm_cli.cli.options import (
     conclude,
     exposure_option,
@@ -36,12 +48,15 @@ from shrm_cli.cli.stage import (
     refuse_mesh_options,
 )
 from shrm_cli.cli.types import picture_size
-from shrm_cli.cli.usage import refuse_inapplicable
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
+from shrm_cli.vocabulary import DEFAULT_FPS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
+    from shrm_cli.files.picture import Picture
     from shrm_cli.maps.info import MapInfo
+    from shrm_cli.render.moving import Moment
     from shrm_cli.vocabulary import Precision
 
 _FILES = ("mesh", "vary", "irradiance", "transfer")
@@ -52,7 +67,8 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
 @click.argument("maps", metavar="MAP...", nargs=-1, type=click.Path(dir_okay=False))
 @click.option(
     "-o", "--output", type=click.Path(),
-    help="PNG or EXR to write.  [default: MAP.png, of several sheet.png, in the current folder]",
+    help="PNG, EXR or moving .apng, .gif or .mp4.  [default: MAP.png, of several sheet.png, in the "
+    "current folder]",
 )  # fmt: skip
 @view_option
 @click.option(
@@ -72,10 +88,10 @@ _FILES = ("mesh", "vary", "irradiance", "transfer")
     help="Light of product textures that hold none.",
 )  # fmt: skip
 @window_option
-@click.option(
-    "--frames", type=click.IntRange(1, 9999), metavar="N",
-    help="Walk around it in N steps, a file for each: the output's name holds %04d.",
-)  # fmt: skip
+@frames_option
+@fps_option
+@max_memory_option
+@light_options
 @click.option(
     "--columns", type=click.IntRange(1), metavar="N",
     help="Columns of the contact sheet of several maps.  [default: as square as possible]",
@@ -95,6 +111,8 @@ def render(
     probe: str | None,
     window: str | None,
     frames: int | None,
+    fps: float | None,
+    max_memory: int | None,
     columns: int | None,
     precision: Precision,
     **values: Any,
@@ -111,34 +129,42 @@ def render(
       shrm render probe.microfacet.shrm.exr --view 30,10 --background probe.exr
       shrm render probe.splitsum.exr --roughness 0.3 --f0 gold
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
+      shrm render probe.splitsum.exr --turn-light y:360 --frames 48 -o turn.gif
       shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
       shrm render brushed.product.exr --probe probe.exr
       shrm render --probe probe.exr --mesh a.obj --transfer a.transfer.npz
     """
-    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.analysis.memory import check_sheet
+    from shrm_cli.files.animation import held_bytes, is_animated, write_animation
+    from shrm_cli.files.picture import file_type, in_srgb, write_picture
     from shrm_cli.maps.file import open_map
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import coarse_probe
     from shrm_cli.progress import Stages
-    from shrm_cli.render.camera import Viewer, background_rows
-    from shrm_cli.render.frames import frame_paths, turntable
+    from shrm_cli.render.camera import background_rows
     from shrm_cli.render.primaries import in_same_primaries, one_of
     from shrm_cli.render.scene import Scene, SphereSubject
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
+    keys = scene_keys(mesh)
+    frames = keys[-1].frame if keys else frames
     lights = maps if maps or transfer is None or probe is None else (probe,)
     pattern = output or _default_name(lights, mesh, frames)
-    targets = [pattern] if frames is None else frame_paths(pattern, frames)
-    file_type(pattern)
+    steps, targets = frame_targets(pattern, frames)
+    shown_moments = moments(view, steps, values, keys)
+    if not is_animated(pattern):
+        refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
+        file_type(pattern)
     refuse_mesh_options(mesh, transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(values)
-    probes = {path: open_probe(path, options) for path in (background, probe) if path is not None}
-    sky = None if background is None else probes[background]
+    named_probes = (background, probe, values["background_to"])
+    probes = {path: open_probe(path, options) for path in named_probes if path is not None}
+    skies = [None if path is None else probes[path] for path in named_probes[::2]]
     named = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
-    check_outputs(targets, files=(*maps, *named))
+    check_outputs(targets, files=(*maps, *values["blend_to"], *named))
     opened = [open_map(path) for path in maps]
     light, baked = probes.get(probe or ""), None
     if transfer is None or maps:
@@ -148,47 +174,61 @@ def render(
     else:
         baked = open_baked(transfer, opened, maps, light, window)
         opened, maps, negative = baked.maps, tuple(baked.names), baked.warnings
-    viewers = turntable(Viewer(*view), len(targets))
+    others = open_others(values["blend_to"], opened)
     said: dict[str, Any]
-    scene: Scene[Any]
-    labels = [map_stem(path) for path in maps]
+    subject: Any
+    drawn: list[Any]
+    become: list[Any] | None = None
     if mesh is None:
         width, height = size
         if width != height:
             raise click.UsageError("--size of a sphere's picture is one number")
-        asked = (values[name] for name in ("roughness", "f0", "anisotropy", "taps"))
-        loaded, surface, warnings = shaded_maps(opened, maps, *asked)
+        asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
+        drawn, surface, warnings = shaded_maps(opened, maps, *asked)
+        if others:
+            become, _, more = shaded_maps(others, values["blend_to"], *asked)
+            warnings += more
         primaries = opened[0].info.chromaticities
-        loaded = in_same_primaries(loaded, primaries)
-        sky = None if sky is None else sky.in_primaries(primaries)
-        behind = None if sky is None else coarse_probe(sky, background_rows(width))
-        scene = Scene(SphereSubject(width), loaded, labels, exposure, behind, columns)
-        seen = [each.info for each in loaded]
+        subject, rows = SphereSubject(width), background_rows(width)
+        seen = [each.info for each in in_same_primaries(drawn, primaries)]
         said = {"size": width, **surface}
     else:
         from shrm_cli.render.mesh import MeshSubject
         from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
 
         stage, warnings = open_stage(mesh, opened, maps, values)
+        refuse_fixed_light(stage, values)
         lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
         where = values["target"], values["distance"]
+        viewers = [each.viewer for each in shown_moments]
         aim = aimed(stage.mesh.vertices, viewers, lens, *where)
         subject = MeshSubject(stage, lens, aim)
+        rows = subject.lens.background_rows()
         seen = [each.info for each in (*opened, *stage.maps())]
         primaries = one_of({each.chromaticities for each in seen})
-        sky = None if sky is None else sky.in_primaries(primaries)
-        behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
-        drawn: list[Any] = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
-        if baked is not None:
-            drawn = baked.drawn(stage)
-        scene = Scene(subject, drawn, labels, exposure, behind, columns)
+        if baked is None:
+            drawn = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
+            become = [stage.reflectors(each) for each in others] or None
+        else:
+            drawn, become = baked.drawn(stage), baked.with_maps(others).drawn(stage) or None
         given = {**{name: values[name] for name in OF_SURFACES}, "transfer": transfer}
         said = {
             "size": list(size),
             **mesh_values(subject, mesh),
             **{key: value for key, value in given.items() if value is not None},
         }
-    height, width = scene.shape
+    behind = [
+        None if sky is None else coarse_probe(sky.in_primaries(primaries), rows) for sky in skies
+    ]
+
+    def scene_at(moment: Moment) -> Scene[Any]:
+        lit: Any = moment.moved(drawn, become)
+        lit = in_same_primaries(lit, primaries) if mesh is None else lit
+        around = None if behind[0] is None else moment.behind(behind[0], behind[1])
+        return Scene(subject, lit, [map_stem(path) for path in maps], exposure, around, columns)
+
+    height, width = scene_at(shown_moments[0]).shape
+    moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(maps),
         "view": list(view),
@@ -197,22 +237,43 @@ def render(
         "background": background,
         "probe": probe,
         "window": window,
-        "frames": frames,
+        "frames": steps,
+        **moved,
         "width": width,
         "height": height,
     }
-    written = []
-    with progress_bar("rendering") as progress:
-        stages = Stages(progress, len(targets))
-        for path, viewer in zip(targets, viewers, strict=True):
-            pixels = scene.picture(viewer, stages.within)
-            attributes = _attributes(seen, settings, said, viewer.azimuth)
-            pixel_type = write_picture(path, pixels, precision, attributes)
-            written.append({"file": path, "azimuth": viewer.azimuth, "pixels": pixel_type})
-            stages.done(len(written), len(targets))
+    frame = [_attributes(seen, settings, said, each) for each in shown_moments]
+
+    def pictures() -> Iterator[Picture]:
+        with progress_bar("rendering") as progress:
+            stages = Stages(progress, len(shown_moments))
+            for number, each in enumerate(shown_moments, 1):
+                yield scene_at(each).picture(each.viewer, stages.within)
+                stages.done(number, len(shown_moments))
+
+    if is_animated(pattern):
+        check_sheet(
+            width * height, size[0], held_bytes(pattern, width * height, len(frame)), max_memory
+        )
+        images = (in_srgb(pattern, each, primaries)[0] for each in pictures())
+        write_animation(pattern, images, fps or DEFAULT_FPS)
+        pixels = f"{len(frame)} frames, {fps or DEFAULT_FPS:g} a second"
+        written = [{"file": pattern, "azimuth": view[0], "pixels": "8-bit sRGB"}]
+        lines = [f"{pattern}: {width} x {height}, {pixels}"]
+    else:
+        written = [
+            {
+                "file": path,
+                "azimuth": moment.viewer.azimuth,
+                "pixels": write_picture(path, picture, precision, attributes),
+            }
+            for path, moment, attributes, picture in zip(
+                targets, shown_moments, frame, pictures(), strict=True
+            )
+        ]
+        lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
     warnings += negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
-    lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
     conclude({"files": written, **settings}, lines, warnings)
 
 
@@ -224,16 +285,19 @@ def _default_name(maps: Sequence[str], mesh: str | None, frames: int | None) -> 
 
 
 def _attributes(
-    maps: Iterable[MapInfo], settings: dict[str, Any], said: dict[str, Any], azimuth: float
+    maps: Iterable[MapInfo], settings: dict[str, Any], said: dict[str, Any], moment: Moment
 ) -> dict[str, Any]:
     """Return the attributes of an EXR, whose bytes must not depend on the folders of files."""
     behind, light = settings["background"], settings["probe"]
     recipe: dict[str, Any] = {
         "render": [Path(path).name for path in settings["maps"]],
-        "view": [azimuth, settings["view"][1]],
+        "view": [moment.viewer.azimuth, moment.viewer.elevation],
         **{key: Path(value).name if key in _FILES else value for key, value in said.items()},
         "exposure": settings["exposure"],
         "background": None if behind is None else Path(behind).name,
         **({} if light is None else {"probe": Path(light).name, "window": settings["window"]}),
+        **moment.record(),
     }
+    if moment.share:
+        recipe["blend_to"] = [Path(path).name for path in settings["blend_to"]]
     return picture_attributes(recipe, (each.chromaticities for each in maps))

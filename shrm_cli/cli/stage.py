@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -200,6 +200,10 @@ class Baked:
         pairs = zip(self.maps, self.names, strict=True)
         each = [vertex_colors(stage.mesh, self.transfer, m, self.discs, name) for m, name in pairs]
         return [[one] * len(stage.looks) for one in each]
+
+    def with_maps(self, maps: Sequence[Map]) -> Baked:
+        """Return the same transfer under other maps, which hold all of their light."""
+        return replace(self, maps=list(maps), names=[""] * len(maps), discs=())
 
 
 def open_baked(

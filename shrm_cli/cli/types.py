@@ -144,6 +144,52 @@ BRUSH = Parsed("uv|X,Y,Z", _brush)
 """What tangents follow: ``uv``, or a direction."""
 
 
+def _turn(text: str) -> tuple[tuple[float, ...], float]:
+    axis, _, angle = text.rpartition(":")
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    along = axes.get(axis) or _numbers(axis.replace("/", ","))
+    degrees = _numbers(angle)
+    if len(along) != 3 or len(degrees) != 1 or max(map(abs, along)) > _LARGEST:
+        raise ValueError(f"{text!r} is not AXIS:DEGREES such as y:90 or 1/1/0:360")
+    if not any(along):
+        raise ValueError("0/0/0 is no axis")
+    return along, degrees[0]
+
+
+TURN = Parsed("AXIS:DEGREES", _turn)
+"""A rotation: the axis ``x``, ``y``, ``z`` or ``X/Y/Z``, and an angle in degrees."""
+
+
+def _coefficient(text: str) -> tuple[int, tuple[float, ...]]:
+    place, _, value = text.partition("=")
+    numbers, rgb = place.split(","), _of_channels(value)
+    if len(numbers) != 2 or not rgb or not all(re.fullmatch(r"-?\d{1,3}", n) for n in numbers):
+        raise ValueError(f"{text!r} is not L,M=X or L,M=R,G,B such as 1,-1=0.5")
+    degree, m = map(int, numbers)
+    if abs(m) > degree:
+        raise ValueError(f"{place}: a degree L has orders M from -L to L")
+    return degree * (degree + 1) + m, rgb
+
+
+COEFFICIENT = Parsed("L,M=X|R,G,B", _coefficient)
+"""A coefficient of a light: its index l(l+1)+m, and one number or three."""
+
+
+def _dimming(text: str) -> tuple[tuple[float, float], float, float]:
+    parts = text.split(":")
+    numbers = [_numbers(part) for part in parts[1:]]
+    if not 2 <= len(parts) <= 3 or any(len(each) != 1 for each in numbers):
+        raise ValueError(f"{text!r} is not AZ,EL:X or AZ,EL:X:W such as 40,30:0.2:20")
+    (factor,), (width,) = numbers[0], numbers[-1] if len(numbers) > 1 else (30.0,)
+    if factor < 0 or not 5 <= width <= 180:
+        raise ValueError(f"{text!r} has a factor below 0, or a width outside 5 .. 180 degrees")
+    return _direction(parts[0]), factor, width
+
+
+DIMMING = Parsed("AZ,EL:X[:W]", _dimming)
+"""A direction in degrees, what light from there is multiplied by, and how wide that is."""
+
+
 def _whole(digits: str) -> int | None:
     """Return the number that digits are, or None for one beyond a billion, of any length."""
     shortest = digits.lstrip("0") or "0"

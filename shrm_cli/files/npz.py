@@ -5,6 +5,7 @@ only plain numbers and texts are read. Whoever reads turns the ValueErrors into 
 that name the file.
 """
 
+import io
 import math
 import os
 import struct
@@ -151,6 +152,23 @@ def opened(path: Path) -> Iterator[Archive]:
             yield Archive(archive, os.path.getsize(path))
     except _UNREADABLE as error:
         raise ValueError("damaged or truncated") from error
+
+
+def read_npy(content: bytes) -> NDArray[Any]:
+    """Return the array of a .npy file, of which no more memory is taken than its bytes are.
+
+    Raises
+    ------
+    ValueError
+        If it is no array of plain numbers.
+    """
+    stream = io.BytesIO(content)
+    shape, fortran, dtype = _header("it", stream)
+    size = math.prod(shape) * dtype.itemsize
+    if dtype.kind not in "fiu" or size > len(content) - stream.tell():
+        raise ValueError(f"it holds {dtype} of shape {shape}, which is wrong, or is cut off")
+    flat = np.frombuffer(content, dtype, math.prod(shape), stream.tell())
+    return flat.reshape(shape, order="F" if fortran else "C")
 
 
 def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:

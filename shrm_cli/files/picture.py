@@ -73,12 +73,36 @@ def write_picture(
     """
     if file_type(path) == "exr":
         return write_image(path, pixels, precision, attributes)
+    encoded, share = in_srgb(path, pixels, (attributes or {}).get("chromaticities"))
+    write_png(path, encoded)
+    return "8-bit sRGB" + (f" ({share:.1%} of it outside its colors)" if share >= 1e-3 else "")
+
+
+def in_srgb(
+    path: str | os.PathLike[str], pixels: Picture, primaries: Any = None
+) -> tuple[NDArray[np.uint8], float]:
+    """Return a linear picture as 8-bit sRGB, and the share of it that was outside its colors.
+
+    Parameters
+    ----------
+    path : path-like
+        The file that it is for, for the message.
+    pixels : ndarray, shape (H, W, 3)
+        Linear and already exposed.
+    primaries : tuple of 8 float, optional
+        Its chromaticities; None is Rec.709.
+
+    Raises
+    ------
+    OutputError
+        If a value is NaN.
+    """
     if np.isnan(pixels).any():
         raise OutputError(
             f"{path}: a value is not a number, as where a map holds values too large for 32-bit "
             "floats; nothing was written"
         )
-    matrix = to_rec709((attributes or {}).get("chromaticities"))
+    matrix = to_rec709(primaries)
     outside = 0
     encoded = np.empty(pixels.shape, dtype=np.uint8)
     for start in range(0, len(pixels), _ROWS_AT_ONCE):
@@ -88,6 +112,4 @@ def write_picture(
             shown = mix_channels(shown, matrix)
             outside += int(np.count_nonzero(shown.min(axis=-1) < _SEEN))
         encoded[band] = encode_srgb(shown)
-    write_png(path, encoded)
-    share = outside * 3 / pixels.size if pixels.size else 0.0
-    return "8-bit sRGB" + (f" ({share:.1%} of it outside its colors)" if share >= 1e-3 else "")
+    return encoded, outside * 3 / pixels.size if pixels.size else 0.0

@@ -42,7 +42,7 @@ def light_file_text(split: LampSplit, residual: str) -> str:
     lines = [
         f"# The lamps of {_comment(Path(split.probe.name).name)}, and what is left of it.",
         "[[probe]]",
-        f"file = {_toml_text(residual)}",
+        f"file = {toml_text(residual)}",
     ]
     if probe.layout == "angular":
         lines += ['layout = "angular"', f'sampling = "{probe.sampling}"']
@@ -134,7 +134,8 @@ def _comment(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def _toml_text(text: str) -> str:
+def toml_text(text: str) -> str:
+    """Return a text as TOML writes it."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in escaped) + '"'
 

@@ -1,4 +1,4 @@
-"""Light files: TOML that names probes and circular lights, whose sum is a probe.
+"""Light files: TOML that names probes, circular lights and harmonics, whose sum is a probe.
 
 A small one, with all that a disc needs; `docs/conventions.md` has every key::
 
@@ -33,7 +33,9 @@ from shrm_cli.probe.image_file import check_file
 from shrm_cli.probe.light_sum import LightSum, SumImage, Term
 from shrm_cli.probe.options import ReadOptions, chromaticities_of
 from shrm_cli.probe.probe import is_light_file, open_probe
+from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series, sum_of
 from shrm_cli.sphere.directions import from_azimuth_elevation
+from shrm_cli.sphere.rotation import transform_coefficients
 
 _MOST_BYTES = 2**20
 _MOST_LIGHTS = 1000
@@ -44,6 +46,11 @@ _LEAST_RADIUS = 1e-6
 _OF_THE_WHOLE = {"yaw", "pitch", "roll", "mirror", "up", "working"}
 """The options that apply to a light file: they turn what is in it, and tell its primaries."""
 _PROBE_KEYS = {each.name for each in fields(ReadOptions)} - {"pixels"} | {"clamp", "fix_nonfinite"}
+_KINDS = "probe", "disc", "sh"
+_SH_KEYS = {
+    "file", "coefficients", "basis", "of", "part", "scale", "yaw", "pitch", "roll", "mirror", "up",
+    "primaries",
+}  # fmt: skip
 _DISC_KEYS = {
     "azimuth", "elevation", "direction", "radius", "solid_angle", "radiance", "irradiance",
     "primaries",
@@ -67,25 +74,49 @@ def open_light_file(name: str, options: ReadOptions) -> LightSum:
     """
     _check_options(name, options)
     path = check_file(name)
-    too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
-    found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
+    tables, in_file, text = _parsed(name)
     note(path)
-    _check_keys(name, found, {"probe", "disc", "working"})
-    tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in ("probe", "disc")}
     count = sum(len(each) for each in tables.values())
     if not 1 <= count <= _MOST_LIGHTS:
         raise ProbeError(
-            f"{name}: {count:,} lights; give 1 to {_MOST_LIGHTS} [[probe]] and [[disc]] tables"
+            f"{name}: {count:,} lights; give 1 to {_MOST_LIGHTS} [[probe]], [[disc]] or [[sh]]"
         )
     terms = [_term(f"{name}: probe {k}", path, each) for k, each in enumerate(tables["probe"], 1)]
-    asked = found.get("working") if options.working is None else options.working
+    asked = in_file if options.working is None else options.working
     own = _primaries(name, "working", asked)
     colors = own or next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
     found_terms, notes = _together(terms, colors, own is not None)
     discs = [_disc(f"{name}: disc {k}", each, colors) for k, each in enumerate(tables["disc"], 1)]
-    image = SumImage(name, path, text, found_terms, tuple(discs), notes)
+    series = [
+        _series(f"{name}: sh {k}", path, each, colors) for k, each in enumerate(tables["sh"], 1)
+    ]
+    whole = sum_of([each for each, _ in series])
+    image = SumImage(
+        name, path, text + b"".join(more for _, more in series), found_terms, tuple(discs), notes,
+        whole,
+    )  # fmt: skip
     record = {} if options.working is None or own is None else {"working": list(own)}
     return LightSum.of(image, options.matrix(), colors, record)
+
+
+def read_light_tables(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any]:
+    """Return the tables of a light file by their kinds, as they are, and what it says of `working`.
+
+    Raises
+    ------
+    ProbeError
+        If it is no TOML of such tables.
+    """
+    return _parsed(name)[:2]
+
+
+def _parsed(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any, bytes]:
+    """The tables, the primaries and the bytes of a light file."""
+    too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
+    found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
+    _check_keys(name, found, {*_KINDS, "working"})
+    tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in _KINDS}
+    return tables, found.get("working"), text
 
 
 def _together(
@@ -158,6 +189,49 @@ def _term(what: str, path: Path, table: dict[str, Any]) -> Term:
     except ProbeError as error:
         raise ProbeError(f"{what}: {as_keys(error)}") from None
     return Term(probe, scale)
+
+
+def _series(
+    what: str, path: Path, table: dict[str, Any], colors: tuple[float, ...] | None
+) -> tuple[Array, bytes]:
+    """A [[sh]]: coefficients, of a file or in the table, and the bytes of that file.
+
+    Their color is in the primaries of the sum, `colors`, if nothing tells others.
+    """
+    _check_keys(what, table, _SH_KEYS)
+    basis, of, part = (table.get(key) for key in ("basis", "of", "part"))
+    turn = {key: table[key] for key in ("yaw", "pitch", "roll", "mirror", "up") if key in table}
+    content = b""
+    try:
+        if _only(what, table, "file", "coefficients") == "file":
+            name = table["file"]
+            if not isinstance(name, str) or not name or not _stays_below(name):
+                raise ProbeError(f"{what}: 'file' must be a name in the light file's folder")
+            name = os.path.join(os.path.dirname(path), name)
+            if not holds_series(name):
+                raise ProbeError(
+                    f"{what}: {table['file']!r:.100} holds no coefficients; name .txt, .npy, "
+                    ".json or an irradiance map"
+                )
+            found = read_series(name, basis, "radiance" if of is None else of, part)
+            content = Path(name).read_bytes()
+        elif part is not None:
+            raise ProbeError(f"{what}: 'part' applies to a file")
+        else:
+            values = table["coefficients"]
+            found = Series(as_radiance(values, basis or "real", "radiance" if of is None else of))
+        matrix = ReadOptions(**turn).matrix()
+    except ProbeError as error:
+        said = as_keys(error)
+        raise ProbeError(said if said.startswith(what) else f"{what}: {said}") from None
+    except (ValueError, TypeError, OverflowError) as error:
+        said = str(error).split("\n", maxsplit=1)[0]
+        raise ProbeError(f"{what}: {said:.200}") from None
+    own = _primaries(what, "primaries", table.get("primaries")) or found.chromaticities
+    change = None if own is None else conversion(own, colors)
+    values = found.coefficients if change is None else found.coefficients @ change.T
+    scale = _color(what, "scale", table["scale"]) if "scale" in table else np.ones(3)
+    return transform_coefficients(values * scale, matrix), content
 
 
 def _stays_below(file: str) -> bool:

@@ -1,8 +1,8 @@
-"""Sums of probes and circular lights, which are one probe to all that takes probes.
+"""Sums of probes, circular lights and harmonics, which are one probe to all that takes probes.
 
-Harmonic coefficients of a sum are sums, so that discs are exact there (`shrm_cli.probe.lighting`).
-What needs pixels gets those of a lat-long, on which the light of each disc is spread over the
-pixels that it covers.
+Harmonic coefficients of a sum are sums, so that discs and light that is given by its coefficients
+are exact there (`shrm_cli.probe.lighting`). What needs pixels gets those of a lat-long, on which
+the light of each disc is spread over the pixels that it covers.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,10 @@ from shrm_cli.probe.resample import to_grid
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
+from shrm_cli.sphere.harmonics import order_of, real_harmonics
 
+_VALUES_AT_ONCE = 2**22
+"""Values of harmonics in memory at a time."""
 _LEAST_ROWS, _MOST_ROWS = 512, 2048
 """The range of the rows of the lat-long; within it, those of the finest probe are taken."""
 
@@ -62,6 +65,10 @@ class SumImage:
     discs : tuple of Disc
     notes : tuple of str
         What a user should know, a line each.
+    series : ndarray, shape ((order+1)^2, 3), optional
+        Coefficients of light that is given by them.
+    file_format : {"light file", "coefficients"}
+        What the sum was read from.
     """
 
     name: str
@@ -70,8 +77,9 @@ class SumImage:
     terms: tuple[Term, ...]
     discs: tuple[Disc, ...]
     notes: tuple[str, ...] = ()
+    series: Array | None = None
+    file_format: str = "light file"
 
-    file_format = "light file"
     row_multiple = 1
 
     @property
@@ -84,12 +92,15 @@ class SumImage:
         return 2 * self.height
 
     def facts(self) -> dict[str, Any]:
-        """The probes and the discs, for `shrm info`."""
+        """The probes, the discs and the coefficients, for `shrm info`."""
         probes = [
             {"file": term.probe.name, "scale": term.scale.tolist(), **term.probe.reading()}
             for term in self.terms
         ]
-        return {"probes": probes, "discs": [_facts_of(disc) for disc in self.discs]}
+        found: dict[str, Any] = {} if self.series is None else _facts_of_series(self.series)
+        if self.file_format == "light file":
+            found |= {"probes": probes, "discs": [_facts_of(disc) for disc in self.discs]}
+        return found
 
     def contents(self) -> Iterator[bytes]:
         """Yield the bytes of the light file, and those of each probe's files."""
@@ -107,7 +118,7 @@ class SumImage:
 
         It is twice the integral of the products of all pairs of lights, over the pixels.
         """
-        if len(self.terms) + len(self.discs) < 2:
+        if len(self.terms) + len(self.discs) + (self.series is not None) < 2:
             return np.zeros(3)
         return self._pixels_and_overlaps[1]
 
@@ -136,11 +147,18 @@ class SumImage:
         for disc in self.discs:
             for start, coverage in disc_rows(disc, self.height):
                 yield start, coverage[..., None] * disc.radiance
+        if self.series is not None:
+            order = order_of(len(self.series))
+            rows = max(_VALUES_AT_ONCE // (self.width * len(self.series)), 1)
+            directions = grid.directions()
+            for start in range(0, self.height, rows):
+                some = directions[start : start + rows]
+                yield start, real_harmonics(order, some) @ self.series
 
 
 @record(eq=False)
 class LightSum(Probe):
-    """A sum of probes and discs.
+    """A sum of probes, discs and light that is given by its coefficients.
 
     Attributes
     ----------
@@ -179,6 +197,11 @@ class LightSum(Probe):
         return self.image_of_sum.discs
 
     @property
+    def series(self) -> Array | None:
+        """Coefficients of light that is given by them, in the axes that `matrix` turns."""
+        return self.image_of_sum.series
+
+    @property
     def paths(self) -> list[Path]:
         """The light file, and the files of its probes."""
         own = [] if self.image_of_sum.path is None else [self.image_of_sum.path]
@@ -198,6 +221,10 @@ class LightSum(Probe):
             for line in term.probe.report.warnings()
         )
         self.report.notes = (*self.image_of_sum.notes, *of_probes)
+
+
+def _facts_of_series(series: Array) -> dict[str, Any]:
+    return {"order": order_of(len(series)), "lighting_coefficients": series.tolist()}
 
 
 def _facts_of(disc: Disc) -> dict[str, Any]:

@@ -215,7 +215,8 @@ def project(probe: Probe, order: int) -> Lighting:
         A lat-long is integrated by Fejer's or Clenshaw and Curtis's rule, which is exact for
         images band-limited below half its height, but small lamps near its poles by the solid
         angles of their pixels (see `probe.lamps`), as other grids are. Degrees that are finer
-        than the pixels are 0. Of a sum each light is projected by itself: discs have closed forms.
+        than the pixels are 0. Of a sum each light is projected by itself: discs have closed forms,
+        and what is given by coefficients has them.
 
     Raises
     ------
@@ -281,10 +282,17 @@ def _project_sum(light: "LightSum", order: int) -> Lighting:
         part = project(term.probe, order)
         coefficients += term.scale * part.coefficients
         energy += term.scale**2 * part.energy
+    if light.series is not None:
+        count = min(len(light.series), len(coefficients))
+        coefficients[:count] += light.series[:count]
+        energy += (light.series**2).sum(axis=0)
     energy += light.image_of_sum.overlaps()
     light.report.energy = float(coefficients[0].sum() * np.sqrt(4 * np.pi))
     light.tell_warnings()
-    return Lighting(transform_coefficients(coefficients, light.matrix), energy)
+    alone = not light.terms and not light.discs
+    if not (alone and np.array_equal(light.matrix, np.eye(3))):  # numbers of files stay as they are
+        coefficients = transform_coefficients(coefficients, light.matrix)
+    return Lighting(coefficients, energy)
 
 
 def _squared(pixels: Array, weights: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
+from shrm_cli.files.exr_header import says_map
 from shrm_cli.layouts import CUBES, FACES, Layout, default_orientation
 from shrm_cli.probe.blocks import Block, BlockReader
 from shrm_cli.probe.image import ArrayImage, ConvertedImage, ProbeImage, digest
@@ -244,8 +246,9 @@ def open_probe(
     Parameters
     ----------
     path : path-like
-        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., or a light file
-        (``.toml``), which names probes and circular lights.
+        An image file, six of them with ``%`` in place of ``+X``, ``-X``, ..., a light file
+        (``.toml``), which names probes and circular lights, or a file of harmonic coefficients,
+        see `shrm_cli.probe.series`.
     options : ReadOptions, optional
         How the file is to be understood.
     **keywords
@@ -263,6 +266,11 @@ def open_probe(
         from shrm_cli.probe.light_file import open_light_file
 
         return open_light_file(name, options)
+    if _may_hold_series(name):
+        from shrm_cli.probe.series import holds_series, open_series
+
+        if holds_series(name):
+            return open_series(name, options)
     if "%" in os.path.basename(name) and not os.path.exists(name):
         if options.layout not in (None, "faces"):
             raise ProbeError(f"{name}: six files are not {options.layout}; leave `layout` out")
@@ -281,6 +289,16 @@ def open_probe(
 def is_light_file(name: str) -> bool:
     """Whether a name is that of a light file, by its suffix."""
     return name.lower().endswith(".toml")
+
+
+def _may_hold_series(name: str) -> bool:
+    """Whether a file may hold coefficients of light, which is found out by more modules."""
+    suffix = Path(name).suffix.lower()
+    if suffix != ".exr":
+        return suffix in (".txt", ".npy", ".json")
+    with suppress(OSError):  # its reader says what is wrong with it
+        return os.path.isfile(name) and says_map(name)
+    return False
 
 
 def _make_probe(

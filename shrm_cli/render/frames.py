@@ -26,6 +26,18 @@ def frame_paths(pattern: str, count: int) -> list[str]:
     return [os.path.join(folder, f"{before}{k:0{digits}d}{after}") for k in range(1, count + 1)]
 
 
+def check_one_file(name: str) -> None:
+    """Check that the name of a moving picture, which is one file, has no place for a number.
+
+    Raises
+    ------
+    OutputError
+        If it has one.
+    """
+    if _NUMBER.search(name):
+        raise OutputError(f"{name}: a moving picture is one file; leave the number out of its name")
+
+
 def turntable(first: Viewer, count: int) -> list[Viewer]:
     """Return views at equal steps of a full turn about +Y, towards growing azimuth."""
     return [first.turned(360 * k / count) for k in range(count)]

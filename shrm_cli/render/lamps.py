@@ -5,6 +5,7 @@ and 1.5 % where they are taken out of the light and each point of the surface lo
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,16 @@ class LampsOnMesh:
         self._brdf = brdf
         self._directions = tuple(disc_directions(disc, _DIRECTIONS) for disc in discs)
         self._lift = _LIFT * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+
+    def with_discs(self, discs: Sequence[Disc]) -> "LampsOnMesh":
+        """Return the same mesh under other lamps."""
+        return LampsOnMesh(self._mesh, self._rays, discs, self._brdf)
+
+    def turned(self, rotation: Array) -> "LampsOnMesh":
+        """Return the same mesh under lamps that a matrix (3, 3) has turned."""
+        return self.with_discs(
+            [replace(disc, direction=rotation @ disc.direction) for disc in self.discs]
+        )
 
     def radiance(
         self,
@@ -134,3 +145,18 @@ class LampsOnMesh:
         free = ~self._rays.occluded(origins[points], directions[along])
         seen = np.bincount(points, free * cosines[points, along], len(origins))
         return seen / np.maximum(cosines.sum(axis=1), np.finfo(float).tiny)
+
+
+def blended(
+    first: LampsOnMesh | None, second: LampsOnMesh | None, share: float
+) -> LampsOnMesh | None:
+    """Return the lamps of one light, dimmed, beside a share of those of another one."""
+    known = first or second
+    if known is None:
+        return None
+    discs = [
+        replace(disc, radiance=part * disc.radiance)
+        for lamps, part in ((first, 1 - share), (second, share))
+        for disc in (() if lamps is None else lamps.discs)
+    ]
+    return known.with_discs(discs)

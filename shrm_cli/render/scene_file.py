@@ -13,6 +13,8 @@ An example, with everything that an object may have:
     scale = 2                       # or [x, y, z]
     rotate = [0, 90, 0]             # degrees about x, y and z in turn, after the scale
     translate = [0, 1, 0]           # last
+
+Tables [[key]] say what moves over the frames: see `shrm_cli.render.keys`.
 """
 
 import os
@@ -130,7 +132,7 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
     """
     name = os.fspath(path)
     note(path)
-    objects = _objects(name)
+    objects, _ = read_tables(name)
     opened: Callable[[str], Map] = cache(open_map)
     loaded: Callable[[str], Mesh] = cache(load_mesh)
     actors = []
@@ -144,17 +146,27 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
     return actors
 
 
-def _objects(name: str) -> list[Mapping[str, Any]]:
+def read_tables(name: str) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
+    """Return the tables of a scene file: its objects and its keyframes.
+
+    Raises
+    ------
+    MeshError
+        If it is no such file.
+    """
     if not Path(name).is_file():
         raise MeshError(f"{name}: no such file; name a mesh, or a scene in TOML")
     too_large = f"more than {_MOST_BYTES:,} bytes, so it is no scene; name one"
     tree, _ = read_toml(name, "a scene", _MOST_BYTES, too_large, MeshError)
-    objects = tree.get("objects")
-    if set(tree) != {"objects"} or not isinstance(objects, list) or not objects:
-        raise MeshError(f"{name}: a scene has tables [[objects]] and nothing else; correct it")
+    objects, keys = tree.get("objects"), tree.get("key", [])
+    sound = all(isinstance(each, list) for each in (objects, keys))
+    if not set(tree) <= {"objects", "key"} or not sound or not objects:
+        raise MeshError(f"{name}: a scene has tables [[objects]] and [[key]] alone; correct it")
+    if not all(isinstance(each, dict) for each in keys):
+        raise MeshError(f"{name}: keyframes are tables; write [[key]]")
     if len(objects) > MOST_OBJECTS:
         raise MeshError(f"{name}: more than {MOST_OBJECTS} objects; join some meshes")
-    return objects
+    return objects, keys
 
 
 def _actor(
@@ -221,15 +233,15 @@ def _vary(folder: Path, text: str) -> str | None:
 
 def _roughness(given: Mapping[str, Any]) -> float | None:
     value = given.get("roughness")
-    if value is not None and not (_is_number(value) and MIN_ROUGHNESS <= value <= 1):
+    if value is not None and not (is_number(value) and MIN_ROUGHNESS <= value <= 1):
         raise ValueError(f"roughness must be a number within {MIN_ROUGHNESS:g} .. 1; correct it")
     return value
 
 
 def _f0(value: Any) -> str | None:
-    if isinstance(value, list) and len(value) == 3 and all(_is_number(each) for each in value):
+    if isinstance(value, list) and len(value) == 3 and all(is_number(each) for each in value):
         return "/".join(f"{each:g}" for each in value)
-    if _is_number(value):
+    if is_number(value):
         return f"{value:g}"
     if value is None or (isinstance(value, str) and not set(value) & set(",:+*=")):
         return value
@@ -239,7 +251,7 @@ def _f0(value: Any) -> str | None:
 def _brush(value: Any) -> "str | tuple[float, float, float] | None":
     if value is None or value == "uv":
         return value
-    if isinstance(value, list) and len(value) == 3 and all(_is_number(each) for each in value):
+    if isinstance(value, list) and len(value) == 3 and all(is_number(each) for each in value):
         x, y, z = (float(each) for each in value)
         if (x, y, z) != (0, 0, 0):
             return x, y, z
@@ -250,14 +262,14 @@ def _numbers(given: Mapping[str, Any], key: str, default: float) -> list[float]:
     value = given.get(key, default)
     numbers = value if isinstance(value, list) else [value] * 3
     is_one = key == "scale" or key not in given or isinstance(value, list)
-    if len(numbers) != 3 or not is_one or not all(_is_number(each) for each in numbers):
+    if len(numbers) != 3 or not is_one or not all(is_number(each) for each in numbers):
         raise ValueError(f"{key} must be three finite numbers; correct it")
     if key == "scale" and not all(numbers):
         raise ValueError("scale must not be 0; correct it")
     return [float(each) for each in numbers]
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any, largest: float = _LARGEST) -> bool:
     """Whether it is a number of moderate size; TOML has NaN, infinity and endless integers."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and -_LARGEST <= value <= _LARGEST
+    known = isinstance(value, int | float) and not isinstance(value, bool)
+    return known and -largest <= value <= largest

@@ -236,6 +236,11 @@ class Stage:
         """Return the maps that the looks name."""
         return [look.map for look in self.looks if look.map is not None]
 
+    @property
+    def has_own_light(self) -> bool:
+        """Whether looks name a map, or irradiance."""
+        return any(look.map is not None or look.irradiance is not None for look in self.looks)
+
     def lacks_diffuse(self, maps: Sequence[Map]) -> bool:
         """Whether a material has a diffuse part, and no light for it, under one of some maps."""
         for look in (self.looks[k] for k in self._used()):

@@ -1,6 +1,7 @@
 """Surfaces that are shaded at the vertices of their mesh, by its precomputed transfer."""
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,10 +18,11 @@ from shrm_cli.maps.product.product import ProductTexture
 from shrm_cli.maps.product.varying import VaryingProduct
 from shrm_cli.maps.provenance import common_brdf
 from shrm_cli.probe.disc import Disc, disc_coefficients
-from shrm_cli.render.lamps import LampsOnMesh, Points
+from shrm_cli.render.lamps import LampsOnMesh, Points, blended
 from shrm_cli.sphere.directions import normalize
+from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
-from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
+from shrm_cli.transfer.shading import diffuse_colors, fitted, glossy_colors
 from shrm_cli.transfer.transfer import Transfer
 
 _MIDDLE = 0.5
@@ -63,17 +65,50 @@ class VertexColors:
     ) -> None:
         transfer.check_mesh(mesh_digest(mesh.vertices, mesh.faces), mesh.name)
         self._mesh, self._transfer, self._product, self._lamps = mesh, transfer, product, lamps
-        self._lighting = np.asarray(lighting, dtype=float)
+        if product is not None:
+            transfer.check_glossy()
+        self._set(np.asarray(lighting, dtype=float))
+
+    def _set(self, lighting: Array) -> None:
+        """Set the light, and what a diffuse surface makes of it and of the lamps."""
+        self._lighting = lighting
         self._eye: Array | None = None
         self._colors: Array = np.empty((0, 3))
-        if product is None:
-            colors = diffuse_colors(transfer, self._lighting)
-            if lamps is not None and transfer.facts.bounces:
-                of_lamps = disc_coefficients(lamps.discs, transfer.order)
-                colors += diffuse_colors(transfer.bounced(), of_lamps)
-            self._colors = np.maximum(colors, 0)
-        else:
-            transfer.check_glossy()
+        if self._product is not None:
+            return
+        colors = diffuse_colors(self._transfer, lighting)
+        if self._lamps is not None and self._transfer.facts.bounces:
+            of_lamps = disc_coefficients(self._lamps.discs, self._transfer.order)
+            colors += diffuse_colors(self._transfer.bounced(), of_lamps)
+        self._colors = np.maximum(colors, 0)
+
+    def under(
+        self, turn: Array | None, second: "VertexColors | None" = None, share: float = 0.0
+    ) -> "VertexColors":
+        """Return the mesh under light that has moved; its shadows stay those of the mesh.
+
+        Parameters
+        ----------
+        turn : ndarray, shape (3, 3), optional
+            The rotation of the light.
+        second : VertexColors, optional
+            The same mesh under the light that this one becomes.
+        share : float
+            How much of the light is that of the second one.
+        """
+        light, lamps = self._lighting, self._lamps
+        if second is not None:
+            count = max(len(light), len(second._lighting))
+            first, other = fitted(light, count), fitted(second._lighting, count)
+            light = (1 - share) * first + share * other
+            lamps = blended(lamps, second._lamps, share)
+        if turn is not None:
+            light = transform_coefficients(light, turn)
+            lamps = None if lamps is None else lamps.turned(turn)
+        moved = copy(self)
+        moved._lamps = lamps
+        moved._set(light)
+        return moved
 
     def radiance(
         self,

@@ -70,6 +70,24 @@ def turn_matrix(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Arra
     return matrix
 
 
+def turn_about(axis: ArrayLike, degrees: float) -> Array:
+    """Matrix of a rotation about any axis, counterclockwise as seen from its end, shape (3, 3).
+
+    About +Y, +X and +Z it turns as the yaw, the pitch and the roll of `turn_matrix`.
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+        Of any length but 0.
+    degrees : float
+    """
+    x, y, z = normalize(np.asarray(axis, dtype=float))
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    matrix: Array = np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
+    return matrix
+
+
 def normalize(vectors: ArrayLike) -> Array:
     """Vectors, shape (..., 3), divided by their lengths."""
     vectors = np.asarray(vectors)

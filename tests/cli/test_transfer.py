@@ -195,3 +195,18 @@ def test_a_parameter_that_varies_is_in_the_middle_of_its_range(folder):
              "--transfer", "t.npz", "--size", "32", "-o", f"{name}.png")  # fmt: skip
     np.testing.assert_allclose(pixels("v.png"), pixels("one.png"), atol=1 / 255)
     assert pixels("v.png").max() > 0.2
+
+
+def test_lamps_turn_with_their_light(folder):
+    """The lamp, its shadows and what bounces, as of a probe that is read turned."""
+    image = np.full((32, 64, 3), 0.1, np.float32)
+    image[10:12, 16:19] = 300
+    write_exr(folder / "lamp.exr", image)
+    done("transfer", "bumps.obj", "--samples", "64", "--bounces", "1", "-o", "t.npz")
+    camera = ("--mesh", "bumps.obj", "--view", "0,0", "--size", "32", "--transfer", "t.npz")
+    done("render", "--probe", "lamp.exr", *camera, "--turn-light", "y:45", "-o", "a.exr")
+    done("render", "--probe", "lamp.exr", "--yaw", "45", *camera, "-o", "b.exr")
+    done("render", "--probe", "lamp.exr", *camera, "-o", "c.exr")
+    turned, read, still = (pixels(name) for name in ("a.exr", "b.exr", "c.exr"))
+    assert np.abs(turned - read).mean() < 0.02 * read.mean()
+    assert np.abs(turned - still).mean() > 0.1 * read.mean()

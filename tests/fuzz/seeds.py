@@ -7,6 +7,7 @@ command holds ``WORD``, the file is left sound, and a damaged argument is put th
 
 import contextlib
 import io
+import json
 import shutil
 import struct
 import zlib
@@ -156,13 +157,16 @@ _LIGHTS = (
     "convert FILE --to strip --size 4 -o OUT.exr",
     "prefilter FILE --to irradiance --size 4 -o OUT.exr",
     "render sound.shrm.exr --background FILE --size 16 -o OUT.png",
+    "light edit FILE --set 1,-1=2 --dim 30,20:0.5 --rotate y:30 -o OUT.json",
 )
+_EDITED = (*_LIGHTS, "light edit FILE --scale 2 --rotate 1/1/0:30 -o OUT.toml")
 _MESH = (
     "render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",
     "render sound.shrm.exr --mesh FILE --size 24x16 --brush 1,0,0 --json -o OUT.exr",
     "render map.splitsum.exr --mesh FILE --size 16 --roughness 0.3 -o OUT.png",
 )
 _SCENE = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",)
+_KEYS = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.apng",)
 _TRANSFER = (
     "info FILE",
     "info FILE --json",
@@ -214,10 +218,12 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed(kind, name, _BRDF) for kind, name in brdfs),
         *(Seed(kind, name, _MATERIAL) for kind, name in _materials(folder)),
         Seed("product texture", "product.exr", _PRODUCT),
-        *(Seed("light file", name, _LIGHTS) for name in _lights(folder)),
+        *(Seed("coefficients of light", name, _LIGHTS) for name in _series(folder)),
+        *(Seed("light file", name, _EDITED) for name in _lights(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
         Seed("scene", "scene.toml", _SCENE),
+        Seed("keyframes", "keys.toml", _KEYS),
         *(Seed("transfer", name, _TRANSFER) for name in _transfers(folder)),
         Seed("grid of probes", _grid(folder), _GRID),
         *(Seed("table of a split sum", name, _TABLE) for name in ("dfg.exr", "moments.exr")),
@@ -373,7 +379,23 @@ def _lights(folder: Path) -> list[str]:
         "[[disc]]\nazimuth = 40\nelevation = -30\nradius = 0.265\nradiance = 1.5e4\n"
         "[[disc]]\ndirection = [1, 0.2, -3]\nsolid_angle = 0.7\nirradiance = [1, 2, 0.5]\n"
     )
-    return ["a.toml", "b.toml"]
+    (folder / "c.toml").write_text(
+        '[[sh]]\nfile = "light.npy"\nyaw = 30\nscale = [1, 0.5, 2]\nof = "irradiance"\n'
+        '[[sh]]\nbasis = "condon-shortley"\ncoefficients = [[1, 2, 3], [0, 1, 0], [1, 1, 0.5], '
+        '[-0.1, 0, 0]]\nprimaries = "p3"\n'
+    )
+    return ["a.toml", "b.toml", "c.toml"]
+
+
+def _series(folder: Path) -> list[str]:
+    """Files of coefficients of light; their names."""
+    light = np.concatenate([[[3, 2, 1]], np.linspace(-0.2, 0.2, 24).reshape(8, 3)])
+    np.save(folder / "light.npy", light)
+    three = {"object": {"type": "LightProbe", "intensity": 2, "sh": light.ravel().tolist()}}
+    (folder / "light.json").write_text(json.dumps(three))
+    rows = "".join(f"({r}, {g}, {b}); // pre-scaled base\n" for r, g, b in light)
+    (folder / "light.txt").write_text(rows)
+    return ["light.npy", "light.json", "light.txt"]
 
 
 def _is_written(folder: Path, suffix: str, pixels: np.ndarray) -> bool:
@@ -554,6 +576,10 @@ def _meshes(folder: Path) -> list[tuple[str, str]]:
         f'[[objects]]\nmesh = "{MESH}"\nmap = "{LIGHT}"\nroughness = 0.4\nf0 = "gold"\n'
         f'rotate = [0, 90, 0]\n\n[[objects]]\nmesh = "{MESH}"\nscale = [1, 2, 1]\n'
         "translate = [3, 0, 0]\nbrush = [0, 1, 0]\n"
+    )
+    (folder / "keys.toml").write_text(
+        f'[[objects]]\nmesh = "{MESH}"\n[[key]]\nframe = 1\nturn = 10\nview = [0, 10]\n'
+        "[[key]]\nframe = 3\nturn = [90, 5, -5]\nview = [30, -10]\n"
     )
     return [(f"mesh, {Path(name).suffix}", name) for name in made]
 

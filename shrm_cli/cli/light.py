@@ -1,0 +1,247 @@
+"""`shrm light` edits light that is given by coefficients or tables, and shows its basis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import (
+    conclude,
+    make_read_options,
+    precision_option,
+    probe_options,
+    reading_rules,
+    report_options,
+    view_option,
+)
+from shrm_cli.cli.outputs import check_outputs, picture_attributes
+from shrm_cli.cli.types import COEFFICIENT, DIMMING, RADIANCE, STOPS, TURN
+from shrm_cli.cli.usage import Applies, refuse_inapplicable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shrm_cli.arrays import Array
+    from shrm_cli.lights.edit import Edit, Tables
+    from shrm_cli.vocabulary import Precision
+
+_WRITTEN = (".txt", ".npy", ".json")
+_ORDER = 4
+"""The order that light files and images are projected to."""
+
+
+@click.group()
+def light() -> None:
+    """Edit light by its harmonic coefficients, or the tables of a light file; show their basis."""
+
+
+@light.command()
+@click.argument("file", metavar="LIGHT", type=click.Path())
+@click.option(
+    "-o", "--output", required=True, type=click.Path(),
+    help="Coefficients as .txt, .npy or .json, or a light file, .toml.",
+)  # fmt: skip
+@click.option(
+    "--order", type=click.IntRange(0, 32), metavar="N",
+    help="Order of the coefficients.  [default: theirs, 4 of light files and images]",
+)  # fmt: skip
+@click.option(
+    "--set", "numbers", type=COEFFICIENT, multiple=True,
+    help="Replace the coefficient of degree L and order M.",
+)  # fmt: skip
+@click.option("--scale", type=RADIANCE, help="Multiply the light: a number, or three.")
+@click.option(
+    "--dim", type=DIMMING, multiple=True,
+    help="Multiply the light about a direction by X, half of the way at W degrees from it (30).",
+)  # fmt: skip
+@click.option("--rotate", type=TURN, help="Turn the light about x, y, z or an axis X/Y/Z.")
+@click.option("--add", type=click.Path(), multiple=True, metavar="LIGHT", help="Add another light.")
+@probe_options
+@report_options
+def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
+    """Edit LIGHT: set, scale, dim and rotate it, in this order, and then add others.
+
+    LIGHT is a file of coefficients, an irradiance map, a light file or a light probe. A light file
+    may be written as one, beside it, with its images and discs; all else is written as
+    coefficients, which hold a light to their order. The options from --sampling to --working are
+    about the files of LIGHT and of --add.
+
+    \b
+      shrm light edit room.irradiance.exr --set 1,-1=-2 -o from-below.npy
+      shrm light edit sky.exr --order 6 --dim 40,30:0.2 -o sky.json
+      shrm light edit studio.toml --rotate y:40 --add lamp.toml -o turned.toml
+    """
+    from shrm_cli.lights.coefficients import write_coefficients, write_light_file
+
+    check_outputs([output], files=[file, *add], suffixes=(*_WRITTEN, ".toml"))
+    to_tables = output.lower().endswith(".toml")
+    refuse_inapplicable({"order": Applies(not to_tables, "to coefficients")})
+    refuse_inapplicable(reading_rules(not to_tables, "to coefficients; a light file has them"))
+    wanted = _edit(values)
+    if to_tables:
+        tables, working = _edited_tables(file, output, add, wanted)
+        write_light_file(output, tables, working)
+        count = sum(map(len, tables.values()))
+        conclude({"file": output, "lights": count}, [f"{output}: {count} lights"])
+        return
+    found, warnings = _edited_coefficients(file, add, wanted, order, values)
+    write_coefficients(output, found)
+    result = {"file": output, "coefficients": found.tolist()}
+    conclude(result, [f"{output}: {len(found)} coefficients"], warnings)
+
+
+def _edit(values: dict[str, Any]) -> Edit:
+    """Return what the options ask for; they are taken out of the values."""
+    import numpy as np
+
+    from shrm_cli.lights.edit import Dimming, Edit
+    from shrm_cli.sphere.directions import from_azimuth_elevation, turn_about
+
+    scale, rotate = values.pop("scale"), values.pop("rotate")
+    dims = [
+        Dimming(from_azimuth_elevation(*direction), factor, width)
+        for direction, factor, width in values.pop("dim")
+    ]
+    numbers = [(index, np.broadcast_to(rgb, 3)) for index, rgb in values.pop("numbers")]
+    return Edit(
+        numbers,
+        np.broadcast_to(1.0 if scale is None else scale, 3),
+        dims,
+        np.eye(3) if rotate is None else turn_about(*rotate),
+    )
+
+
+def _edited_coefficients(
+    file: str, add: Sequence[str], wanted: Edit, order: int | None, values: dict[str, Any]
+) -> tuple[Array, list[str]]:
+    import numpy as np
+
+    from shrm_cli.probe.light_sum import LightSum
+    from shrm_cli.probe.lighting import project
+    from shrm_cli.probe.probe import open_probe
+    from shrm_cli.probe.series import sum_of
+    from shrm_cli.sphere.harmonics import order_of
+
+    reading = make_read_options(values)
+    probes = [open_probe(path, reading) for path in (file, *add)]
+    if order is None:
+        known = [
+            each.series
+            for each in probes
+            if isinstance(each, LightSum) and each.image_of_sum.file_format == "coefficients"
+        ]
+        orders = [order_of(len(each)) for each in known if each is not None]
+        order = max(orders) if len(orders) == len(probes) else max([_ORDER, *orders])
+    first, *others = [
+        project(each.in_primaries(probes[0].chromaticities), order) for each in probes
+    ]
+    edited = wanted.of_coefficients(first.coefficients)
+    total = sum_of([edited, *(each.coefficients for each in others)])
+    warnings = [f"{each.name}: {line}" for each in probes for line in each.report.warnings()]
+    return np.asarray(total), warnings
+
+
+def _edited_tables(file: str, output: str, add: Sequence[str], wanted: Edit) -> tuple[Tables, Any]:
+    """Return the tables of a light file after the edit, with those of lights that are added.
+
+    Raises
+    ------
+    ProbeError
+        If the light is no light file, or one lies in another folder than what is written.
+    """
+    from shrm_cli.errors import ProbeError
+    from shrm_cli.probe.light_file import read_light_tables
+    from shrm_cli.probe.probe import is_light_file, open_probe
+    from shrm_cli.probe.series import holds_series
+
+    folder = Path(output).absolute().parent.resolve()
+    for path in (file, *add):
+        if Path(path).absolute().parent.resolve() != folder:
+            raise ProbeError(f"{path}: not in the folder of {output}; light files name what is")
+        open_probe(path)  # what is wrong with it is said
+    if not is_light_file(file):
+        raise ProbeError(f"{file}: no light file, so that none is made of it; write .json or .txt")
+    tables, working = read_light_tables(file)
+    tables = wanted.of_tables(file, tables)
+    for path in add:
+        more: Tables = {"sh" if holds_series(path) else "probe": [{"file": Path(path).name}]}
+        if is_light_file(path):
+            more, own = read_light_tables(path)
+            if own != working:
+                raise ProbeError(f"{path}: its `working` is not that of {file}; make it the same")
+        for kind, some in more.items():
+            tables.setdefault(kind, []).extend(some)
+    return tables, working
+
+
+@light.command()
+@click.argument("mesh", metavar="[MESH]", required=False, type=click.Path(dir_okay=False))
+@click.option(
+    "-o", "--output", type=click.Path(), default="basis.png", show_default=True,
+    help="PNG or EXR to write.",
+)  # fmt: skip
+@click.option(
+    "--order", type=click.IntRange(0, 8), default=2, show_default=True, help="Largest degree."
+)  # fmt: skip
+@view_option
+@click.option(
+    "--size", type=click.IntRange(16, 2048), default=192, show_default=True,
+    help="Width and height of a picture, pixels.",
+)  # fmt: skip
+@click.option(
+    "--exposure", type=STOPS, metavar="EV", default=1.0, show_default=True, help="Stops."
+)  # fmt: skip
+@click.option(
+    "--transfer", type=click.Path(), metavar="FILE",
+    help="What shrm transfer baked of the mesh: its own shadows.",
+)  # fmt: skip
+@click.option(
+    "--columns", type=click.IntRange(1), metavar="N",
+    help="Columns of the sheet.  [default: as square as possible]",
+)  # fmt: skip
+@precision_option
+@report_options
+def basis(
+    mesh: str | None,
+    output: str,
+    order: int,
+    view: tuple[float, float],
+    size: int,
+    exposure: float,
+    transfer: str | None,
+    columns: int | None,
+    precision: Precision,
+) -> None:
+    """Draw what each harmonic of the light alone does to MESH, by default a sphere.
+
+    White and diffuse, green where the light of a coefficient of 1 makes it brighter, blue where
+    it makes it darker. Pictures are named by degree and order.
+
+    \b
+      shrm light basis bunny.obj -o basis.png --view 20,10
+    """
+    import numpy as np
+
+    from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.scene import Scene
+
+    file_type(output)
+    check_outputs([output], files=[path for path in (mesh, transfer) if path])
+    refuse_inapplicable({"transfer": Applies(mesh is not None, "to a mesh")})
+    viewer, names = Viewer(*view), basis_names(order)
+    subject, materials = basis_subject(basis_maps(order), mesh, transfer, size, viewer)
+    scene = Scene(subject, materials, names, exposure, None, columns)
+    picture = np.maximum(scene.picture(viewer), 0)
+    recipe = {
+        "light basis": None if mesh is None else Path(mesh).name, "order": order,
+        "view": list(view), "size": size, "exposure": exposure,
+        **({} if transfer is None else {"transfer": Path(transfer).name}),
+    }  # fmt: skip
+    pixels = write_picture(output, picture, precision, picture_attributes(recipe, []))
+    height, width = scene.shape
+    result = {"file": output, "names": names, "width": width, "height": height}
+    conclude(result, [f"{output}: {len(names)} harmonics, {width} x {height}, {pixels}"])

@@ -1,0 +1,164 @@
+"""Options about frames, moving pictures and light that moves, and what they mean together."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from shrm_cli.cli.options import several
+from shrm_cli.cli.types import BYTES, TURN, within
+from shrm_cli.cli.usage import Applies, given_options, refuse_inapplicable
+from shrm_cli.vocabulary import DEFAULT_FPS, DEFAULT_FRAMES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from shrm_cli.maps.base import Map
+    from shrm_cli.render.keys import Key
+    from shrm_cli.render.moving import Moment
+    from shrm_cli.render.stage import Stage
+
+fps_option = click.option(
+    "--fps", type=within(0.1, 120), metavar="X",
+    help=f"Frames a second of a moving picture.  [default: {DEFAULT_FPS:g}]",
+)  # fmt: skip
+max_memory_option = click.option(
+    "--max-memory", type=BYTES, metavar="BYTES",
+    help="The most memory that pictures may take, such as 2GB: GIF and APNG hold all frames.  "
+    "[default: half of the machine's]",
+)  # fmt: skip
+frames_option = click.option(
+    "--frames", type=click.IntRange(1, 9999), metavar="N",
+    help="Walk around it in N steps, or let its light move in as many: a file for each, whose "
+    f"name holds %04d, or one moving picture.  [default of .apng, .gif, .mp4: {DEFAULT_FRAMES}]",
+)  # fmt: skip
+light_options = several(
+    click.option(
+        "--turn-light", type=TURN,
+        help="Turn the light about x, y, z or an axis X/Y/Z by so many degrees, or by equal steps "
+        "of them with --frames.",
+    ),
+    click.option(
+        "--blend-to", type=click.Path(dir_okay=False), metavar="MAP", multiple=True,
+        help="The map of the same BRDF whose light that of MAP becomes, over the frames; one for "
+        "each MAP.",
+    ),
+    click.option(
+        "--blend", type=within(0, 1), metavar="X",
+        help="How much of the light is that of --blend-to, in the last frame.  [default: 1]",
+    ),
+    click.option(
+        "--background-to", type=click.Path(), metavar="PROBE",
+        help="Light probe that --background becomes with --blend-to.",
+    ),
+)  # fmt: skip
+"""The options of light that moves."""
+LIGHT_MOVES = ("turn_light", "blend_to", "blend", "background_to")
+"""Their names."""
+
+
+def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str]]:
+    """Return how many frames there are, None for a picture, and the files that they make.
+
+    Raises
+    ------
+    OutputError
+        If what writes a moving picture is not installed, or a name has a number and should have
+        none, or the other way round.
+    """
+    from shrm_cli.files.animation import check_animation, is_animated
+    from shrm_cli.render.frames import check_one_file, frame_paths
+
+    moving = is_animated(output)
+    refuse_inapplicable({"fps": Applies(moving, "to moving pictures, .apng, .gif and .mp4")})
+    if moving:
+        check_one_file(output)
+        check_animation(output)
+        return frames or DEFAULT_FRAMES, [output]
+    return frames, [output] if frames is None else frame_paths(output, frames)
+
+
+def scene_keys(mesh: str | None) -> list[Key]:
+    """Return the keyframes of a scene, which say how many frames there are.
+
+    Raises
+    ------
+    click.UsageError
+        If there are some, and an option says the same.
+    """
+    from shrm_cli.render.keys import read_keys
+    from shrm_cli.render.scene_file import is_scene_name
+
+    keys = read_keys(mesh) if mesh is not None and is_scene_name(mesh) else []
+    said = Applies(not keys, "without [[key]] in the scene, which says it")
+    refuse_inapplicable({"frames": said, "turn_light": said, "blend": said})
+    return keys
+
+
+def moments(
+    view: tuple[float, float], frames: int | None, values: dict[str, Any], keys: Sequence[Key]
+) -> list[Moment]:
+    """Return the frames that are drawn, or the one picture.
+
+    Raises
+    ------
+    click.UsageError
+        If an option does not apply.
+    """
+    from shrm_cli.render.camera import Viewer
+    from shrm_cli.render.frames import turntable
+    from shrm_cli.render.moving import Moment, moving_light
+
+    blends = Applies(bool(values["blend_to"]), "with --blend-to")
+    refuse_inapplicable({"blend": blends, "background_to": blends})
+    shown = Applies("background" in given_options(), "with --background")
+    refuse_inapplicable({"background_to": shown})
+    if keys:
+        from shrm_cli.render.keys import moments_between
+
+        if blends.holds != any(each.blend is not None for each in keys):
+            raise click.UsageError("--blend-to and a blend in [[key]] of the scene need each other")
+        return moments_between(keys, Viewer(*view))
+    turn, share = values["turn_light"], None
+    if values["blend_to"]:
+        share = 1.0 if values["blend"] is None else values["blend"]
+    if turn is not None or share is not None:
+        return moving_light(Viewer(*view), frames, turn, share)
+    return [Moment(each) for each in turntable(Viewer(*view), frames or 1)]
+
+
+def open_others(paths: Sequence[str], maps: Sequence[Map]) -> list[Map]:
+    """Read the maps that others become, and check that they can.
+
+    Raises
+    ------
+    click.UsageError
+        If there is not one for each map.
+    MapError
+        If a map cannot be read, or cannot become the other one.
+    """
+    from shrm_cli.maps.file import open_map
+    from shrm_cli.render.moving import check_blend
+
+    if paths and len(paths) != len(maps):
+        raise click.UsageError(f"{len(paths)} --blend-to of {len(maps)} MAP; give one for each")
+    others = [open_map(path) for path in paths]
+    for first, second, path in zip(maps, others, paths, strict=False):
+        check_blend(first, second, path)
+    return others
+
+
+def refuse_fixed_light(stage: Stage, values: dict[str, Any]) -> None:
+    """Refuse to blend the light of MAP where objects have light besides, which would stay.
+
+    Raises
+    ------
+    click.UsageError
+        If an object of a scene has a map of its own, or --irradiance is given.
+    """
+    if values["blend_to"] and (values["irradiance"] or stage.has_own_light):
+        raise click.UsageError(
+            "--blend-to applies to meshes of which all light is that of MAP; leave the maps of "
+            "objects and --irradiance out"
+        )

@@ -1,0 +1,177 @@
+"""Light that is edited by hand: its harmonic coefficients, or the tables of a light file.
+
+The coefficients are few, and have meanings: that of y tells how much brighter light is from above
+than from below (Ramamoorthi 2002, section 4.3.3).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import ProbeError
+from shrm_cli.probe.options import ReadOptions
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import (
+    from_angles,
+    from_azimuth_elevation,
+    local_frame,
+    normalize,
+    to_angles,
+)
+from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.sphere.rotation import transform_coefficients
+
+_NODES = 256
+"""Nodes from the middle of what is dimmed to its antipode; 5 degrees need a tenth of them."""
+
+Tables = dict[str, list[dict[str, Any]]]
+"""The tables of a light file by their kinds."""
+
+
+@record(eq=False)
+class Dimming:
+    """Light about a direction, made dimmer or brighter.
+
+    Attributes
+    ----------
+    direction : ndarray, shape (3,)
+    factor : float
+        What the radiance from the direction itself is multiplied by.
+    width : float
+        The angle from it at which the light changes half as much, degrees.
+    """
+
+    direction: Array
+    factor: float
+    width: float
+
+    def at(self, cosines: ArrayLike) -> Array:
+        """Return what radiance is multiplied by, by the cosine of the angle from the direction."""
+        sharpness = np.log(2) / (1 - np.cos(np.radians(self.width)))
+        change = np.exp(sharpness * (np.asarray(cosines, dtype=float) - 1))
+        return np.asarray(1 + (self.factor - 1) * change)
+
+    def of(self, coefficients: Array) -> Array:
+        """Return the coefficients of the light so dimmed, cut off at their order."""
+        order = order_of(len(coefficients))
+        heights, weights = np.polynomial.legendre.leggauss(_NODES)
+        count = 2 * order + 1  # azimuths, at which products of two harmonics are exact
+        local = from_angles(np.arccos(heights)[:, None], 2 * np.pi * np.arange(count) / count)
+        frame = local_frame(*to_angles(self.direction))
+        harmonics = real_harmonics(order, local.reshape(-1, 3) @ frame.T)
+        area = np.repeat(weights * self.at(heights), count) * 2 * np.pi / count
+        found: Array = harmonics.T @ (area[:, None] * (harmonics @ coefficients))
+        return found
+
+
+@record(eq=False)
+class Edit:
+    """What is done to a light, in this order.
+
+    Attributes
+    ----------
+    numbers : sequence of (int, ndarray)
+        Coefficients that are replaced: index l(l+1)+m and RGB.
+    scale : ndarray, shape (3,)
+    dimmings : sequence of Dimming
+    turn : ndarray, shape (3, 3)
+        A rotation.
+    """
+
+    numbers: Sequence[tuple[int, Array]]
+    scale: Array
+    dimmings: Sequence[Dimming]
+    turn: Array
+
+    def of_coefficients(self, coefficients: Array) -> Array:
+        """Return the coefficients of the light after it.
+
+        Raises
+        ------
+        ProbeError
+            If a coefficient is to be replaced that there is not.
+        """
+        found = np.array(coefficients, dtype=float)
+        for index, value in self.numbers:
+            if index >= len(found):
+                raise ProbeError(
+                    f"the light has order {order_of(len(found))}, so that there is no coefficient "
+                    f"{order_of_index(index)}; raise `order`"
+                )
+            found[index] = value
+        found *= self.scale
+        for dimming in self.dimmings:
+            found = dimming.of(found)
+        is_turned = not np.array_equal(self.turn, np.eye(3))
+        return transform_coefficients(found, self.turn) if is_turned else found
+
+    def of_tables(self, name: str, tables: Tables) -> Tables:
+        """Return the tables of a light file after it.
+
+        Raises
+        ------
+        ProbeError
+            If coefficients of the whole, or pixels of a probe, would have to change.
+        """
+        if self.numbers:
+            raise ProbeError(
+                f"{name}: a light file has no coefficients of the whole; write .txt, .npy or .json"
+            )
+        if self.dimmings and (tables.get("probe") or tables.get("sh")):
+            raise ProbeError(
+                f"{name}: the light of an image is not dimmed in a light file; write .txt, .npy or "
+                ".json"
+            )
+        edits = {"probe": self._image, "sh": self._image, "disc": self._disc}
+        return {kind: [edits[kind](each) for each in some] for kind, some in tables.items()}
+
+    def _image(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """A [[probe]] or [[sh]]: scaled, and turned by other angles."""
+        found = dict(table)
+        if not np.all(self.scale == 1):
+            found["scale"] = (np.asarray(table.get("scale", 1.0)) * self.scale).tolist()
+        if not np.array_equal(self.turn, np.eye(3)):
+            angles = {key: table.get(key, 0.0) for key in ("yaw", "pitch", "roll")}
+            yaw, pitch, roll = turn_angles(self.turn @ ReadOptions(**angles).matrix())
+            found |= {"yaw": yaw, "pitch": pitch, "roll": roll}
+        return found
+
+    def _disc(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """A [[disc]], whose light is that of its middle."""
+        found = dict(table)
+        if "direction" in table:
+            direction = normalize(np.asarray(table["direction"], dtype=float))
+        else:
+            direction = from_azimuth_elevation(table["azimuth"], table["elevation"])
+        factor = np.array(self.scale)
+        for each in self.dimmings:
+            factor = factor * each.at(each.direction @ direction)
+        key = "radiance" if "radiance" in table else "irradiance"
+        if not np.all(factor == 1):
+            found[key] = (np.asarray(table[key]) * factor).tolist()
+        if not np.array_equal(self.turn, np.eye(3)):
+            found = {k: v for k, v in found.items() if k not in ("azimuth", "elevation")}
+            found["direction"] = (self.turn @ direction).tolist()
+        return found
+
+
+def turn_angles(matrix: Array) -> tuple[float, float, float]:
+    """Return the yaw, pitch and roll, degrees, of which `turn_matrix` makes a rotation."""
+    # The matrix is Ry Rx Rz: its third column is Ry Rx e_z, its second row is e_y Rx Rz.
+    pitch = np.arcsin(np.clip(-matrix[1, 2], -1, 1))
+    if np.hypot(matrix[1, 0], matrix[1, 1]) < 1e-9:  # yaw and roll turn about one axis
+        yaw, roll = np.arctan2(-matrix[2, 0], matrix[0, 0]), 0.0
+    else:
+        yaw = np.arctan2(matrix[0, 2], matrix[2, 2])
+        roll = np.arctan2(matrix[1, 0], matrix[1, 1])
+    found = np.degrees([yaw, pitch, roll])
+    return float(found[0]), float(found[1]), float(found[2])
+
+
+def order_of_index(index: int) -> str:
+    """Return the degree and the order m of a linear index, as ``L,M``."""
+    degree = int(np.sqrt(index))
+    return f"{degree},{index - degree * (degree + 1)}"

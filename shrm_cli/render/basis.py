@@ -1,0 +1,76 @@
+"""What each harmonic of the light alone does to an object: figure 4.3 of Ramamoorthi's thesis."""
+
+from typing import Any
+
+import numpy as np
+
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.sphere import ReflectionMap
+
+_GREEN, _BLUE = 1, 2
+
+
+def basis_names(order: int) -> list[str]:
+    """Return degree and order of all harmonics, such as ``1,-1``."""
+    return [f"{degree},{m}" for degree in range(order + 1) for m in range(-degree, degree + 1)]
+
+
+def basis_maps(order: int) -> list[Irradiance]:
+    """Return irradiance of light of each harmonic alone: green of it, and blue of its negative.
+
+    So the green of a picture is what is positive, and the blue what is negative, once it is cut off
+    at 0.
+    """
+    count = (order + 1) ** 2
+    info = MapInfo(order, 0, 0.0, 1.0, 0.0)
+    found = []
+    for index in range(count):
+        light = np.zeros((count, 3))
+        light[index, _GREEN], light[index, _BLUE] = 1.0, -1.0
+        found.append(Irradiance(light, info))
+    return found
+
+
+def basis_subject(
+    maps: list[Irradiance], mesh: str | None, transfer: str | None, size: int, viewer: Viewer
+) -> tuple[Any, list[Any]]:
+    """Return what `Scene` draws: a subject, and its material for each of the maps.
+
+    Parameters
+    ----------
+    maps : list of Irradiance
+    mesh : str, optional
+        A file; by default a sphere is drawn.
+    transfer : str, optional
+        What was baked of the mesh.
+    size : int
+        Width and height of a picture, pixels.
+    viewer : Viewer
+
+    Raises
+    ------
+    MeshError, TransferError
+        If a file cannot be read, or does not fit.
+    """
+    from shrm_cli.render.scene import SphereSubject
+
+    if mesh is None:
+        materials: list[ReflectionMap] = list(maps)
+        return SphereSubject(size), materials
+    from shrm_cli.geometry.load import load_mesh
+    from shrm_cli.render.mesh import MeshSubject
+    from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
+    from shrm_cli.render.stage import Actor, Look, Stage
+    from shrm_cli.render.vertex_colors import vertex_colors
+    from shrm_cli.transfer.file import read_transfer
+
+    loaded = load_mesh(mesh)
+    stage = Stage.of([Actor(loaded, [Look()] * (1 + len(loaded.materials)))])
+    lens = Lens(size, size, DEFAULT_FOV)
+    subject = MeshSubject(stage, lens, aimed(loaded.vertices, [viewer], lens))
+    if transfer is None:
+        return subject, [stage.reflectors(each) for each in maps]
+    baked = read_transfer(transfer)
+    return subject, [[vertex_colors(loaded, baked, each)] * len(stage.looks) for each in maps]

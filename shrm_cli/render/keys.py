@@ -1,0 +1,132 @@
+"""Keyframes of scene files: what the light and the viewer do over the frames.
+
+An example, with everything that a key may have:
+
+    [[key]]
+    frame = 1               # from 1, rising
+    turn = 0                # of the light about +Y, degrees; or [yaw, pitch, roll]
+    blend = 0               # how much of the light is that of --blend-to
+    view = [30, 10]         # azimuth and elevation of the viewer
+
+Each of these is a line between the keys that name it, and constant before the first and after the
+last of them.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import MeshError
+from shrm_cli.records import record
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.moving import Moment
+from shrm_cli.render.scene_file import is_number, read_tables
+from shrm_cli.sphere.directions import turn_matrix
+
+MOST_FRAMES = 9999
+_LARGEST = 1e6
+_KEYS = "frame", "turn", "blend", "view"
+
+
+@record
+class Key:
+    """A keyframe.
+
+    Attributes
+    ----------
+    frame : int
+        From 1.
+    turn : tuple of 3 float, optional
+        Yaw, pitch and roll of the light, degrees.
+    blend : float, optional
+        How much of the light, 0 .. 1, is that of the second map.
+    view : tuple of 2 float, optional
+        Azimuth and elevation of the viewer, degrees.
+    """
+
+    frame: int
+    turn: tuple[float, ...] | None = None
+    blend: float | None = None
+    view: tuple[float, ...] | None = None
+
+
+def read_keys(path: str | os.PathLike[str]) -> list[Key]:
+    """Return the keyframes of a scene file; there may be none.
+
+    Raises
+    ------
+    MeshError
+        If it is no scene file, or a key is not as the top of this module has it.
+    """
+    name = os.fspath(path)
+    keys: list[Key] = []
+    for index, each in enumerate(read_tables(name)[1], 1):
+        try:
+            keys.append(_key(each, keys[-1].frame if keys else 0))
+        except ValueError as error:
+            raise MeshError(f"{name}: key {index}: {error}") from None
+    return keys
+
+
+def moments_between(keys: Sequence[Key], viewer: Viewer) -> list[Moment]:
+    """Return all frames up to the last key's.
+
+    Parameters
+    ----------
+    keys : sequence of Key
+        At least one.
+    viewer : Viewer
+        Where no key tells the view.
+    """
+    frames = np.arange(1.0, keys[-1].frame + 1)
+    turns, shares, views = (_between(keys, name, frames) for name in ("turn", "blend", "view"))
+    return [
+        Moment(
+            viewer if views is None else Viewer(*map(float, views[k])),
+            None if turns is None else turn_matrix(*turns[k]),
+            0.0 if shares is None else float(shares[k, 0]),
+        )
+        for k in range(len(frames))
+    ]
+
+
+def _between(keys: Sequence[Key], name: str, frames: Array) -> Array | None:
+    """Interpolate what some keys name at all frames, shape (frames, numbers)."""
+    known = [each for each in keys if getattr(each, name) is not None]
+    if not known:
+        return None
+    values = np.array([getattr(each, name) for each in known], dtype=float).reshape(len(known), -1)
+    at = [each.frame for each in known]
+    return np.stack([np.interp(frames, at, column) for column in values.T], axis=-1)
+
+
+def _key(given: Mapping[str, Any], before: int) -> Key:
+    unknown = sorted(set(given) - set(_KEYS))
+    if unknown:
+        raise ValueError(f"{unknown[0][:40]!r} is none of {', '.join(_KEYS)}; correct it")
+    frame = given.get("frame")
+    is_whole = isinstance(frame, int) and not isinstance(frame, bool)
+    if not is_whole or not before < frame <= MOST_FRAMES:  # type: ignore[operator]
+        raise ValueError(f"frame must be a whole number within {before + 1} .. {MOST_FRAMES}")
+    turn, view, blend = given.get("turn"), given.get("view"), given.get("blend")
+    turn = [turn, 0, 0] if is_number(turn, _LARGEST) else turn
+    if blend is not None and not (is_number(blend, 1.0) and blend >= 0):
+        raise ValueError("blend must be a number within 0 .. 1")
+    found = Key(int(frame), _numbers("turn", turn, 3), blend, _numbers("view", view, 2))  # type: ignore[arg-type]
+    if found.view and abs(found.view[1]) > 90:
+        raise ValueError(f"view has an elevation of {found.view[1]:g}, outside -90 .. 90")
+    return found
+
+
+def _numbers(key: str, value: Any, count: int) -> tuple[float, ...] | None:
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != count:
+        said = "a number or three, [yaw, pitch, roll]" if key == "turn" else "[azimuth, elevation]"
+        raise ValueError(f"{key} must be {said}, degrees")
+    if not all(is_number(each, _LARGEST) for each in value):
+        raise ValueError(f"{key} must have finite numbers up to {_LARGEST:g}")
+    return tuple(float(each) for each in value)

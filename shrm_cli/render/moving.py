@@ -1,0 +1,235 @@
+"""Light that moves over the frames of a picture: it turns, or becomes another light.
+
+Turning the light is turning the surface and the viewer back, whatever the form of a map: with a
+rotation M of the light, what a surface of the normal N reflects towards V is what one of the normal
+M^-1 N reflects towards M^-1 V under the light at rest. Reflection is linear in the light, so that a
+blend of two lights reflects the blend of what they reflect.
+"""
+
+from dataclasses import replace
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shrm_cli.arrays import Array
+from shrm_cli.errors import MapError
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.info import MapInfo
+from shrm_cli.records import record
+from shrm_cli.render.camera import Viewer
+from shrm_cli.render.sphere import Surroundings
+from shrm_cli.render.stage import Reflector
+from shrm_cli.render.vertex_colors import VertexColors
+from shrm_cli.sphere.directions import horizontal_tangents, turn_about
+
+Drawn = TypeVar("Drawn")
+
+
+class Reflecting(Protocol):
+    """What is asked of a map, or of one with a surface, to draw it under light that moves."""
+
+    @property
+    def info(self) -> MapInfo:
+        """How the map was made."""
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the reflected radiance, as `Map.radiance` does."""
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate it for known tangents, as `Map.brushed_radiance` does."""
+
+
+@record(eq=False)
+class Moment:
+    """A frame: where the viewer stands, and what has become of the light.
+
+    Attributes
+    ----------
+    viewer : Viewer
+    turn : ndarray, shape (3, 3), optional
+        The rotation of the light; None where it is at rest.
+    share : float
+        How much of the light, 0 .. 1, is that of the second map.
+    """
+
+    viewer: Viewer
+    turn: Array | None = None
+    share: float = 0.0
+
+    def record(self) -> dict[str, Any]:
+        """Return what the recipe of a picture says of its light; nothing of light at rest."""
+        turn = {} if self.turn is None else {"turn_light": np.round(self.turn, 9).tolist()}
+        return {**turn, **({"blend": self.share} if self.share else {})}
+
+    def moved(self, first: Drawn, second: Drawn | None = None) -> Drawn:
+        """Return what is drawn under the light of this moment.
+
+        Parameters
+        ----------
+        first : map, Reflector, VertexColors, list of these, or None
+            As it is under the light at rest.
+        second : the same, optional
+            As it is under the light that this one becomes.
+        """
+        if second is None or self.share == 0:
+            second = None
+        elif self.share == 1:
+            first, second = second, None
+        return self._moved(first, second)
+
+    def behind(self, first: Surroundings, second: Surroundings | None = None) -> Surroundings:
+        """Return the surroundings at this moment."""
+        second = first if second is None else second
+        return _Behind(first, second, self.share, np.eye(3) if self.turn is None else self.turn)
+
+    def _moved(self, first: Any, second: Any) -> Any:
+        if isinstance(first, list):
+            pairs = list(zip(first, second or [None] * len(first), strict=True))
+            # All looks of a mesh with its own shadows are one and the same.
+            known = {tuple(map(id, pair)): pair for pair in pairs}
+            moved = {key: self._moved(*pair) for key, pair in known.items()}
+            return [moved[tuple(map(id, pair))] for pair in pairs]
+        if first is None or (self.turn is None and second is None):
+            return first
+        if isinstance(first, VertexColors):
+            return first.under(self.turn, second, self.share)
+        if isinstance(first, Reflector):
+            return replace(
+                first,
+                map=self._moved(first.map, second and second.map),
+                shaded=self._moved(first.shaded, second and second.shaded),
+                irradiance=self._moved(first.irradiance, second and second.irradiance),
+            )
+        return MovedMap(first, second, self.share, np.eye(3) if self.turn is None else self.turn)
+
+
+@record(eq=False)
+class MovedMap:
+    """A map, or one with a surface, under light that has moved.
+
+    Attributes
+    ----------
+    first, second : Reflecting
+        Under the light at rest, and under the one that it becomes; None where it becomes no other.
+    share : float
+        How much of the light is that of the second one.
+    turn : ndarray, shape (3, 3)
+        The rotation of the light.
+    """
+
+    first: Any
+    second: Any
+    share: float
+    turn: Array
+
+    @property
+    def info(self) -> MapInfo:
+        """How the first map was made."""
+        found: MapInfo = self.first.info
+        return found
+
+    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate the reflected radiance, as `Map.radiance` does."""
+        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
+        return self.brushed_radiance(normals, tangents, views)
+
+    def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
+        """Evaluate it for known tangents, as `Map.brushed_radiance` does."""
+        normals, tangents, views = (
+            np.asarray(each) @ self.turn for each in (normals, tangents, views)
+        )
+        return self._blend(lambda each: _seen(each, normals, tangents, views))
+
+    def varied_radiance(
+        self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike, shares: ArrayLike
+    ) -> Array:
+        """Evaluate it where a parameter varies, as `Map.varied_radiance` does."""
+        places = [np.asarray(each) @ self.turn for each in (normals, tangents, views)]
+        return self._blend(lambda each: each.varied_radiance(*places, shares))
+
+    def _blend(self, seen: Any) -> Array:
+        found: Array = seen(self.first)
+        if self.second is None:
+            return found
+        return (1 - self.share) * found + self.share * seen(self.second)
+
+
+@record(eq=False)
+class _Behind:
+    """What is behind the subject; attributes as `MovedMap` has them."""
+
+    first: Surroundings
+    second: Surroundings
+    share: float
+    turn: Array
+
+    def radiance(self, directions: ArrayLike) -> Array:
+        """Return the radiance from directions."""
+        places = np.asarray(directions) @ self.turn
+        if self.share == 0:
+            return self.first.radiance(places)
+        second = self.second.radiance(places)
+        return (1 - self.share) * self.first.radiance(places) + self.share * second
+
+
+def _seen(found: Any, normals: Array, tangents: Array, views: Array) -> Array:
+    """Return what a map reflects; those about the tangent are looked up by it alone."""
+    if getattr(found, "center", "") == "tangent" and hasattr(found, "central_radiance"):
+        return np.asarray(found.central_radiance(tangents, views))
+    return np.asarray(found.brushed_radiance(normals, tangents, views))
+
+
+def moving_light(
+    viewer: Viewer,
+    frames: int | None,
+    turn: tuple[ArrayLike, float] | None = None,
+    share: float | None = None,
+) -> list[Moment]:
+    """Return frames in which the light moves, and the viewer stands still.
+
+    Parameters
+    ----------
+    viewer : Viewer
+    frames : int, optional
+        How many; by default a single picture, of the end of the way.
+    turn : tuple of array_like, shape (3,), and float, optional
+        The axis and the angle of the turn, degrees. Frames turn on by equal steps from 0, so that
+        after the last one a whole turn begins anew.
+    share : float, optional
+        How much of the light is that of the second map in the last frame; the first has none of it.
+    """
+    found = []
+    for k in range(frames or 1):
+        turned = 1.0 if frames is None else k / frames
+        blended = 1.0 if frames is None else k / max(frames - 1, 1)
+        matrix = None if turn is None else turn_about(turn[0], turned * turn[1])
+        found.append(Moment(viewer, matrix, blended * (share or 0.0)))
+    return found
+
+
+def check_blend(first: Map, second: Map, name: str) -> None:
+    """Check that the light of one map can become that of another.
+
+    Parameters
+    ----------
+    first, second : Map
+    name : str
+        The second one's file, for the message.
+
+    Raises
+    ------
+    MapError
+        If they are of different BRDFs, or in different primaries.
+    """
+    one, other = first.info, second.info
+    if (first.needs_surface, one.brdf) != (second.needs_surface, other.brdf):
+        raise MapError(
+            f"{name}: it is of another BRDF than the map whose light becomes its own; prefilter "
+            "both for the same one"
+        )
+    if one.chromaticities != other.chromaticities:
+        raise MapError(
+            f"{name}: its primaries are not those of the map whose light becomes its own; convert "
+            "one by shrm convert --working"
+        )

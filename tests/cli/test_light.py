@@ -1,0 +1,100 @@
+"""`shrm light edit` and `shrm light basis`: files, pictures and errors."""
+
+import json
+
+import numpy as np
+import pytest
+
+from shrm_cli.probe.lighting import project
+from shrm_cli.probe.probe import open_probe
+from tests.cli.helpers import MESH, done, noise, run
+from tests.cli.test_render import read
+from tests.probe import scenes
+
+LIGHT = np.random.default_rng(6).normal(size=(9, 3))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with light and a mesh."""
+    np.save(tmp_path / "a.npy", LIGHT)
+    np.save(tmp_path / "wide.npy", np.ones((25, 3)))
+    scenes.write(tmp_path / "room.exr", noise(16, 32))
+    (tmp_path / "a.toml").write_text('[[probe]]\nfile = "room.exr"\n')
+    (tmp_path / "b.toml").write_text("[[disc]]\nazimuth = 1\nelevation = 3\nradius = 9\n"
+                                     "radiance = 2\n")  # fmt: skip
+    (tmp_path / "roof.obj").write_text(MESH)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def light(name, order=2):
+    return project(open_probe(name), order).coefficients
+
+
+def test_coefficients_are_edited_and_added(folder):
+    done("light", "edit", "a.npy", "--set", "1,-1=-2", "--scale", "2,1,1", "--add", "wide.npy",
+         "-o", "b.json")  # fmt: skip
+    expected = np.ones((25, 3))
+    changed = LIGHT.copy()
+    changed[1] = -2
+    expected[:9] += changed * [2, 1, 1]
+    np.testing.assert_allclose(light("b.json", 4), expected, rtol=1e-13)
+
+
+def test_an_image_becomes_coefficients(folder):
+    done("light", "edit", "room.exr", "--rotate", "y:90", "--order", "6", "-o", "b.txt")
+    expected = project(open_probe("room.exr", yaw=90.0), 6).coefficients
+    np.testing.assert_allclose(light("b.txt", 6), expected, atol=1e-12)
+
+
+def test_a_light_file_stays_one(folder):
+    done("light", "edit", "a.toml", "--rotate", "y:90", "--add", "b.toml", "--add", "a.npy",
+         "--add", "room.exr", "-o", "c.toml")  # fmt: skip
+    room = project(open_probe("room.exr", yaw=90.0), 2).coefficients
+    expected = room + light("b.toml") + LIGHT + light("room.exr")
+    np.testing.assert_allclose(light("c.toml"), expected, atol=1e-10)
+    facts = open_probe("c.toml").images[0].facts()
+    assert (len(facts["probes"]), len(facts["discs"]), facts["order"]) == (2, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a.npy", "-o", "b.toml"], "a.npy: no light file"),
+        (["a.npy", "-o", "b.png"], "b.png"),
+        (["a.npy", "--set", "1,2=3", "-o", "b.txt"], "1,2: a degree L has orders M from -L to L"),
+        (["a.npy", "--set", "3,0=1", "-o", "b.txt"], "no coefficient 3,0; raise --order"),
+        (["a.npy", "--dim", "3,4", "-o", "b.txt"], "is not AZ,EL:X or AZ,EL:X:W"),
+        (["a.npy", "--dim", "3,4:0.1:1", "-o", "b.txt"], "a width outside 5 .. 180 degrees"),
+        (["a.npy", "--scale", "-1", "-o", "b.txt"], "below 0"),
+        (["a.toml", "--dim", "3,4:0.1", "-o", "b.toml"], "is not dimmed in a light file"),
+        (["a.toml", "--order", "3", "-o", "b.toml"], "--order applies to coefficients"),
+        (["a.toml", "-o", "sub/b.toml"], "not in the folder of sub/b.toml"),
+        (["none.npy", "-o", "b.txt"], "none.npy: no such file"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(folder, arguments, said):
+    (folder / "sub").mkdir()
+    result = run("light", "edit", *arguments)
+    assert result.code != 0
+    assert said in result.err.splitlines()[-1]
+    assert not [*folder.glob("b.txt"), *folder.glob("sub/*")]
+
+
+@pytest.mark.parametrize("transfer", [False, True])
+def test_pictures_of_the_basis(folder, transfer):
+    """A roof from above: the light of y makes it brighter, and from below it makes it darker."""
+    options = ["roof.obj", "--order", "1", "--size", "32", "--columns", "4"]
+    if transfer:
+        done("transfer", "roof.obj", "--samples", "64", "--order", "2", "-o", "roof.npz")
+        options += ["--transfer", "roof.npz"]
+    said = json.loads(done("light", "basis", *options, "--view", "0,80", "-o", "a.exr", "--json"))
+    assert said["names"] == ["0,0", "1,-1", "1,0", "1,1"]
+    found = read("a.exr")
+    assert found.shape[:2] == (said["height"], said["width"])
+    red, green, blue = np.moveaxis(found[:32, said["width"] // 4 : said["width"] // 2], -1, 0)
+    inside = green > red
+    assert inside.mean() > 0.1
+    assert blue[inside].max() < 0.01
+    done("light", "basis", *options[1:5], "-o", "ball.png")

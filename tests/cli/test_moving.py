@@ -1,0 +1,161 @@
+"""`shrm render --turn-light` and `--blend-to`: frames, moving pictures and errors."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from shrm_cli.maps.file import open_map, save
+from shrm_cli.maps.irradiance.irradiance import Irradiance
+from shrm_cli.sphere.directions import turn_matrix
+from tests.cli.helpers import MESH, run
+from tests.cli.test_render import read
+from tests.render.materials import INFO, furnace, spot, under_random_light
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Maps of two lights, a mesh and what was baked of it, which are made once."""
+    made = tmp_path_factory.mktemp("inputs")
+    save(made / "a.exr", under_random_light(), "float")
+    save(made / "spot.exr", spot((0, 0, 1)), "float")
+    rng = np.random.default_rng(3)
+    for name in ("sky", "night"):
+        light = 0.3 * rng.normal(size=(9, 3)) + [[4, 4, 4], *[[0] * 3] * 8]
+        save(made / f"{name}.irradiance.exr", Irradiance(light, replace(INFO, order_f=2)), "float")
+    (made / "roof.obj").write_text(MESH)
+    result = run(
+        "transfer", made / "roof.obj", "--samples", "64", "--order", "2", "-o", made / "roof.npz"
+    )
+    assert result.code == 0, result.err
+    return made
+
+
+@pytest.fixture
+def folder(inputs, tmp_path, monkeypatch):
+    """Current folder with maps, a mesh and its transfer."""
+    shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def done(*arguments):
+    result = run("render", *arguments, "--precision", "float")
+    assert result.code == 0, result.err
+    assert result.err == ""
+
+
+def recipe(path):
+    return json.loads(OpenEXR.File(path).parts[0].header["shrm:recipe"])
+
+
+def turned(folder, yaw):
+    """The irradiance map, turned by its own coefficients."""
+    save(folder / "turned.exr", open_map("sky.irradiance.exr").turned(turn_matrix(yaw)), "float")
+
+
+@pytest.mark.parametrize("mesh", [[], ["--mesh", "roof.obj"], ["--mesh", "roof.obj", "--transfer"]])
+def test_a_turned_light_is_the_turned_map(folder, mesh):
+    """On spheres, on meshes, and with the mesh's own shadows."""
+    mesh = [*mesh, "roof.npz"] if "--transfer" in mesh else mesh
+    options = [*mesh, "--size", "64"]
+    turned(folder, 73)
+    done("turned.exr", *options, "-o", "truth.exr")
+    done("sky.irradiance.exr", *options, "--turn-light", "y:73", "-o", "found.exr")
+    done("sky.irradiance.exr", *options, "-o", "still.exr")
+    truth, found = read("truth.exr"), read("found.exr")
+    np.testing.assert_allclose(found, truth, atol=2e-6 * truth.max())
+    assert np.abs(read("still.exr") - truth).max() > 0.02 * truth.max()
+    assert recipe("found.exr")["turn_light"] == np.round(turn_matrix(yaw=73), 9).tolist()
+    assert "turn_light" not in recipe("still.exr")
+
+
+def test_frames_turn_the_light_and_not_the_viewer(folder):
+    done("a.exr", "--size", "32", "--turn-light", "0/2/0:180", "--frames", "2", "-o", "f%02d.exr")
+    done("a.exr", "--size", "32", "-o", "first.exr")
+    done("a.exr", "--size", "32", "--turn-light", "y:90", "-o", "second.exr")
+    np.testing.assert_array_equal(read("f01.exr"), read("first.exr"))
+    np.testing.assert_allclose(read("f02.exr"), read("second.exr"), atol=1e-6)
+    assert recipe("f02.exr")["view"] == [0, 0]
+
+
+@pytest.mark.parametrize("mesh", [[], ["--mesh", "roof.obj"], ["--mesh", "roof.obj", "--transfer"]])
+def test_frames_go_from_one_light_to_another(folder, mesh):
+    mesh = [*mesh, "roof.npz"] if "--transfer" in mesh else mesh
+    options = [*mesh, "--size", "48"]
+    names = "sky.irradiance.exr", "night.irradiance.exr"
+    for name in names:
+        done(name, *options, "-o", f"{name[:3]}.exr")
+    done(names[0], *options, "--blend-to", names[1], "--frames", "3", "-o", "f%02d.exr")
+    sky, night = read("sky.exr"), read("nig.exr")
+    assert np.abs(sky - night).max() > 0.05
+    np.testing.assert_array_equal(read("f01.exr"), sky)
+    np.testing.assert_allclose(read("f02.exr"), (sky + night) / 2, atol=1e-5)
+    np.testing.assert_array_equal(read("f03.exr"), night)
+    assert recipe("f02.exr")["blend_to"] == [names[1]]
+    done(names[0], *options, "--blend-to", names[1], "--blend", "0.25", "-o", "part.exr")
+    np.testing.assert_allclose(read("part.exr"), 0.75 * sky + 0.25 * night, atol=1e-5)
+
+
+@pytest.mark.parametrize("suffix", ["gif", "apng"])
+def test_moving_pictures_hold_the_frames(folder, suffix):
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    options = ["spot.exr", "--size", "32", "--turn-light", "y:360", "--frames", "5"]
+    result = run("render", *options, "--fps", "10", "-o", f"turn.{suffix}")
+    assert result.out == f"turn.{suffix}: 32 x 32, 5 frames, 10 a second\n"
+    done(*options, "-o", "f%02d.png")
+    with image.open(f"turn.{suffix}") as found:
+        assert (found.n_frames, found.info["duration"]) == (5, 100)
+        for k in range(5):
+            found.seek(k)
+            pixels = np.asarray(found.convert("RGB")).astype(int)
+            expected = read(f"f{k + 1:02d}.png")
+            assert expected.dtype == np.uint8
+            assert np.abs(pixels - expected).max() <= (0 if suffix == "apng" else 4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["a.exr", "--turn-light", "w:3"], "'w:3' is not AXIS:DEGREES such as y:90"),
+        (["a.exr", "--turn-light", "0/0/0:3"], "0/0/0 is no axis"),
+        (["a.exr", "--turn-light", "y:inf"], "is not AXIS:DEGREES"),
+        (["a.exr", "--blend", "0.5"], "--blend applies with --blend-to"),
+        (["a.exr", "--blend-to", "phong.exr"], "phong.exr: it is of another"),
+        (["a.exr", "spot.exr", "--blend-to", "a.exr"], "1 --blend-to of 2 MAP; give one for each"),
+        (["a.exr", "--blend-to", "none.exr"], "none.exr"),
+        (["a.exr", "--fps", "3"], "--fps applies to moving pictures"),
+        (["a.exr", "--max-memory", "1GB"], "--max-memory applies to moving pictures"),
+        (["a.exr", "--frames", "2", "-o", "a.gif", "--max-memory", "1MB"], "is too little"),
+        (["a.exr", "--blend-to", "a.exr", "--background-to", "p.exr"], "applies with --background"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(folder, arguments, said):
+    phong = {"name": "phong", "parameters": {"exponent": 20}}
+    save(folder / "phong.exr", replace(furnace((1.0, 1, 1)), info=replace(INFO, brdf=phong)))
+    result = run("render", *arguments)
+    assert result.code != 0
+    assert said in result.err.splitlines()[-1]
+
+
+def test_keys_of_a_scene_move_light_and_viewer(folder):
+    (folder / "scene.toml").write_text(
+        '[[objects]]\nmesh = "roof.obj"\n[[key]]\nframe = 1\nturn = 0\nview = [20, 30]\n'
+        "[[key]]\nframe = 3\nturn = 80\nview = [40, 10]\n"
+    )
+    options = ["--mesh", "scene.toml", "--size", "48"]
+    done("sky.irradiance.exr", *options, "-o", "f%02d.exr")
+    turned(folder, 40)
+    done("turned.exr", "--mesh", "roof.obj", "--size", "48", "--view", "30,20", "-o", "truth.exr",
+         "--distance", str(recipe("f02.exr")["distance"]))  # fmt: skip
+    truth = read("truth.exr")
+    np.testing.assert_allclose(read("f02.exr"), truth, atol=2e-6 * truth.max())
+    assert recipe("f03.exr")["view"] == [40, 10]
+    assert not (folder / "f04.exr").exists()
+    result = run("render", "sky.irradiance.exr", *options, "--frames", "2")
+    assert "--frames applies without [[key]] in the scene" in result.err
+    result = run("render", "sky.irradiance.exr", *options, "--blend-to", "night.irradiance.exr")
+    assert "need each other" in result.err
