@@ -162,7 +162,8 @@ def render(
         from shrm_cli.render.mesh import MeshSubject
         from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
 
-        stage, warnings = open_stage(mesh, opened, maps, values)
+        plain = values["plain"] or transfer is not None  # its albedo is baked
+        stage, warnings = open_stage(mesh, opened, maps, {**values, "plain": plain})
         lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
         where = values["target"], values["distance"]
         aim = aimed(stage.mesh.vertices, viewers, lens, *where)

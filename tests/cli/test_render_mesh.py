@@ -129,23 +129,6 @@ def test_materials_of_gltf_need_light_for_their_diffuse_part(folder):
     assert not np.array_equal(read("y.exr"), both)
 
 
-def test_textures_of_gltf_are_said_to_be_left_out(folder):
-    """Where the material is drawn: by light alone, and not by maps that hold their own BRDF."""
-    textures = {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 1}}
-    paint = {"name": "paint\n", "pbrMetallicRoughness": PBR | textures, "normalTexture": {}}
-    (folder / "worn.glb").write_bytes(glb(*gltf_tree(*TETRAHEDRON, material=paint)))
-    arguments = ("--mesh", "worn.glb", "--size", "32", "--irradiance", "irradiance.exr")
-    result = done("split.exr", "split.exr", *arguments, "-o", "x.exr")
-    assert result.err == (
-        "Warning: worn.glb: textures are not read; the numbers alone are drawn of the material "
-        "'paint\\n' (baseColorTexture, metallicRoughnessTexture, normalTexture)\n"
-    )
-    worn = read("x.exr")
-    done("split.exr", "split.exr", "--mesh", "paint.glb", *arguments[2:], "-o", "y.exr")
-    np.testing.assert_array_equal(worn, read("y.exr"))
-    assert done("a.exr", "--mesh", "worn.glb", "--size", "32").err == ""
-
-
 def refused(*arguments):
     result = run("render", *arguments)
     assert result.code in (1, 2)
