@@ -17,8 +17,6 @@ from shrm_cli.render.textures import MOST_PIXELS, open_texture
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _LEAST_AREA = 1e-20
-_LARGEST_STEP = 1e6
-"""The largest change of a texture coordinate from a pixel to the next."""
 
 
 @record(eq=False)
@@ -63,8 +61,7 @@ class Points:
         # Triangles have areas, but those of slivers may be lost to rounding.
         adjoint = np.moveaxis(np.array([[d, -b], [-b, a]]), -1, 0)
         inverse = adjoint / np.maximum(a * d - b * b, _LEAST_AREA)[:, None, None]
-        found = inverse @ (unit @ (self.steps / scale))
-        return np.clip(found, -_LARGEST_STEP, _LARGEST_STEP)
+        return inverse @ (unit @ (self.steps / scale))
 
 
 @record(eq=False)

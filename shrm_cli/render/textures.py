@@ -22,6 +22,8 @@ _MOST_TAPS = 16
 """The most places along the longer side of what a pixel covers."""
 _FINER = 2
 """How many places a pixel has where its parallelogram is a square, along each side."""
+_FAR = 1e6
+"""The largest texture coordinate, and change of one from a pixel to the next."""
 _LARGEST = 6e4
 """The largest number that half floats hold, about."""
 
@@ -76,11 +78,12 @@ class MipMap:
         steps : ndarray, shape (n, 2, 2)
             How these change to the next pixel, (u, v) by (right, up).
         """
+        uvs, steps = (np.clip(np.nan_to_num(each), -_FAR, _FAR) for each in (uvs, steps))
         down = np.column_stack([uvs[:, 0], 1 - uvs[:, 1]])
         places = down @ self._matrix[:, :2].T + self._matrix[:, 2]
         sizes = np.array(self._levels[0].shape[1::-1])
         moves = (self._matrix[:, :2] @ (steps * [[1], [-1]])) * sizes[:, None]
-        left, lengths, _ = np.linalg.svd(np.nan_to_num(moves, posinf=1e9, neginf=-1e9))
+        left, lengths, _ = np.linalg.svd(moves)
         long, short = lengths.T
         along = left[:, :, 0] * long[:, None] / sizes
         across = left[:, :, 1] * short[:, None] / sizes
@@ -116,9 +119,7 @@ class MipMap:
     def _bilinear(self, level: int, places: Array) -> Array:
         pixels = self._levels[level]
         height, width = pixels.shape[:2]
-        # Whole turns of a repeated texture change nothing, and endless numbers have no index.
-        near = np.mod(np.nan_to_num(places), 2) if "clamp" not in self._texture.wrap else places
-        x, y = (np.clip(near, -1e6, 1e6) * [width, height] - 0.5).T
+        x, y = (places * [width, height] - 0.5).T
         if level == 0 and self._texture.is_nearest:
             x, y = np.round(x), np.round(y)
         left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
