@@ -87,10 +87,10 @@ class MipMap:
         long, short = lengths.T
         along = left[:, :, 0] * long[:, None] / sizes
         across = left[:, :, 1] * short[:, None] / sizes
-        is_small = long <= 1  # a pixel within a texel
+        is_small = long <= 0.5  # a pixel within a texel
         ratio = np.clip(np.ceil(long / np.maximum(short, 1)), 1, _MOST_TAPS // _FINER)
         taps = np.where(is_small, 1, _FINER * ratio).astype(np.int64)
-        rows = np.where(is_small | (short <= 1), 1, _FINER)
+        rows = np.where(short <= 0.5, 1, _FINER)
         width = np.maximum(long / taps, short / rows)
         level = np.clip(np.log2(np.maximum(width, 1)), 0, len(self._levels) - 1)
         result = np.zeros((len(uvs), 4))
