@@ -103,7 +103,7 @@ def render(
 
     PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
     picture's width. Several maps make one contact sheet. Split sums and SH
-    exponentials are shown as GGX of --roughness and --f0, or of a glTF's materials; irradiance as
+    exponentials are shown as GGX of --roughness and --f0, or of a mesh's materials; irradiance as
     white and diffuse. The options from --sampling to --working are about the files of --background
     and --probe.
 
@@ -207,6 +207,10 @@ def render(
     warnings += negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
+    if "materials" in said:
+        lines.append(
+            f"{mesh}: with its own materials, {said['materials']}; --plain leaves them out"
+        )
     conclude({"files": written, **settings}, lines, warnings)
 
 

@@ -118,8 +118,8 @@ def open_stage(
         irradiance = values["irradiance"]
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
-        if light is not None and not found.materials:
-            raise ArgumentError("irradiance", f"does not apply: {mesh} has no materials")
+        if light is not None and (values["plain"] or not found.materials):
+            raise ArgumentError("irradiance", f"does not apply: no materials are drawn of {mesh}")
         given = {name: values[name] for name in OF_SURFACES}
         shown = Shown(None, **{**given, "irradiance": light, "plain": bool(values["plain"])})
         primaries = maps[0].info.chromaticities if maps else None
@@ -182,9 +182,11 @@ def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]
 
 def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
     """Return what the results and the attributes of pictures say about a mesh and its camera."""
+    materials = sum(look.paint is not None for look in subject.stage.looks)
     return {
         "mesh": mesh,
         "triangles": len(subject.stage.mesh.faces),
+        **({"materials": materials} if materials else {}),
         "fov": subject.lens.fov,
         "target": [float(each) for each in subject.aim.target],
         "distance": subject.aim.distance,

@@ -101,7 +101,7 @@ def test_what_is_cut_out_shows_what_lies_behind(tmp_path):
     """Two quads, the nearer one with holes of alpha 0.3 at left; the one behind has none."""
     near, faces, normals, uvs = quad()
     shape = (
-        np.concatenate([near + [0, 0, 0.01], near]),
+        np.concatenate([near + np.array([0, 0, 0.01]), near]),
         np.concatenate([faces, faces + 4]),
         np.concatenate([normals, normals]),
         np.concatenate([uvs * 0.5, uvs * 0.5 + 0.5]),
