@@ -20,6 +20,7 @@ from shrm_cli.render.paint import Points
 from shrm_cli.render.perspective import Aim, Lens
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
+from shrm_cli.render.textures import FINER
 from shrm_cli.render.vertex_colors import VertexColors
 
 Reflectors = list[Reflector | VertexColors | None]
@@ -186,7 +187,8 @@ class MeshSubject:
         slope = np.where(slope < 0, -1, 1) * np.maximum(np.abs(slope), _LEAST_SLOPE)
         moved = beside - along[:, :, None] * (flat @ beside / slope[:, None])[:, None, :]
         steps = (hits.distance * depth)[:, None, None] * moved
-        return Points(self.stage.mesh, hits.faces, hits.weights, steps)
+        finer = FINER if hits.width == 1 else 1  # many parts of a pixel are averaged anyway
+        return Points(self.stage.mesh, hits.faces, hits.weights, steps, finer)
 
     def _edges(self, viewer: Viewer, hits: _Hits, start: int, stop: int) -> NDArray[np.bool_]:
         """Return which pixels, whose centres meet `hits`, need more than one sample."""

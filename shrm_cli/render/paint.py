@@ -13,7 +13,7 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.surface import SurfaceMaterial, Texture
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.records import record
-from shrm_cli.render.textures import MOST_PIXELS, open_texture
+from shrm_cli.render.textures import FINER, MOST_PIXELS, open_texture
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _LEAST_AREA = 1e-20
@@ -31,12 +31,15 @@ class Points:
         Barycentric coordinates.
     steps : ndarray, shape (n, 3, 2)
         How the point in the triangle's plane moves to the next pixel to the right, and upwards.
+    finer : {1, 2}
+        How finely textures are averaged, as `MipMap.at` takes it.
     """
 
     mesh: Mesh
     faces: NDArray[np.int64]
     weights: Array
     steps: Array
+    finer: int = FINER
 
     def over(self, uv_set: int) -> tuple[Array, Array]:
         """Return texture coordinates (n, 2), and their changes to the next pixels (n, 2, 2)."""
@@ -193,7 +196,7 @@ class Paint:
     def _read(self, points: Points, texture: Texture | None) -> Array:
         if texture is None:
             return np.ones((len(points.faces), 4))
-        return self._maps[texture].at(*points.over(texture.uv_set))
+        return self._maps[texture].at(*points.over(texture.uv_set), points.finer)
 
     def _in_primaries(self, colors: Array) -> Array:
         return colors if self._matrix is None else colors @ self._matrix.T

@@ -6,7 +6,7 @@ from scipy.ndimage import map_coordinates
 
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.surface import Texture
-from shrm_cli.render.textures import MipMap, mip_levels, open_texture
+from shrm_cli.render.textures import MipMap, open_texture, pyramid_of
 
 SCIPY = {"repeat": "grid-wrap", "clamp": "nearest", "mirror": "reflect"}
 """What SciPy calls them, for pixels that lie at centres."""
@@ -25,7 +25,7 @@ def image(rng, height=12, width=20):
 def test_pixels_that_are_large_are_interpolated(rng, side):
     pixels = image(rng)
     uvs = rng.uniform(-2.3, 2.3, (300, 2))
-    found = MipMap(mip_levels(pixels), Texture("", wrap=(side, side))).at(uvs, still(uvs))
+    found = MipMap(pyramid_of(pixels), Texture("", wrap=(side, side))).at(uvs, still(uvs))
     places = (1 - uvs[:, 1]) * 12 - 0.5, uvs[:, 0] * 20 - 0.5
     for channel in range(4):
         expected = map_coordinates(pixels[..., channel], places, order=1, mode=SCIPY[side])
@@ -34,7 +34,7 @@ def test_pixels_that_are_large_are_interpolated(rng, side):
 
 def test_the_two_directions_wrap_each_in_its_own_way(rng):
     pixels = image(rng, 4, 4)
-    made = MipMap(mip_levels(pixels), Texture("", wrap=("clamp", "mirror"), is_nearest=True))
+    made = MipMap(pyramid_of(pixels), Texture("", wrap=("clamp", "mirror"), is_nearest=True))
     # Beyond the right edge, and one and a half heights below the top, mirrored there.
     found = made.at(np.array([[1.7, -0.3 + 1e-9]]), np.zeros((1, 2, 2)))
     np.testing.assert_allclose(found[0], pixels[2, 3])
@@ -45,8 +45,9 @@ def test_levels_are_means_of_what_lies_within(rng):
     pixels = image(rng, 7, 5)
     fine = pixels.repeat(3, axis=0).repeat(2, axis=1)
     expected = fine.reshape(3, 7, 2, 5, 4).mean(axis=(1, 3))
-    levels = mip_levels(pixels)
-    assert [each.shape[:2] for each in levels] == [(7, 5), (3, 2), (1, 1)]
+    pyramid = pyramid_of(pixels)
+    levels = [pyramid.level(k) for k in range(3)]
+    assert pyramid.sizes.tolist() == [[5, 7], [2, 3], [1, 1]]
     np.testing.assert_allclose(levels[1].astype(float), expected, atol=1e-3)
     np.testing.assert_allclose(levels[2][0, 0].astype(float), pixels.mean(axis=(0, 1)), atol=2e-3)
 
@@ -56,7 +57,7 @@ def test_pixels_show_the_mean_of_what_they_cover(rng, stretch):
     """Parallelograms of many texels at a generic angle, of noise as wide as a few texels."""
     coarse = rng.random((32, 32, 4))
     pixels = sum(np.roll(coarse.repeat(4, 0).repeat(4, 1), (k, k), (0, 1)) for k in range(4)) / 4
-    made = MipMap(mip_levels(pixels), Texture("", wrap=("repeat", "mirror")))
+    made = MipMap(pyramid_of(pixels), Texture("", wrap=("repeat", "mirror")))
     c, s = np.cos(0.6), np.sin(0.6)
     steps = np.array([[c, -s], [s, c]]) @ np.diag(stretch) @ np.array([[1, 0.4], [0, 1]]) / 128
     uvs = rng.random((150, 2))
@@ -72,14 +73,14 @@ def test_pixels_show_the_mean_of_what_they_cover(rng, stretch):
 
 def test_a_texture_that_covers_a_pixel_again_and_again_is_its_mean(rng):
     pixels = image(rng)
-    found = MipMap(mip_levels(pixels), Texture("")).at(
+    found = MipMap(pyramid_of(pixels), Texture("")).at(
         rng.random((5, 2)), np.broadcast_to([[50.0, 3], [0, 40]], (5, 2, 2))
     )
     np.testing.assert_allclose(found, np.broadcast_to(pixels.mean(axis=(0, 1)), (5, 4)), atol=2e-3)
 
 
 def test_endless_coordinates_have_some_pixel(rng):
-    made = MipMap(mip_levels(image(rng)), Texture("", wrap=("clamp", "repeat")))
+    made = MipMap(pyramid_of(image(rng)), Texture("", wrap=("clamp", "repeat")))
     steps = np.broadcast_to([[np.inf, 0], [0, np.nan]], (2, 2, 2))
     found = made.at(np.array([[1e300, -1e300], [np.nan, 1e9]]), steps)
     assert np.isfinite(found).all()
@@ -90,7 +91,7 @@ def test_axes_of_turned_textures(turn):
     """Where the texture is turned and mirrored, its own axes are found by small steps."""
     c, s = np.cos(turn), np.sin(turn)
     matrix = np.array([[-2 * c, s * 3, 0.1], [-2 * -s, c * 3, 0.2]])
-    made = MipMap(mip_levels(np.zeros((2, 2, 4))), Texture("", matrix=tuple(matrix.ravel())))
+    made = MipMap(pyramid_of(np.zeros((2, 2, 4))), Texture("", matrix=tuple(matrix.ravel())))
     place = lambda u, v: matrix @ [u, 1 - v, 1]  # noqa: E731
     here = place(0.3, 0.4)
     for axis, wanted in ((0, [1, 0]), (1, [0, -1])):  # to the right, and upwards
