@@ -121,7 +121,7 @@ def render(
 
     PNG is 8-bit sRGB, EXR is linear. The sphere stands in the middle; its diameter is 0.9 of the
     picture's width. Several maps make one contact sheet. Split sums and SH
-    exponentials are shown as GGX of --roughness and --f0, or of a glTF's materials; irradiance as
+    exponentials are shown as GGX of --roughness and --f0, or of a mesh's materials; irradiance as
     white and diffuse. The options from --sampling to --working are about the files of --background
     and --probe.
 
@@ -147,6 +147,7 @@ def render(
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
+    refuse_mesh_options(mesh, transfer)
     keys = scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     lights = maps if maps or transfer is None or probe is None else (probe,)
@@ -156,7 +157,6 @@ def render(
     if not is_animated(pattern):
         refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
         file_type(pattern)
-    refuse_mesh_options(mesh, transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(values)
@@ -196,7 +196,8 @@ def render(
         from shrm_cli.render.mesh import MeshSubject
         from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
 
-        stage, warnings = open_stage(mesh, opened, maps, values)
+        plain = values["plain"] or transfer is not None  # its albedo is baked
+        stage, warnings = open_stage(mesh, opened, maps, {**values, "plain": plain})
         refuse_fixed_light(stage, values)
         lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
         where = values["target"], values["distance"]
@@ -274,6 +275,10 @@ def render(
         lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
     warnings += negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
+    if "materials" in said:
+        lines.append(
+            f"{mesh}: with its own materials, {said['materials']}; --plain leaves them out"
+        )
     conclude({"files": written, **settings}, lines, warnings)
 
 

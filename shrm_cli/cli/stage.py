@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from shrm_cli.render.stage import Stage
     from shrm_cli.transfer.transfer import Transfer
 
-_OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "transfer")
-OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance")
+_OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "plain", "transfer")
+OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance", "plain")
 """The names of options that say what a mesh is like; scenes say it of each object."""
 _LARGEST = 1e30
 _NAMED = 3
@@ -60,7 +60,11 @@ mesh_options = several(
     ),
     click.option(
         "--irradiance", type=click.Path(), metavar="MAP",
-        help="Irradiance map: light of the diffuse part of a glTF's materials.",
+        help="Irradiance map: light of the diffuse part of the mesh's materials.",
+    ),
+    click.option(
+        "--plain", is_flag=True, default=None,
+        help="Leave out the materials, textures and vertex colours of the mesh.",
     ),
     click.option(
         "--transfer", type=click.Path(), metavar="FILE",
@@ -118,9 +122,10 @@ def open_stage(
         irradiance = values["irradiance"]
         light = None if irradiance is None else as_irradiance(irradiance)
         found = load_mesh(mesh)
-        if light is not None and not found.materials:
-            raise ArgumentError("irradiance", f"does not apply: {mesh} has no materials")
-        shown = Shown(None, **{**{name: values[name] for name in OF_SURFACES}, "irradiance": light})
+        if light is not None and (values["plain"] or not found.materials):
+            raise ArgumentError("irradiance", f"does not apply: no materials are drawn of {mesh}")
+        given = {name: values[name] for name in OF_SURFACES}
+        shown = Shown(None, **{**given, "irradiance": light, "plain": bool(values["plain"])})
         primaries = maps[0].info.chromaticities if maps else None
         stage = Stage.of([shown.actor(found, primaries)])
     if stage.needs_map and not maps:
@@ -139,10 +144,7 @@ def open_stage(
     unread = stage.unread(maps)
     if unread:
         more = f" and of {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
-        warnings.append(
-            f"{mesh}: textures are not read; the numbers alone are drawn of the material "
-            f"{', '.join(unread[:_NAMED])}{more}"
-        )
+        warnings.append(f"{mesh}: not drawn of the material {'; '.join(unread[:_NAMED])}{more}")
     return stage, warnings
 
 
@@ -269,9 +271,11 @@ def open_baked(
 
 def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:
     """Return what the results and the attributes of pictures say about a mesh and its camera."""
+    materials = sum(look.paint is not None for look in subject.stage.looks)
     return {
         "mesh": mesh,
         "triangles": len(subject.stage.mesh.faces),
+        **({"materials": materials} if materials else {}),
         "fov": subject.lens.fov,
         "target": [float(each) for each in subject.aim.target],
         "distance": subject.aim.distance,

@@ -6,12 +6,14 @@ Only files in the folder of a glTF file are opened for it.
 
 import base64
 import binascii
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 from shrm_cli.errors import MeshError
 from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.texture import beside
 from shrm_cli.files.whole import note
 
 Json = dict[str, Any]
@@ -120,6 +122,30 @@ def embedded(uri: str) -> bytes:
         return base64.b64decode(payload, validate=True)
     except binascii.Error:
         raise ValueError("data that are not base64") from None
+
+
+def picture_of(
+    name: str, tree: Json, buffers: Callable[[], list[bytes]], texture: Json
+) -> Path | bytes:
+    """Return the picture of a texture: its file, or the bytes that the glTF file holds.
+
+    Raises
+    ------
+    ValueError
+        If it is not beside the file, or no PNG or JPEG.
+    """
+    if "source" not in texture:
+        raise ValueError("a texture that is neither PNG nor JPEG; export it so")
+    images = list_of(tree, "images")
+    image = table(images[index_in(texture["source"], images)])
+    if "uri" in image:
+        uri = str(image["uri"])
+        return embedded(uri) if uri.startswith("data:") else beside(name, unquote(uri))
+    views = list_of(tree, "bufferViews")
+    held = buffers()
+    view = view_of(table(views[index_in(image["bufferView"], views)]), held)
+    start = view["byteOffset"]
+    return held[view["buffer"]][start : start + view["byteLength"]]
 
 
 def view_of(given: Json, buffers: list[bytes]) -> Json:

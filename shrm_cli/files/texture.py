@@ -1,4 +1,4 @@
-"""The mean of a texture's pixels, for materials that are even where the texture is not.
+"""The pixels of textures, and their mean, for materials that are even where the texture is not.
 
 Textures may come from anywhere: only files of a few formats, and of a bounded size, reach the
 library that reads them, and only from the folder of the file that names them or from below it.
@@ -30,6 +30,8 @@ _BEGINNINGS = {
 """How files of the formats that are read begin, and what their names end with."""
 _MOST_BYTES = 2**28
 """The most bytes of a texture's file, and of its pixels in memory."""
+
+_NO_NUMBERS = "a texture has pixels that are no numbers; export it again"
 
 
 def beside(name: str, path: str) -> Path:
@@ -85,12 +87,37 @@ def mean_color(texture: Path | bytes, is_srgb: bool) -> Array:
     ValueError
         If it cannot be read, with why and what to do.
     """
-    with _file(texture) as path:
-        pixels = _pixels(path)
+    pixels = _stored(texture)
+    pixels = pixels.reshape(-1, pixels.shape[2])
     channels = pixels.shape[1]
     alpha = _mean(pixels[:, -1], False) if channels in (2, 4) else 1.0
     found = [_mean(pixels[:, k if channels > 2 else 0], is_srgb) for k in range(3)]
     return np.array([*found, alpha])
+
+
+def read_texture(texture: Path | bytes, is_srgb: bool) -> Array:
+    """Return a texture's pixels, shape (height, width, 4), linear, of 32-bit floats.
+
+    Parameters and errors are those of `mean_color`; missing channels are as it has them.
+    """
+    pixels = _stored(texture)
+    count = pixels.shape[2]
+    result = np.ones((*pixels.shape[:2], 4), dtype=np.float32)
+    for channel in range(3):
+        result[..., channel] = _linear(pixels[..., channel if count > 2 else 0], is_srgb)
+    if count in (2, 4):
+        result[..., 3] = _linear(pixels[..., -1], False)
+    if not np.isfinite(result).all():
+        raise ValueError(_NO_NUMBERS)
+    return result
+
+
+def _linear(channel: Array, is_srgb: bool) -> Array:
+    """Return a channel as linear floats; of bytes, 0 .. 1."""
+    is_byte = channel.dtype == np.uint8
+    values = np.arange(256) / 255 if is_byte else channel.astype(float)
+    values = srgb_to_linear(values) if is_srgb else values
+    return values[channel] if is_byte else values
 
 
 def _mean(channel: Array, is_srgb: bool) -> float:
@@ -100,7 +127,7 @@ def _mean(channel: Array, is_srgb: bool) -> float:
     weights = np.bincount(channel, minlength=256) if is_byte else None
     mean = float(np.average(srgb_to_linear(values) if is_srgb else values, weights=weights))
     if not np.isfinite(mean):
-        raise ValueError("a texture has pixels that are no numbers; export it again")
+        raise ValueError(_NO_NUMBERS)
     return mean
 
 
@@ -133,9 +160,15 @@ def _suffix(head: bytes) -> str:
     raise ValueError("a texture is neither PNG, JPEG, TIFF, EXR nor Radiance; convert it")
 
 
+def _stored(texture: Path | bytes) -> Array:
+    """Return the pixels as they are stored, shape (height, width, channels)."""
+    with _file(texture) as path:
+        return _pixels(path)
+
+
 @quiet
 def _pixels(path: Path) -> Array:
-    """Return the pixels, shape (n, channels), 8-bit integers as they are and others as floats."""
+    """Return the pixels, 8-bit integers as they are and others as floats."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(os.fspath(path), config)
@@ -155,4 +188,4 @@ def _pixels(path: Path) -> Array:
             raise ValueError(f"{path.name} is damaged; export it again")
     finally:
         source.close()
-    return np.asarray(pixels).reshape(-1, channels)
+    return np.asarray(pixels).reshape(spec.height * spec.depth, spec.width, channels)

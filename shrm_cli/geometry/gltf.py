@@ -3,7 +3,7 @@
 A glTF file is a text that says where in its buffers the numbers are. Every count, offset and index
 of it is checked against what is really there, before anything is read by it. The GLB that is
 handed on holds nodes, triangles and their attributes only: no names, addresses, images or
-extensions, which trimesh might follow. Materials are read here.
+extensions, which trimesh might follow.
 """
 
 import json
@@ -27,30 +27,26 @@ from shrm_cli.files.gltf import (
     table,
     view_of,
 )
-from shrm_cli.geometry.mesh import MOST_FACES, SurfaceMaterial, too_many
+from shrm_cli.geometry.gltf_surface import SurfaceReader, with_colors
+from shrm_cli.geometry.mesh import MOST_FACES, too_many
+from shrm_cli.geometry.surface import SurfaceMaterial
 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _ATTRIBUTES = {
     "POSITION": ("POSITION", ("VEC3",)),
     "NORMAL": ("NORMAL", ("VEC3",)),
+    "TANGENT": ("_TANGENT", ("VEC4",)),
     "TEXCOORD_0": ("_UV", ("VEC2",)),
+    "TEXCOORD_1": ("_UV1", ("VEC2",)),
     "COLOR_0": ("_COLOR", ("VEC3", "VEC4")),
 }
 """Attributes that are used: what they are called in the GLB, and their types. trimesh drops
 texture coordinates without an image, but keeps attributes whose names begin with an underscore."""
 _TRIANGLES, _STRIP = 4, 5
 _TRANSFORMS = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3}
-_TEXTURES = (
-    "baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture",
-    "emissiveTexture",
-)  # fmt: skip
-"""Kinds of textures that materials have."""
 _MOST_PRIMITIVES = 2**12
 """The most primitives, each of which becomes a mesh of its own."""
-_STRENGTH = "KHR_materials_emissive_strength"
-_BRIGHTEST = 1e12
-"""The most radiance that a material may send."""
 _KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_")
 """Beginnings of extensions without which the shape of a mesh is the same."""
 
@@ -97,7 +93,9 @@ def _rewritten(
     buffers = buffers_of(name, tree, chunk)
     views = [view_of(each, buffers) for each in list_of(tree, "bufferViews")]
     _check_sum(name, [each["byteLength"] for each in views])  # trimesh copies each of them
-    materials = [_material(each) for each in list_of(tree, "materials")]
+    reader = SurfaceReader(name, tree, lambda: buffers)
+    materials = [reader.material(table(each)) for each in list_of(tree, "materials")]
+    colored = [with_colors(each) for each in (*materials, None)]
     plain = _Plain(name, list_of(tree, "accessors"), views)
     meshes, owners = [], []
     for mesh in list_of(tree, "meshes"):
@@ -105,8 +103,11 @@ def _rewritten(
         for primitive in list_of(mesh, "primitives", required=True):
             if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP):
                 primitives.append(plain.primitive(primitive))
-                owner = primitive.get("material")
-                owners.append(None if owner is None else materials[index_in(owner, materials)])
+                place = -1
+                if "material" in primitive:
+                    place = index_in(primitive["material"], materials)
+                known = colored if "COLOR_0" in primitive["attributes"] else [*materials, None]
+                owners.append(known[place])
         meshes.append({"name": "mesh", "primitives": primitives})
     if not owners:
         raise MeshError(f"{name}: it has no triangles; export it with its faces")
@@ -204,32 +205,6 @@ class _Plain:
         return self._places[number]
 
 
-def _material(given: Json) -> SurfaceMaterial:
-    """Return a material's factors, and what textures it has, which are not read."""
-    pbr = table(given.get("pbrMetallicRoughness", {}))
-    color = [_unit(each) for each in pbr.get("baseColorFactor", (1, 1, 1))][:3]
-    if len(color) < 3:
-        raise ValueError("a base colour of less than three numbers")
-    return SurfaceMaterial(
-        str(given.get("name", ""))[:80],
-        (color[0], color[1], color[2]),
-        _unit(pbr.get("metallicFactor", 1)),
-        _unit(pbr.get("roughnessFactor", 1)),
-        tuple(key for key in _TEXTURES if key in pbr or key in given),
-        _emission(given),
-    )
-
-
-def _emission(given: Json) -> tuple[float, float, float]:
-    """Return the radiance that a material sends, its factor times its strength."""
-    extension = table(table(given.get("extensions", {})).get(_STRENGTH, {}))
-    strength = float(extension.get("emissiveStrength", 1))
-    if not 0 <= strength <= _BRIGHTEST:
-        raise ValueError(f"an emissive strength of {strength}")
-    red, green, blue = (strength * _unit(each) for each in given.get("emissiveFactor", (0, 0, 0)))
-    return red, green, blue
-
-
 def _node(given: Json, tree: Json) -> Json:
     result: Json = {}
     if "mesh" in given:
@@ -266,7 +241,3 @@ def _packed(header: Json, buffers: list[bytes]) -> bytes:
 def _chunk(data: bytes, kind: bytes, filling: bytes) -> bytes:
     padded = data + filling * (-len(data) % 4)
     return struct.pack("<I4s", len(padded), kind) + padded
-
-
-def _unit(value: Any) -> float:
-    return min(max(float(value), 0.0), 1.0)

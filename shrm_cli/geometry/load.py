@@ -2,8 +2,9 @@
 
 All but OBJ are read by the package `trimesh`, which belongs to the extra `mesh` and is used by this
 module alone. Files may come from anywhere. What a file claims is checked before trimesh sees it
-(`claims`, `gltf`), and trimesh gets bytes and no way to other files: materials of OBJ, textures and
-addresses on the network are never followed. Only buffers of a glTF file are opened, in its folder.
+(`claims`, `gltf`), and trimesh gets bytes and no way to other files. Only buffers of a glTF file
+and materials of an OBJ are opened, in their folder, and textures where a picture is drawn of them;
+addresses on the network are never followed.
 """
 
 import contextlib
@@ -12,6 +13,7 @@ import logging
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +27,10 @@ from shrm_cli.files.gltf import MOST_BYTES
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.claims import check_ply, check_stl
 from shrm_cli.geometry.gltf import read_gltf
-from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
+from shrm_cli.geometry.mesh import MOST_FACES, Mesh, joined, make_mesh, too_many
+from shrm_cli.geometry.mtl import PAINTED, read_materials
 from shrm_cli.geometry.obj import read_obj
+from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.records import record
 
 Parts = list[SurfaceMaterial | None]
@@ -59,7 +63,7 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     Returns
     -------
     Mesh
-        Its normals are those of the file, or else smooth. Materials are read from glTF alone. The
+        Its normals are those of the file, or else smooth. Materials are read from glTF and OBJ. The
         vertices of a file are numbered from 0: the lines `v` of OBJ, the rows of the element
         `vertex` of PLY, the corners of the triangles of STL, and of glTF the elements of the
         POSITION of all primitives of triangles, mesh after mesh.
@@ -75,7 +79,7 @@ def load_mesh(path: str | os.PathLike[str]) -> Mesh:
     kind = _kind(name, data)
     try:
         if kind == ".obj":
-            return make_mesh(name, **read_obj(name, data))
+            return make_mesh(name, **_surfaced(name, read_obj(name, data)))
         prepared = _PREPARE[kind](name, data)
         return _joined(name, _parsed(name, prepared), prepared)
     except ShrmError:
@@ -211,6 +215,9 @@ def _mesh(
 ) -> Mesh:
     """Make a mesh of a part, whose vertices are those of the file from a number on."""
     vertices, faces = np.asarray(arguments["vertices"]), _triangles(arguments["faces"])
+    custom = arguments.get("vertex_attributes") or {}
+    if material is None and arguments.get("vertex_colors") is not None:
+        material = PAINTED
     if merge:  # STL repeats each vertex in all of its triangles
         vertices, corner, place = np.unique(
             np.asarray(vertices, dtype=float), axis=0, return_index=True, return_inverse=True
@@ -223,7 +230,6 @@ def _mesh(
             file_vertices=first + corner,
             file_rows=np.concatenate([np.full(first, -1), place]),
         )
-    custom = arguments.get("vertex_attributes") or {}
     visual = arguments.get("visual")
     return make_mesh(
         name,
@@ -232,15 +238,38 @@ def _mesh(
         normals=arguments.get("vertex_normals"),
         uvs=_upwards(custom["_UV"]) if "_UV" in custom else getattr(visual, "uv", None),
         colors=custom.get("_COLOR", arguments.get("vertex_colors")),
-        material=material,
+        materials=() if material is None else (material,),
+        uvs_1=_upwards(custom["_UV1"]) if "_UV1" in custom else None,
+        tangents=custom.get("_TANGENT"),
         file_vertices=first + np.arange(len(vertices)),
         file_count=first + len(vertices),
     )
 
 
+def _surfaced(name: str, found: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments of `make_mesh` of what an OBJ file names of materials."""
+    libraries, names = found.pop("libraries"), found.pop("material_names")
+    owners = found.pop("face_materials")
+    known = read_materials(name, libraries, names)
+    materials = [replace(each, colored="srgb") for each in known] if _colored(found) else known
+    if _colored(found):
+        materials = [*materials, PAINTED]
+        owners = np.where(owners < 0, len(known), owners)
+    return {**found, "materials": materials, "face_materials": owners}
+
+
+def _colored(found: dict[str, Any]) -> bool:
+    return found["colors"] is not None
+
+
 def _upwards(uvs: Any) -> Array:
-    """Return glTF's texture coordinates, whose v points down, with v upwards."""
-    return np.asarray(uvs, dtype=float) * [1, -1] + [0, 1]
+    """Return glTF's texture coordinates, whose v points down, with v upwards.
+
+    Unsigned integers are fractions of their largest.
+    """
+    given = np.asarray(uvs)
+    scale = np.iinfo(given.dtype).max if given.dtype.kind == "u" else 1
+    return given / scale * [1, -1] + [0, 1]
 
 
 def _has_faces(arguments: Any) -> bool:

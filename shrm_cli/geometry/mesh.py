@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.normals import face_normals, smooth_normals
+from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.records import record
 
 Integers = NDArray[np.int64]
@@ -22,32 +23,6 @@ _LEAST_NORMAL = 1e-12
 """Length below which a normal of a file has no direction."""
 _SINGULAR = 1e-30
 """Least determinant of a transformation, which would otherwise flatten the mesh."""
-
-
-@record
-class SurfaceMaterial:
-    """What a file says of a surface, in the terms of glTF's metallic-roughness model.
-
-    Attributes
-    ----------
-    name : str
-        Empty if it has none.
-    base_color : tuple of 3 float
-        Linear RGB, 0 .. 1.
-    metallic, roughness : float
-        0 .. 1; GGX's alpha is the square of the roughness.
-    textures : tuple of str
-        The kinds of its textures, which are not read, such as ``baseColorTexture``.
-    emission : tuple of 3 float
-        The radiance that it sends from its front, linear RGB.
-    """
-
-    name: str = ""
-    base_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    metallic: float = 1.0
-    roughness: float = 1.0
-    textures: tuple[str, ...] = ()
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @record(eq=False)
@@ -66,10 +41,15 @@ class Mesh:
         Unit, smooth; the file's own where it has them.
     uvs : ndarray, shape (n, 2), optional
         Texture coordinates, v upwards.
+    uvs_1 : ndarray, shape (n, 2), optional
+        The second set of them.
+    tangents : ndarray, shape (n, 4), optional
+        Those of the file: the direction in which u grows, and 1 or -1, the sign of v's direction
+        N x T; NaN where the file has none.
     colors : ndarray, shape (n, 3), optional
         Colours of the vertices as the file has them, integers as fractions of their largest.
     materials : tuple of SurfaceMaterial
-        Only glTF files tell them.
+        glTF and OBJ files tell them, and any file with vertex colours has one.
     face_materials : ndarray of int64, shape (m,)
         For each triangle its index in `materials`; -1 for none.
     file_vertices : ndarray of int64, shape (n,)
@@ -85,6 +65,8 @@ class Mesh:
     faces: Integers
     normals: Array
     uvs: Array | None
+    uvs_1: Array | None
+    tangents: Array | None
     colors: Array | None
     materials: tuple[SurfaceMaterial, ...]
     face_materials: Integers
@@ -141,7 +123,12 @@ class Mesh:
         normals = self.normals @ np.linalg.inv(linear)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         faces = self.faces if determinant > 0 else self.faces[:, ::-1]
-        return replace(self, vertices=moved, normals=normals, faces=faces)
+        tangents = self.tangents
+        if tangents is not None:
+            along = tangents[:, :3] @ linear.T
+            along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), _LEAST_NORMAL)
+            tangents = np.column_stack([along, np.sign(determinant) * tangents[:, 3]])
+        return replace(self, vertices=moved, normals=normals, faces=faces, tangents=tangents)
 
 
 def make_mesh(
@@ -151,7 +138,10 @@ def make_mesh(
     normals: ArrayLike | None = None,
     uvs: ArrayLike | None = None,
     colors: ArrayLike | None = None,
-    material: SurfaceMaterial | None = None,
+    materials: Sequence[SurfaceMaterial] = (),
+    face_materials: ArrayLike | None = None,
+    uvs_1: ArrayLike | None = None,
+    tangents: ArrayLike | None = None,
     file_vertices: ArrayLike | None = None,
     file_count: int | None = None,
     file_rows: ArrayLike | None = None,
@@ -174,8 +164,13 @@ def make_mesh(
     uvs : array_like, shape (n, 2), optional
     colors : array_like, shape (n, 3 or 4), optional
         Integers stand for fractions of the largest that their type holds.
-    material : SurfaceMaterial, optional
-        That of all triangles.
+    materials : sequence of SurfaceMaterial
+        The first one is that of all triangles, unless `face_materials` says otherwise.
+    face_materials : array_like of int, shape (m,), optional
+        For each triangle the index of its material; -1 for none.
+    uvs_1 : array_like, shape (n, 2), optional
+    tangents : array_like, shape (n, 4), optional
+        As `Mesh` has them.
     file_vertices : array_like of int, shape (n,), optional
         Which vertex of its file each vertex is; by default the one of the same number.
     file_count : int, optional
@@ -220,16 +215,20 @@ def make_mesh(
     else:
         known = np.asarray(file_rows)
         rows = np.where((known >= 0) & used[known], renumbered[known], -1)
-    indices = np.zeros(len(kept), dtype=np.int64) if material else np.full(len(kept), -1)
+    owners = np.full(len(triangles), 0 if materials else -1, dtype=np.int64)
+    if face_materials is not None:
+        owners[:] = face_materials
     return Mesh(
         name=name,
         vertices=points,
         faces=kept,
         normals=_normals(points, kept, _attribute(normals, used, 3)),
         uvs=_attribute(uvs, used, 2),
+        uvs_1=_attribute(uvs_1, used, 2),
+        tangents=_attribute(tangents, used, 4),
         colors=_fractions(colors, used),
-        materials=(material,) if material else (),
-        face_materials=indices.astype(np.int64),
+        materials=tuple(materials),
+        face_materials=owners[has_area],
         file_vertices=own[used].astype(np.int64),
         file_rows=rows.astype(np.int64),
     )
@@ -245,7 +244,8 @@ def _first_places(numbers: Integers, count: int) -> Integers:
 def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
     """Return one mesh that holds several, in their order.
 
-    Texture coordinates and colours are kept where all of them have some. Equal materials are one.
+    Where some have texture coordinates, colours or tangents, those of the others are 0, white, and
+    NaN. Equal materials are one.
     """
     if len(meshes) == 1:
         return replace(meshes[0], name=name)
@@ -263,8 +263,10 @@ def joined(name: str, meshes: Sequence[Mesh]) -> Mesh:
             [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
         ),
         normals=np.concatenate([mesh.normals for mesh in meshes]),
-        uvs=_where_all([mesh.uvs for mesh in meshes]),
-        colors=_where_all([mesh.colors for mesh in meshes]),
+        uvs=_filled(meshes, [mesh.uvs for mesh in meshes], 2, 0.0),
+        uvs_1=_filled(meshes, [mesh.uvs_1 for mesh in meshes], 2, 0.0),
+        tangents=_filled(meshes, [mesh.tangents for mesh in meshes], 4, np.nan),
+        colors=_filled(meshes, [mesh.colors for mesh in meshes], 3, 1.0),
         materials=tuple(materials),
         face_materials=np.concatenate(owners).astype(np.int64),
         file_vertices=np.concatenate([mesh.file_vertices for mesh in meshes]),
@@ -299,7 +301,7 @@ def _check_vertices(name: str, points: Array) -> None:
 def _attribute(values: ArrayLike | None, used: NDArray[np.bool_], columns: int) -> Array | None:
     """Return an attribute of the used vertices; None if it is no attribute of all vertices.
 
-    Normals may hold numbers that are not finite, which are dealt with one by one.
+    Normals and tangents may hold numbers that are not finite, which are dealt with one by one.
     """
     if values is None:
         return None
@@ -307,7 +309,7 @@ def _attribute(values: ArrayLike | None, used: NDArray[np.bool_], columns: int) 
     if array.shape != (len(used), columns) or array.dtype.kind not in "iuf":
         return None
     array = array.astype(float)[used]
-    return array if columns == 3 or np.isfinite(array).all() else None
+    return array if columns > 2 or np.isfinite(array).all() else None
 
 
 def _fractions(colors: ArrayLike | None, used: NDArray[np.bool_]) -> Array | None:
@@ -332,6 +334,13 @@ def _normals(points: Array, faces: Integers, given: Array | None) -> Array:
     return unit
 
 
-def _where_all(values: Sequence[Array | None]) -> Array | None:
-    known = [each for each in values if each is not None]
-    return np.concatenate(known) if len(known) == len(values) else None
+def _filled(
+    meshes: Sequence[Mesh], values: Sequence[Array | None], columns: int, missing: float
+) -> Array | None:
+    """Return the attribute of all meshes, with a number where one has none; None if all lack it."""
+    if all(each is None for each in values):
+        return None
+    return np.concatenate([
+        np.full((len(mesh.vertices), columns), missing) if each is None else each
+        for mesh, each in zip(meshes, values, strict=True)
+    ])  # fmt: skip

@@ -2,7 +2,7 @@
 
 This is the one format that is not left to trimesh, whose reader takes relative indices for
 absolute ones where vertices follow later, and holds all lines as text in memory at once. Materials
-and textures are other files, which are not followed.
+are other files, which `mtl` reads.
 """
 
 import io
@@ -21,6 +21,8 @@ _MOST_LINE = 2**20
 """The most bytes of a line."""
 _WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
 """How many numbers of a vertex, its texture coordinates and its normal are used."""
+MOST_MATERIALS = 2**12
+"""The most materials of a mesh, and the most files of them."""
 _COLORED = 7  # words of a vertex with a colour
 
 
@@ -35,6 +37,12 @@ class _Reader:
         Three numbers for each vertex that has a colour.
     corners : array
         Three indices for each corner of the triangles: into the `values`, from 0, and -1 for none.
+    owners : array
+        For each triangle the place of its material, and -1 for none.
+    libraries : list of str
+        The files of materials that are named.
+    materials : dict of str to int
+        The materials that are named, and their places.
     """
 
     def __init__(self, name: str) -> None:
@@ -42,6 +50,10 @@ class _Reader:
         self.values = (array("d"), array("d"), array("d"))
         self.colors = array("d")
         self.corners = array("q")
+        self.owners = array("q")
+        self.libraries: list[str] = []
+        self.materials: dict[str, int] = {}
+        self._owner = -1
 
     def read(self, data: bytes) -> None:
         before: list[bytes] = []  # what goes on in the next line, and its length
@@ -66,6 +78,16 @@ class _Reader:
                 self._value(words)
             elif words[0] in (b"f", b"fo"):
                 self._face(words)
+            elif words[0] in (b"usemtl", b"mtllib") and len(words) > 1:
+                self._named(words[0], b" ".join(words[1:]).decode("utf-8", "replace"))
+
+    def _named(self, key: bytes, text: str) -> None:
+        if key == b"usemtl":
+            self._owner = self.materials.setdefault(text, len(self.materials))
+        elif text not in self.libraries:
+            self.libraries.append(text)
+        if max(len(self.materials), len(self.libraries)) > MOST_MATERIALS:
+            raise self.wrong("line", f"names more than {MOST_MATERIALS:,} materials or their files")
 
     def _value(self, words: list[bytes]) -> None:
         kind = tuple(_WIDTHS).index(words[0])
@@ -87,6 +109,7 @@ class _Reader:
         for k in range(1, len(corners) - 1):
             for corner in (corners[0], corners[k], corners[k + 1]):
                 self.corners.extend(corner)
+            self.owners.append(self._owner)
         if len(self.corners) > 9 * MOST_FACES:
             raise too_many(self.name, len(self.corners) // 9)
 
@@ -128,8 +151,9 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vertices``, ``faces`` and more, as `make_mesh` takes them. A
-        vertex is what its corners have in common: position, texture coordinates and normal.
+        ``vertices``, ``faces`` and more, as `make_mesh` takes them. A vertex is what its corners
+        have in common: position, texture coordinates and normal. ``libraries`` are the files that
+        hold the materials ``material_names``, whose places ``face_materials`` has.
 
     Raises
     ------
@@ -157,8 +181,14 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
     colors = np.frombuffer(reader.colors, dtype=float).reshape(-1, 3) if reader.colors else None
     if colors is not None and len(colors) != len(positions):
         colors = None
+    named = {
+        "libraries": reader.libraries,
+        "material_names": list(reader.materials),
+        "face_materials": np.array(reader.owners, dtype=np.int64),
+    }
     if corners[:, 1:].max() < 0:
-        return {"vertices": positions, "faces": corners[:, 0].reshape(-1, 3), "colors": colors}
+        faces = corners[:, 0].reshape(-1, 3)
+        return {"vertices": positions, "faces": faces, "colors": colors, **named}
     different, place = np.unique(corners, axis=0, return_inverse=True)
     own = different[:, 0]
     return {
@@ -169,6 +199,7 @@ def read_obj(name: str, data: bytes) -> dict[str, Any]:
         "colors": None if colors is None else colors[own],
         "file_vertices": own,
         "file_count": len(positions),
+        **named,
     }
 
 

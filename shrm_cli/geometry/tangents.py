@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.mesh import Integers, Mesh
 from shrm_cli.sphere.directions import horizontal_tangents
 
+_TINY = 1e-300
 _NO_DIRECTION = 1e-6
 """Length of a projected unit vector below which it has no direction."""
 
@@ -30,24 +31,69 @@ def tangents_from_uvs(mesh: Mesh) -> Array:
     """
     if mesh.uvs is None:
         return horizontal_tangents(mesh.normals)
+    along, _ = _along_u(mesh, mesh.uvs)
+    total = _summed(mesh.faces, along, len(mesh.vertices))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return perpendicular(total / np.where(length > 0, length, 1), mesh.normals)
+
+
+class UvTangents:
+    """Tangents for normal maps: the direction in which u grows, and on which side of it v does.
+
+    They are those of the file where it has them. Else they are means at the vertices, as
+    `tangents_from_uvs` has them, but apart for triangles whose texture coordinates are mirrored.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    uv_set : {0, 1}
+        Which coordinates count.
+    """
+
+    def __init__(self, mesh: Mesh, uv_set: int = 0) -> None:
+        uvs = mesh.uvs_1 if uv_set else mesh.uvs
+        assert uvs is not None
+        self._mesh, self._own = mesh, None if uv_set else mesh.tangents
+        along, sign = _along_u(mesh, uvs)
+        self._is_mirrored = sign < 0
+        sides = mesh.faces * 2 + self._is_mirrored[:, None]
+        self._sums = _summed(sides, along, 2 * len(mesh.vertices))
+
+    def at(self, faces: ArrayLike, weights: Array) -> Array:
+        """Return tangents at points of triangles, and the sign of v's direction, shape (n, 4)."""
+        mirrored = self._is_mirrored[np.asarray(faces)]
+        sums = self._sums[self._mesh.faces[np.asarray(faces)] * 2 + mirrored[:, None]]
+        unit = sums / np.maximum(np.linalg.norm(sums, axis=-1, keepdims=True), _TINY)
+        along = np.einsum("kc,kcv->kv", weights, unit)
+        found = np.column_stack([along, np.where(mirrored, -1.0, 1.0)])
+        if self._own is None:
+            return found
+        own = self._mesh.interpolated(self._own, faces, weights)
+        return np.where(np.isfinite(own).all(axis=1, keepdims=True), own, found)
+
+
+def _along_u(mesh: Mesh, uvs: Array) -> tuple[Array, Array]:
+    """Return triangles' directions of u, as long as their areas, and -1 where uv are mirrored."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    u, v, w = (mesh.uvs[mesh.faces[:, k]] for k in range(3))
+    u, v, w = (uvs[mesh.faces[:, k]] for k in range(3))
     first, second = b - a, c - a
     # Solve the triangle's map from (u, v) to space for the direction of u at constant v.
     (du1, dv1), (du2, dv2) = (v - u).T, (w - u).T
+    sign = np.sign(du1 * dv2 - du2 * dv1)
     along = first * dv2[:, None] - second * dv1[:, None]
-    along *= np.sign(du1 * dv2 - du2 * dv1)[:, None]
+    along *= sign[:, None]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     area = np.linalg.norm(np.cross(first, second), axis=1, keepdims=True)
-    along = along / np.where(length > 0, length, 1) * area
-    total = np.zeros_like(mesh.vertices)
+    return along / np.where(length > 0, length, 1) * area, sign
+
+
+def _summed(places: Integers, along: Array, count: int) -> Array:
+    """Return the sums of the triangles' vectors at the places of their corners."""
+    total = np.zeros((count, 3))
     for corner in range(3):
         for axis in range(3):
-            total[:, axis] += np.bincount(
-                mesh.faces[:, corner], along[:, axis], minlength=len(total)
-            )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return perpendicular(total / np.where(length > 0, length, 1), mesh.normals)
+            total[:, axis] += np.bincount(places[:, corner], along[:, axis], minlength=count)
+    return total
 
 
 def projected_tangents(normals: ArrayLike, direction: ArrayLike) -> Array:

@@ -18,9 +18,11 @@ from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer
+from shrm_cli.render.paint import Points
 from shrm_cli.render.perspective import Aim, Lens
 from shrm_cli.render.sphere import Surroundings
 from shrm_cli.render.stage import Reflector, Stage
+from shrm_cli.render.textures import FINER
 from shrm_cli.render.vertex_colors import VertexColors
 
 Reflectors = list[Reflector | VertexColors | None]
@@ -36,6 +38,12 @@ _SMOOTH = np.cos(np.radians(5.0))
 """Cosine of the angle between normals up to which one sample will do for a pixel."""
 _STEP = 2.0
 """Distance between a pixel's corners and the plane at its centre that makes an edge, pixels."""
+_MOST_LAYERS = 64
+"""The most triangles that are looked through."""
+_GAP = 1e-5
+"""Where rays go on behind a triangle, in diagonals of the mesh."""
+_LEAST_SLOPE = 1e-3
+"""The least cosine to a triangle by which neighbouring pixels are searched in its plane."""
 MIN_COSINE = 0.01
 """The least N.V that surfaces are shaded with."""
 
@@ -51,6 +59,8 @@ class _Hits:
     weights: Array
     distance: Array
     directions: Array
+    width: float = 1.0
+    """How much of a pixel each ray stands for, along an edge."""
     samples: NDArray[np.int64] | None = None
 
 
@@ -73,6 +83,7 @@ class MeshSubject:
         self.stage, self.lens, self.aim = stage, lens, aim
         self._rays = Rays(stage.mesh)
         self._flat = face_normals(stage.mesh.vertices, stage.mesh.faces)
+        self._gap = _GAP * float(np.linalg.norm(np.subtract(*stage.mesh.bounds)))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -142,9 +153,48 @@ class MeshSubject:
 
     # ---- what is seen ------------------------------------------------------------------------
 
-    def _cast(self, viewer: Viewer, x: Array, y: Array) -> _Hits:
-        directions = self.lens.directions(viewer, x, y)
-        return _Hits(*self._rays.first_hits(self.aim.eye(viewer), directions), directions)
+    def _cast(self, viewer: Viewer, x: Array, y: Array, width: float = 1.0) -> _Hits:
+        """Return what is seen first, through what materials cut out of triangles."""
+        eye, directions = self.aim.eye(viewer), self.lens.directions(viewer, x, y)
+        hits = _Hits(*self._rays.first_hits(eye, directions), directions, width)
+        for _ in range(_MOST_LAYERS):
+            hidden = self._cut_out(viewer, hits)
+            if len(hidden) == 0:
+                break
+            past = (hits.distance[hidden] + self._gap)[:, None] * directions[hidden]
+            found = self._rays.first_hits(eye + past, directions[hidden])
+            hits.faces[hidden], hits.weights[hidden] = found[0], found[1]
+            hits.distance[hidden] += self._gap + found[2]
+        return hits
+
+    def _cut_out(self, viewer: Viewer, hits: _Hits) -> NDArray[np.int64]:
+        """Return the hits of what is not opaque enough to be seen."""
+        looks = np.where(hits.faces >= 0, self.stage.face_looks[hits.faces], -1)
+        found = [np.empty(0, dtype=np.int64)]
+        for index, look in enumerate(self.stage.looks):
+            if look.paint is not None and look.paint.material.cutoff is not None:
+                own = np.flatnonzero(looks == index)
+                seen = look.paint.visible(self._points_at(viewer, _picked(hits, own)))
+                found.append(own[~seen])
+        return np.concatenate(found)
+
+    def _points_at(self, viewer: Viewer, hits: _Hits) -> Points:
+        """Return hits with their distances to those of the next pixels, by ray differentials.
+
+        After Igehy 1999, "Tracing ray differentials": a ray that goes a little beside another one
+        meets the plane of its triangle a little beside it.
+        """
+        right, up, towards = viewer.axes()
+        depth = -(hits.directions @ towards)
+        along = hits.directions / depth[:, None]  # its ends are a plane, as pixels are
+        beside = self.lens.pixel * hits.width * np.array([right, up]).T
+        flat = self._flat[hits.faces]
+        slope = np.einsum("ij,ij->i", flat, along)
+        slope = np.where(slope < 0, -1, 1) * np.maximum(np.abs(slope), _LEAST_SLOPE)
+        moved = beside - along[:, :, None] * (flat @ beside / slope[:, None])[:, None, :]
+        steps = (hits.distance * depth)[:, None, None] * moved
+        finer = FINER if hits.width == 1 else 1  # many parts of a pixel are averaged anyway
+        return Points(self.stage.mesh, hits.faces, hits.weights, steps, finer)
 
     def _edges(self, viewer: Viewer, hits: _Hits, start: int, stop: int) -> NDArray[np.bool_]:
         """Return which pixels, whose centres meet `hits`, need more than one sample."""
@@ -190,7 +240,7 @@ class MeshSubject:
         for k in range(0, len(x), step):
             part = slice(k, k + step)
             sub_x = (x[part, None] + right).ravel()
-            hits = self._cast(viewer, sub_x, (y[part, None] + down).ravel())
+            hits = self._cast(viewer, sub_x, (y[part, None] + down).ravel(), 1 / _SAMPLES)
             hits = replace(hits, samples=np.arange(len(sub_x)) % len(right))
             values = np.repeat(behind[part].astype(float), len(right), axis=0)
             met = hits.faces >= 0
@@ -202,30 +252,49 @@ class MeshSubject:
         """Return the radiance of points that rays meet, shape (n, 3)."""
         result = np.empty((len(hits.faces), 3))
         views = -hits.directions
-        normals = facing(self._smooth(hits), self._flat[hits.faces], views)
+        looks = self.stage.face_looks[hits.faces]
+        normals = self._bent(viewer, hits, looks)
+        normals = facing(normals, self._flat[hits.faces], views)
         tangents = None
         if self.stage.tangents is not None:
             along = self.stage.mesh.interpolated(self.stage.tangents, hits.faces, hits.weights)
             tangents = perpendicular(along, normals)
-        looks = self.stage.face_looks[hits.faces]
         for index, reflector in enumerate(reflectors):
             own = np.flatnonzero(looks == index)
             for k in range(0, len(own), _SAMPLES_AT_ONCE):
                 part = own[k : k + _SAMPLES_AT_ONCE]
                 if isinstance(reflector, VertexColors):
-                    points = hits.faces[part], hits.weights[part]
+                    place = hits.faces[part], hits.weights[part]
                     samples = None if hits.samples is None else hits.samples[part]
                     result[part] = reflector.radiance(
-                        self.aim.eye(viewer), points, normals[part], views[part], samples
+                        self.aim.eye(viewer), place, normals[part], views[part], samples
                     )
                 elif reflector is not None:
                     brushed = None if tangents is None else tangents[part]
-                    shares = None
+                    shares = painted = None
                     if reflector.variation is not None:
                         picked = hits.faces[part], hits.weights[part]
                         shares = reflector.variation.shares(self.stage.mesh, *picked)
-                    result[part] = reflector.radiance(normals[part], views[part], brushed, shares)
+                    if reflector.paint is not None:
+                        points = self._points_at(viewer, _picked(hits, part))
+                        painted = reflector.paint.at(points)
+                    given = normals[part], views[part], brushed, shares, painted
+                    result[part] = reflector.radiance(*given)
         return result
+
+    def _bent(self, viewer: Viewer, hits: _Hits, looks: NDArray[np.int64]) -> Array:
+        """Return the smooth normals at hits as normal maps turn them, shape (n, 3)."""
+        normals = self._smooth(hits)
+        for index, look in enumerate(self.stage.looks):
+            if look.paint is None or look.paint.normal_set < 0:
+                continue
+            own = np.flatnonzero(looks == index)
+            tangents = self.stage.uv_tangents[look.paint.normal_set]
+            assert tangents is not None
+            along = tangents.at(hits.faces[own], hits.weights[own])
+            points = self._points_at(viewer, _picked(hits, own))
+            normals[own] = look.paint.bent(points, normals[own], along)
+        return normals
 
     def _smooth(self, hits: _Hits) -> Array:
         """Return the interpolated normals at hits, shape (n, 3); the triangle's if they cancel."""
@@ -273,5 +342,6 @@ def _picked(hits: _Hits, chosen: NDArray[np.integer] | NDArray[np.bool_]) -> _Hi
         hits.weights[chosen],
         hits.distance[chosen],
         hits.directions[chosen],
+        hits.width,
         None if hits.samples is None else hits.samples[chosen],
     )

@@ -10,6 +10,7 @@ An example, with everything that an object may have:
     irradiance = "city.irradiance.exr"
     brush = [1, 0, 0]               # or "uv": what the tangents follow
     vary = "wear.png"               # or "vertex": what a parameter that varies follows
+    plain = true                    # without the materials and vertex colours of the mesh
     scale = 2                       # or [x, y, z]
     rotate = [0, 90, 0]             # degrees about x, y and z in turn, after the scale
     translate = [0, 1, 0]           # last
@@ -24,15 +25,18 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from shrm_cli.color import from_rec709
 from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.toml import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
+from shrm_cli.render.paint import Paint, check_sum
 from shrm_cli.render.shading import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.variation import open_variation
@@ -42,7 +46,8 @@ MOST_OBJECTS = 256
 _MOST_BYTES = 2**20
 _LARGEST = 1e30
 _KEYS = (
-    "mesh", "map", "roughness", "f0", "irradiance", "brush", "vary", "translate", "rotate", "scale",
+    "mesh", "map", "roughness", "f0", "irradiance", "brush", "vary", "plain",
+    "translate", "rotate", "scale",
 )  # fmt: skip
 
 
@@ -64,6 +69,8 @@ class Shown:
         As `Actor` has it.
     vary : str, optional
         What a parameter that varies follows, as `open_variation` takes it.
+    plain : bool
+        Whether the mesh's materials and vertex colours are left out.
     anisotropy, taps
         As `Look` has them.
     """
@@ -74,6 +81,7 @@ class Shown:
     irradiance: Irradiance | None = None
     brush: "str | tuple[float, float, float] | None" = None
     vary: str | None = None
+    plain: bool = False
     anisotropy: float | None = None
     taps: int | None = None
 
@@ -84,12 +92,14 @@ class Shown:
         ----------
         mesh : Mesh
         primaries : tuple of 8 float, optional
-            The chromaticities of the light, which the colours of metals are converted to.
+            The chromaticities of the light, which colours are converted to.
 
         Raises
         ------
         BrdfError
             If `f0` is no colour.
+        MeshError
+            If a texture cannot be read.
         """
         given: dict[str, Any] = {
             "map": self.map, "anisotropy": self.anisotropy, "taps": self.taps
@@ -102,9 +112,19 @@ class Shown:
             given["f0"] = reflectance(self.f0, primaries)
         looks = [Look(**given)]
         for material in mesh.materials:
-            sound = replace(material, roughness=max(material.roughness, MIN_ROUGHNESS))
-            looks.append(replace(Look.of_material(sound, self.irradiance), **given))
+            paint = None if self.plain else self._paint(mesh, material, primaries)
+            looks.append(Look(**given, irradiance=self.irradiance, paint=paint))
+        check_sum(mesh.name, [look.paint for look in looks if look.paint is not None])
         return Actor(mesh, looks, self.brush)
+
+    def _paint(
+        self, mesh: Mesh, material: SurfaceMaterial, primaries: tuple[float, ...] | None
+    ) -> Paint:
+        if self.roughness is not None:
+            material = replace(material, roughness=self.roughness, roughness_map=None)
+        if self.vary == "vertex":
+            material = replace(material, colored="")
+        return Paint(mesh, material, from_rec709(primaries))
 
 
 def is_scene_name(path: str | os.PathLike[str]) -> bool:
@@ -189,6 +209,7 @@ def _actor(
         None if not diffuse else as_irradiance(str(folder / diffuse), opened),
         _brush(given.get("brush")),
         _vary(folder, _text(given, "vary")),
+        _plain(given.get("plain", False)),
     )
     if shown.brush == "uv" and mesh.uvs is None:
         raise ValueError(f"brush cannot be uv: {mesh.name} has no texture coordinates; name others")
@@ -229,6 +250,12 @@ def _text(given: Mapping[str, Any], key: str, required: bool = False) -> str:
 def _vary(folder: Path, text: str) -> str | None:
     """Return what a parameter follows: ``vertex``, or the path of an image."""
     return str(folder / text) if text not in ("", "vertex") else text or None
+
+
+def _plain(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError("plain must be true or false; correct it")
+    return value
 
 
 def _roughness(given: Mapping[str, Any]) -> float | None:

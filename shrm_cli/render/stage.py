@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,14 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Color
 from shrm_cli.errors import ArgumentError, MapError
-from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial, joined
-from shrm_cli.geometry.tangents import projected_tangents, tangents_from_uvs
+from shrm_cli.geometry.mesh import Mesh, joined
+from shrm_cli.geometry.tangents import UvTangents, projected_tangents, tangents_from_uvs
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
+from shrm_cli.render.paint import Paint, Painted
 from shrm_cli.render.shading import ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation
+from shrm_cli.render.varied import VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
+from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _DIELECTRIC = 0.04
 """Reflectance at normal incidence of glTF's materials that are no metals."""
@@ -34,8 +38,6 @@ class Look:
         Perceptual roughness of the GGX surface that maps of light alone are shown as.
     f0 : tuple of 3 float, optional
         Its reflectance at normal incidence, linear RGB.
-    albedo : tuple of 3 float
-        What the surface reflects diffusely, linear RGB, where `irradiance` is known.
     irradiance : Irradiance, optional
         The light of the diffuse part, which is added to that of maps of light alone.
     variation : Variation, optional
@@ -44,37 +46,19 @@ class Look:
         That of glTF, of the GGX surface that split sums are shown as.
     taps : {3, 5, 8}, optional
         How many directions the light of such a surface is looked up in.
-    unread : str
-        The name of its material and the kinds of textures that are not drawn; empty without any.
+    paint : Paint, optional
+        What the surface is made of from point to point. It replaces the roughness, and the f0 that
+        is not given.
     """
 
     map: Map | None = None
     roughness: float | None = None
     f0: Color | None = None
-    albedo: Color = (0.0, 0.0, 0.0)
     irradiance: Irradiance | None = None
     variation: Variation | None = None
     anisotropy: float | None = None
     taps: int | None = None
-    unread: str = ""
-
-    @classmethod
-    def of_material(cls, material: SurfaceMaterial, irradiance: Irradiance | None) -> "Look":
-        """Return the look of glTF's metallic-roughness model.
-
-        The reflectance at normal incidence is ``lerp(0.04, base colour, metallic)``. What is left
-        of the base colour, times 1 - metallic, is diffuse.
-        """
-        metal, color, textures = material.metallic, material.base_color, material.textures
-        f0 = [_DIELECTRIC * (1 - metal) + channel * metal for channel in color]
-        albedo = [channel * (1 - metal) for channel in color]
-        return cls(
-            roughness=material.roughness,
-            f0=(f0[0], f0[1], f0[2]),
-            albedo=(albedo[0], albedo[1], albedo[2]),
-            irradiance=irradiance,
-            unread=f"{material.name!r} ({', '.join(textures)})" if textures else "",
-        )
+    paint: Paint | None = None
 
     def of(self, given: Map | None) -> "Reflector":
         """Return the surface under the light of its map, or of the given map where it has none.
@@ -88,17 +72,25 @@ class Look:
         if chosen is None:
             raise MapError("an object of the scene has no map; name one")
         if not chosen.needs_surface:
-            return Reflector(chosen, variation=self.variation)
+            return Reflector(chosen, variation=self.variation, paint=self.paint)
+        if self.paint is not None:
+            varied = VariedSurface(chosen, self.anisotropy, self.taps)
+            return Reflector(chosen, None, self.irradiance, None, self.paint, varied, self.f0)
         shown = shown_as(chosen, ggx_surface(self.roughness, self.f0, self.anisotropy), self.taps)
-        return Reflector(chosen, shown, self.albedo, self.irradiance)
+        return Reflector(chosen, shown)
 
     def warnings(self, name: str, given: Map | None) -> list[str]:
         """Return a warning if the map was not made for the roughness."""
         chosen = self.map or given
         if chosen is None or not chosen.needs_surface:
             return []
-        roughness = ggx_surface(self.roughness, self.f0).number("roughness")
-        return outside_range({name: chosen}, roughness)
+        if self.paint is None:
+            return outside_range(
+                {name: chosen}, ggx_surface(self.roughness, self.f0).number("roughness")
+            )
+        if self.paint.is_rough_by_texture:
+            return []
+        return outside_range({name: chosen}, max(self.paint.material.roughness, MIN_ROUGHNESS))
 
 
 @record
@@ -107,9 +99,11 @@ class Reflector:
 
     map: Map
     shaded: "Map | None" = None
-    albedo: Color = (0.0, 0.0, 0.0)
     irradiance: Irradiance | None = None
     variation: Variation | None = None
+    paint: Paint | None = None
+    varied: VariedSurface | None = None
+    f0: Color | None = None
 
     def radiance(
         self,
@@ -117,8 +111,9 @@ class Reflector:
         views: Array,
         tangents: Array | None = None,
         shares: Array | None = None,
+        painted: Painted | None = None,
     ) -> Array:
-        """Return reflected radiance, shape (n, 3).
+        """Return the radiance of a surface, shape (n, 3).
 
         Parameters
         ----------
@@ -126,21 +121,48 @@ class Reflector:
             Unit vectors in world axes; tangents run around +Y by default.
         shares : ndarray, shape (n,), optional
             The values of the `variation`.
+        painted : Painted, optional
+            What the `paint` is there.
         """
-        if self.shaded is None and shares is not None:
+        if painted is None:
+            return self._even(normals, views, tangents, shares)
+        found: Array
+        if self.varied is None:
+            found = self._even(normals, views, tangents, shares) * painted.base_color
+        else:
+            found = self._metallic(normals, views, tangents, painted)
+        return found * painted.occlusion[:, None] + painted.emission
+
+    def _even(
+        self, normals: Array, views: Array, tangents: Array | None, shares: Array | None
+    ) -> Array:
+        """Return what the map of one BRDF reflects, or a surface that is the same all over."""
+        if shares is not None:
             along = horizontal_tangents(normals) if tangents is None else tangents
             return self.map.varied_radiance(normals, along, views, shares)
-        if self.shaded is None:
-            if tangents is None:
-                return self.map.radiance(normals, views)
-            return self.map.brushed_radiance(normals, tangents, views)
+        shown = self.shaded or self.map
         if tangents is None:
-            found = self.shaded.radiance(normals, views)
-        else:
-            found = self.shaded.brushed_radiance(normals, tangents, views)
-        if self.irradiance is None or not any(self.albedo):
+            return shown.radiance(normals, views)
+        return shown.brushed_radiance(normals, tangents, views)
+
+    def _metallic(
+        self, normals: Array, views: Array, tangents: Array | None, painted: Painted
+    ) -> Array:
+        """Return what glTF's metallic-roughness model reflects.
+
+        The reflectance at normal incidence is ``lerp(0.04, base colour, metallic)``. What is left
+        of the base colour, times 1 - metallic, is diffuse.
+        """
+        assert self.varied is not None
+        metal = painted.metallic[:, None]
+        f0: Array = _DIELECTRIC * (1 - metal) + painted.base_color * metal
+        if self.f0 is not None:
+            f0 = np.broadcast_to(np.array(self.f0), f0.shape)
+        found = self.varied.radiance(normals, views, tangents, painted.roughness, f0)
+        albedo = painted.base_color * (1 - metal)
+        if self.irradiance is None or not albedo.any():
             return found
-        return found + self.irradiance.radiance(normals, views) * np.array(self.albedo)
+        return found + self.irradiance.radiance(normals, views) * albedo
 
 
 @record
@@ -245,18 +267,32 @@ class Stage:
         """Whether a material has a diffuse part, and no light for it, under one of some maps."""
         for look in (self.looks[k] for k in self._used()):
             lit = [look.map] if look.map else maps
-            if any(look.albedo) and not look.irradiance and any(m.needs_surface for m in lit):
+            if look.paint is None or look.irradiance or not look.paint.has_diffuse:
+                continue
+            if any(each.needs_surface for each in lit):
                 return True
         return False
 
     def unread(self, maps: Sequence[Map]) -> list[str]:
-        """Return the materials whose textures are left out of the picture of one of some maps."""
+        """Return what files say of their materials that is not drawn, with the materials."""
         named = []
         for look in (self.looks[k] for k in sorted(self._used())):
+            if look.paint is None:
+                continue
+            unread = look.paint.unread
             lit = [look.map] if look.map else maps
-            if look.unread and any(each.needs_surface for each in lit):
-                named.append(look.unread)
+            if look.paint.is_rough_by_texture and not all(each.needs_surface for each in lit):
+                unread = [*unread, "roughness and metallic under maps of one BRDF"]
+            if unread:
+                named.append(f"{look.paint.material.name!r} ({', '.join(unread)})")
         return list(dict.fromkeys(named))
+
+    @cached_property
+    def uv_tangents(self) -> tuple[UvTangents | None, UvTangents | None]:
+        """The tangents of normal maps over the two sets of texture coordinates."""
+        sets = {look.paint.normal_set for look in self.looks if look.paint is not None}
+        first, second = (UvTangents(self.mesh, k) if k in sets else None for k in (0, 1))
+        return first, second
 
     def _used(self) -> set[int]:
         return {int(k) for k in np.unique(self.face_looks)}

@@ -13,6 +13,7 @@ from shrm_cli.maps.splitsum.split_sum import SplitSum
 from tests.cli.helpers import run
 from tests.cli.test_render import read
 from tests.geometry.shapes import TETRAHEDRON, glb, gltf_tree, icosphere, obj
+from tests.render.assets import globe, packed_glb, png
 from tests.render.materials import INFO, furnace, under_random_light
 
 PBR = {"baseColorFactor": [0.8, 0.4, 0.2, 1], "metallicFactor": 0, "roughnessFactor": 0.5}
@@ -129,23 +130,6 @@ def test_materials_of_gltf_need_light_for_their_diffuse_part(folder):
     assert not np.array_equal(read("y.exr"), both)
 
 
-def test_textures_of_gltf_are_said_to_be_left_out(folder):
-    """Where the material is drawn: by light alone, and not by maps that hold their own BRDF."""
-    textures = {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 1}}
-    paint = {"name": "paint\n", "pbrMetallicRoughness": PBR | textures, "normalTexture": {}}
-    (folder / "worn.glb").write_bytes(glb(*gltf_tree(*TETRAHEDRON, material=paint)))
-    arguments = ("--mesh", "worn.glb", "--size", "32", "--irradiance", "irradiance.exr")
-    result = done("split.exr", "split.exr", *arguments, "-o", "x.exr")
-    assert result.err == (
-        "Warning: worn.glb: textures are not read; the numbers alone are drawn of the material "
-        "'paint\\n' (baseColorTexture, metallicRoughnessTexture, normalTexture)\n"
-    )
-    worn = read("x.exr")
-    done("split.exr", "split.exr", "--mesh", "paint.glb", *arguments[2:], "-o", "y.exr")
-    np.testing.assert_array_equal(worn, read("y.exr"))
-    assert done("a.exr", "--mesh", "worn.glb", "--size", "32").err == ""
-
-
 def refused(*arguments):
     result = run("render", *arguments)
     assert result.code in (1, 2)
@@ -223,3 +207,54 @@ def test_a_scene_with_maps_of_its_own_takes_no_other(folder):
     assert "leave MAP out" in refused("a.exr", "--mesh", "own.toml")
     done("--mesh", "own.toml", "--size", "16")
     assert (folder / "own.png").exists()
+
+
+def test_surfaces_of_a_file_are_drawn_and_said(folder):
+    """Where a map holds its own BRDF, colours count, and a warning names what does not."""
+    pictures = [png(np.full((2, 2, 3), 128)), png(np.full((2, 2, 3), 200))]
+    textures = {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 1}}
+    worn = {"name": "worn\n", "pbrMetallicRoughness": textures, "alphaMode": "BLEND"}
+    (folder / "worn.glb").write_bytes(packed_glb(globe(6), worn, pictures))
+    arguments = ("--mesh", "worn.glb", "--size", "32")
+    result = done("split.exr", *arguments, "--irradiance", "irradiance.exr", "-o", "x.exr")
+    assert (
+        result.err == "Warning: worn.glb: not drawn of the material 'worn\\n' (alphaMode BLEND)\n"
+    )
+    assert "worn.glb: with its own materials, 1; --plain leaves them out" in result.out
+    result = done("a.exr", *arguments, "-o", "y.exr")
+    assert "roughness and metallic under maps of one BRDF" in result.err
+    result = done("a.exr", *arguments, "--plain", "-o", "z.exr")
+    assert result.err == ""
+    assert "materials" not in result.out
+    gray = ((128 / 255 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(read("y.exr"), gray * read("z.exr"), rtol=2e-3, atol=1e-6)
+    said = json.loads(done("a.exr", *arguments, "--plain", "--json").out)
+    assert "materials" not in said
+    assert said["plain"] is True
+
+
+def test_textures_that_cannot_be_read_are_one_line(folder):
+    """Without the surface the mesh is drawn."""
+    from tests.geometry.shapes import gltf
+
+    paint = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    tree, data = gltf_tree(*TETRAHEDRON, uvs=np.zeros((4, 2)), material=paint)
+    for image, why in (
+        ({"uri": "missing.png"}, "'missing.png' is missing"),
+        ({"uri": "../a.png"}, "'../a.png' is not in its folder"),
+        ({"uri": "http://a.b/c.png"}, "is not in its folder"),
+        ({"uri": "data:image/png;base64,AAAA"}, "neither PNG"),
+        ({"bufferView": 99}, "index beyond"),
+    ):
+        tree |= {"images": [image], "textures": [{"source": 0}]}
+        (folder / "bad.gltf").write_bytes(gltf(tree, data))
+        assert why in refused("a.exr", "--mesh", "bad.gltf", "--size", "16")
+        done("a.exr", "--mesh", "bad.gltf", "--size", "16", "--plain")
+    scene = SCENE + '[[objects]]\nmesh = "bad.gltf"\nplain = %s\n'
+    (folder / "scene.toml").write_text(scene % "true")
+    done("a.exr", "--mesh", "scene.toml", "--size", "16")
+    (folder / "scene.toml").write_text(scene % '"no"')
+    assert "plain must be true or false" in refused("a.exr", "--mesh", "scene.toml")
+    assert "no materials" in refused(
+        "split.exr", "--mesh", "paint.glb", "--plain", "--irradiance", "irradiance.exr"
+    )

@@ -5,6 +5,7 @@ Every kind of file has the commands that read it. In these, ``FILE`` stands for 
 command holds ``WORD``, the file is left sound, and a damaged argument is put there.
 """
 
+import base64
 import contextlib
 import io
 import json
@@ -13,6 +14,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -27,6 +29,8 @@ SOUND = "sound.exr"
 """A probe that commands need beside the damaged file."""
 MAP = "sound.shrm.exr"
 """A map of it, to compare others with."""
+PAINTED = "painted.obj", "worn.gltf", "paint.png"
+"""Meshes whose materials or texture are the damaged file, and the texture of the former."""
 LIGHT = "map.splitsum.exr"
 """A map of light alone, which the materials of meshes are shown with."""
 MESH = "sound.obj"
@@ -165,6 +169,15 @@ _MESH = (
     "render sound.shrm.exr --mesh FILE --size 24x16 --brush 1,0,0 --json -o OUT.exr",
     "render map.splitsum.exr --mesh FILE --size 16 --roughness 0.3 -o OUT.png",
 )
+_OF_OBJ = (
+    "render map.splitsum.exr --mesh painted.obj --irradiance sound.irradiance.exr --size 16 "
+    "-o OUT.png",
+    "render sound.shrm.exr --mesh painted.obj --size 16 --json -o OUT.exr",
+)
+_OF_GLTF = (
+    "render map.splitsum.exr --mesh worn.gltf --size 16 -o OUT.png",
+    "render sound.irradiance.exr --mesh worn.gltf --size 16 -o OUT.exr",
+)
 _SCENE = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.png",)
 _KEYS = ("render sound.shrm.exr --mesh FILE --size 16 -o OUT.apng",)
 _TRANSFER = (
@@ -222,6 +235,8 @@ def make_seeds(folder: Path) -> list[Seed]:
         *(Seed("light file", name, _EDITED) for name in _lights(folder)),
         Seed("arguments", SOUND, _ARGUMENTS),
         *(Seed(kind, name, _MESH) for kind, name in _meshes(folder)),
+        Seed("materials of OBJ", "m.mtl", _OF_OBJ),
+        Seed("texture", "paint.png", _OF_GLTF),
         Seed("scene", "scene.toml", _SCENE),
         Seed("keyframes", "keys.toml", _KEYS),
         *(Seed("transfer", name, _TRANSFER) for name in _transfers(folder)),
@@ -555,8 +570,12 @@ def _materials(folder: Path) -> list[tuple[str, str]]:
 def _meshes(folder: Path) -> list[tuple[str, str]]:
     """Meshes of every format, and a scene of one of them."""
     ball = shapes.icosphere(1)
-    material = {"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0, 1], "metallicFactor": 0.5}}
-    tree, data = shapes.gltf_tree(*ball, uvs=ball[0][:, :2], material=material)
+    tree, data = shapes.gltf_tree(*ball, uvs=ball[0][:, :2], material=_worn())
+    image = (folder / "paint.png").read_bytes()
+    held = base64.b64encode(image).decode()
+    tree |= {"textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33648}]}
+    beside = tree | {"images": [{"uri": "bad.png"}]}
+    tree["images"] = [{"uri": f"data:image/png;base64,{held}"}]
     corners = [f"v {x:.6f} {y:.6f} {z:.6f}\nvn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in ball[0]]
     corners += [f"vt {x:.3f} {y:.3f}" for x, y, _ in ball[0]]
     corners += ["f " + " ".join(f"{k + 1}/{k + 1}/{k + 1}" for k in face) for face in ball[1]]
@@ -572,6 +591,13 @@ def _meshes(folder: Path) -> list[tuple[str, str]]:
     }
     for name, content in made.items():
         (folder / name).write_bytes(content)
+    (folder / "worn.gltf").write_bytes(shapes.gltf(beside, data))
+    named = [b"mtllib bad.mtl", b"usemtl paint", made["full.obj"]]
+    (folder / "painted.obj").write_bytes(b"\n".join(named))
+    (folder / "m.mtl").write_text(
+        "newmtl paint\nKd 0.5 0.4 0.3\nNs 30\nPm 0.25\nKe 0 0 0.1\n"
+        "map_Kd -o 0.5 0 -s 2 2 -clamp on paint.png\nmap_Pr paint.png\nnorm -bm 0.5 paint.png\n"
+    )
     (folder / "scene.toml").write_text(
         f'[[objects]]\nmesh = "{MESH}"\nmap = "{LIGHT}"\nroughness = 0.4\nf0 = "gold"\n'
         f'rotate = [0, 90, 0]\n\n[[objects]]\nmesh = "{MESH}"\nscale = [1, 2, 1]\n'
@@ -582,6 +608,25 @@ def _meshes(folder: Path) -> list[tuple[str, str]]:
         "[[key]]\nframe = 3\nturn = [90, 5, -5]\nview = [30, -10]\n"
     )
     return [(f"mesh, {Path(name).suffix}", name) for name in made]
+
+
+def _worn() -> dict[str, Any]:
+    """A glTF material with a texture everywhere."""
+    moved = {"offset": [0.5, 0.25], "rotation": 0.5, "scale": [2, 3]}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": moved}}
+    return {
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [1, 0.5, 0, 1],
+            "metallicFactor": 0.5,
+            "baseColorTexture": texture,
+            "metallicRoughnessTexture": texture,
+        },
+        "normalTexture": {**texture, "scale": 0.5},
+        "occlusionTexture": {**texture, "strength": 0.5},
+        "emissiveTexture": texture,
+        "emissiveFactor": [0.1, 0, 0],
+        "alphaMode": "MASK",
+    }
 
 
 def _transfers(folder: Path) -> list[str]:
@@ -608,5 +653,5 @@ def _bake() -> list[str]:
 
 def copy_sound(source: Path, target: Path) -> None:
     """Copy what commands need beside the damaged file into the folder of a case."""
-    for name in (SOUND, MAP, LIGHT, MESH, IRRADIANCE, PRODUCT):
+    for name in (SOUND, MAP, LIGHT, MESH, IRRADIANCE, PRODUCT, *PAINTED):
         shutil.copyfile(source / name, target / name)

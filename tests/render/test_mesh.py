@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.geometry.mesh import SurfaceMaterial, make_mesh
+from shrm_cli.geometry.mesh import make_mesh
+from shrm_cli.geometry.surface import SurfaceMaterial
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.mesh import MIN_COSINE, MeshSubject, facing
+from shrm_cli.render.paint import Paint, Points
 from shrm_cli.render.perspective import Aim, Lens, aimed
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.render.stage import Actor, Look, Stage, transformation
@@ -21,16 +23,17 @@ VIEW = Viewer(30, 20)
 class Painter:
     """A stand-in for a reflector: radiance as a function of normals, views and tangents."""
 
-    variation = None
+    variation = paint = None
 
-    def __init__(self, paint):
-        self.paint = paint
+    def __init__(self, shown):
+        self.shown = shown
 
-    def radiance(self, normals, views, tangents=None, shares=None):
+    def radiance(self, normals, views, tangents=None, shares=None, painted=None):
         assert shares is None
+        assert painted is None
         np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-12)
         assert np.einsum("ij,ij->i", normals, views).min() >= MIN_COSINE - 1e-12
-        return np.broadcast_to(self.paint(normals, views, tangents), normals.shape)
+        return np.broadcast_to(self.shown(normals, views, tangents), normals.shape)
 
 
 WHITE = Painter(lambda *_: np.ones(3))
@@ -228,9 +231,16 @@ def test_materials_are_split_into_metal_and_the_rest(rng):
     views = normals[::-1] * np.sign(np.einsum("ij,ij->i", normals, normals[::-1]))[:, None]
     f0 = tuple(0.75 * 0.04 + 0.25 * np.array(material.base_color))
     expected = split.shaded(0.6, f0).radiance(normals, views)
-    alone = Look.of_material(material, None).of(split).radiance(normals, views)
+    mesh = sphere(1)
+    paint = Paint(mesh, material)
+    points = Points(mesh, np.arange(20), np.full((20, 3), 1 / 3), np.zeros((20, 3, 2)))
+    alone, both = (
+        Look(paint=paint, irradiance=each)
+        .of(split)
+        .radiance(normals, views, painted=paint.at(points))
+        for each in (None, diffuse)
+    )
     np.testing.assert_allclose(alone, expected)
-    both = Look.of_material(material, diffuse).of(split).radiance(normals, views)
     added = 0.75 * np.array(material.base_color) * diffuse.irradiance(normals) / np.pi
     np.testing.assert_allclose(both, expected + added)
 

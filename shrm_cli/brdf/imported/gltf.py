@@ -1,8 +1,6 @@
 """Materials of glTF and GLB files: their factors, and the means of their textures."""
 
-from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
@@ -12,14 +10,13 @@ from shrm_cli.errors import BrdfError, MeshError
 from shrm_cli.files.gltf import (
     Json,
     buffers_of,
-    embedded,
     index_in,
     list_of,
+    picture_of,
     read_tree,
     table,
-    view_of,
 )
-from shrm_cli.files.texture import beside, mean_color
+from shrm_cli.files.texture import mean_color
 
 _BASE = "pbrMetallicRoughness"
 _FIELDS: dict[str, tuple[str, str, Any, str, Any]] = {
@@ -130,19 +127,9 @@ class _Reader:
         return float(alpha)
 
     def _mean(self, texture: Json, is_srgb: bool) -> Array:
-        textures, images = list_of(self.tree, "textures"), list_of(self.tree, "images")
+        textures = list_of(self.tree, "textures")
         named = table(textures[index_in(texture["index"], textures)])
-        if "source" not in named:
-            raise ValueError("a texture that is neither PNG nor JPEG; export it so")
-        image = table(images[index_in(named["source"], images)])
-        return mean_color(self._image(image), is_srgb)
+        return mean_color(picture_of(self.name, self.tree, self._buffers, named), is_srgb)
 
-    def _image(self, image: Json) -> Path | bytes:
-        if "uri" in image:
-            uri = str(image["uri"])
-            return embedded(uri) if uri.startswith("data:") else beside(self.name, unquote(uri))
-        buffers = buffers_of(self.name, self.tree, self.chunk)
-        views = list_of(self.tree, "bufferViews")
-        view = view_of(table(views[index_in(image["bufferView"], views)]), buffers)
-        start = view["byteOffset"]
-        return buffers[view["buffer"]][start : start + view["byteLength"]]
+    def _buffers(self) -> list[bytes]:
+        return buffers_of(self.name, self.tree, self.chunk)

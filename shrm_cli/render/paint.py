@@ -1,0 +1,214 @@
+"""What materials are at points of a mesh: numbers times textures times vertex colours."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shrm_cli.arrays import Array
+from shrm_cli.color import srgb_to_linear
+from shrm_cli.errors import MeshError
+from shrm_cli.geometry.mesh import Mesh
+from shrm_cli.geometry.surface import SurfaceMaterial, Texture
+from shrm_cli.geometry.tangents import perpendicular
+from shrm_cli.records import record
+from shrm_cli.render.textures import FINER, MOST_PIXELS, open_texture
+from shrm_cli.vocabulary import MIN_ROUGHNESS
+
+_LEAST_AREA = 1e-20
+
+
+@record(eq=False)
+class Points:
+    """Points of a mesh under pixels.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    faces : ndarray of int64, shape (n,)
+    weights : ndarray, shape (n, 3)
+        Barycentric coordinates.
+    steps : ndarray, shape (n, 3, 2)
+        How the point in the triangle's plane moves to the next pixel to the right, and upwards.
+    finer : {1, 2}
+        How finely textures are averaged, as `MipMap.at` takes it.
+    """
+
+    mesh: Mesh
+    faces: NDArray[np.int64]
+    weights: Array
+    steps: Array
+    finer: int = FINER
+
+    def over(self, uv_set: int) -> tuple[Array, Array]:
+        """Return texture coordinates (n, 2), and their changes to the next pixels (n, 2, 2)."""
+        uvs = self.mesh.uvs_1 if uv_set else self.mesh.uvs
+        if uvs is None:
+            raise MeshError(
+                f"{self.mesh.name}: it has textures, and no texture coordinates for them; "
+                "add them, or draw it without its surface"
+            )
+        corners = uvs[self.mesh.faces[self.faces]]
+        middle = np.einsum("kc,kcv->kv", self.weights, corners)
+        return middle, np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2) @ self._shares
+
+    @cached_property
+    def _shares(self) -> Array:
+        """How the weights of the second and third corner change, shape (n, 2, 2)."""
+        corners = self.mesh.corners(self.faces)
+        edges = corners[:, 1:] - corners[:, :1]  # (n, 2, 3)
+        scale = np.abs(edges).max(axis=(1, 2))[:, None, None]
+        unit = edges / scale
+        (a, b), (_, d) = np.moveaxis(unit @ np.swapaxes(unit, 1, 2), 0, -1)
+        # Triangles have areas, but those of slivers may be lost to rounding.
+        adjoint = np.moveaxis(np.array([[d, -b], [-b, a]]), -1, 0)
+        inverse = adjoint / np.maximum(a * d - b * b, _LEAST_AREA)[:, None, None]
+        return inverse @ (unit @ (self.steps / scale))
+
+
+@record(eq=False)
+class Painted:
+    """What a material is at n points.
+
+    Attributes
+    ----------
+    base_color, emission : ndarray, shape (n, 3)
+    metallic, roughness, occlusion : ndarray, shape (n,)
+    """
+
+    base_color: Array
+    emission: Array
+    metallic: Array
+    roughness: Array
+    occlusion: Array
+
+
+class Paint:
+    """A material with its textures opened.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        One that has the material.
+    material : SurfaceMaterial
+    matrix : ndarray, shape (3, 3), optional
+        From Rec.709 to the primaries of the light.
+
+    Attributes
+    ----------
+    normal_set : int
+        The set of texture coordinates of its normal map; -1 without any.
+
+    Raises
+    ------
+    MeshError
+        If a texture cannot be read, or lies over coordinates that the mesh lacks.
+    """
+
+    def __init__(self, mesh: Mesh, material: SurfaceMaterial, matrix: Array | None = None) -> None:
+        self.material, self._matrix = material, matrix
+        self._maps = {each: open_texture(mesh.name, each) for each in material.textures}
+        normals = material.normal_map
+        self.normal_set = -1
+        if normals is not None and not self._maps[normals].is_gray:
+            self.normal_set = normals.uv_set
+        for each in material.textures:
+            if (mesh.uvs_1 if each.uv_set else mesh.uvs) is None:
+                raise MeshError(
+                    f"{mesh.name}: the texture coordinates of the material {material.name!r} are "
+                    "missing or damaged; export them, or draw it without its surface"
+                )
+
+    @property
+    def pixels(self) -> int:
+        """The number of pixels of its textures."""
+        return sum(each.pixels for each in self._maps.values())
+
+    @property
+    def is_rough_by_texture(self) -> bool:
+        """Whether a texture has its roughness or metallic."""
+        return bool(self.material.metallic_map or self.material.roughness_map)
+
+    @property
+    def has_diffuse(self) -> bool:
+        """Whether it reflects diffusely."""
+        is_metal = self.material.metallic == 1 and self.material.metallic_map is None
+        return any(self.material.base_color) and not is_metal
+
+    @property
+    def unread(self) -> list[str]:
+        """What the file says of the material and is not drawn."""
+        own = self.material.normal_map
+        gray = ["heights of its bump map"] if own is not None and self.normal_set < 0 else []
+        return [*self.material.unread, *gray]
+
+    def at(self, points: Points) -> Painted:
+        """Return what the material is at points."""
+        given, count = self.material, len(points.faces)
+        color = np.array(given.base_color) * self._read(points, given.color_map)[:, :3]
+        if given.colored and points.mesh.colors is not None:
+            colors = np.clip(points.mesh.colors, 0, 1)
+            linear = srgb_to_linear(colors) if given.colored == "srgb" else colors
+            color = color * points.mesh.interpolated(linear, points.faces, points.weights)
+        emission = np.zeros((count, 3))
+        if any(given.emission):
+            emission = np.array(given.emission) * self._read(points, given.emission_map)[:, :3]
+        rough = self._read(points, given.roughness_map)[:, given.roughness_channel]
+        metal = self._read(points, given.metallic_map)[:, given.metallic_channel]
+        light = self._read(points, given.occlusion_map)[:, 0]
+        return Painted(
+            np.clip(self._in_primaries(color), 0, 1),
+            np.maximum(self._in_primaries(emission), 0),
+            np.clip(given.metallic * metal, 0, 1),
+            np.clip(given.roughness * rough, MIN_ROUGHNESS, 1),
+            1 + given.occlusion_strength * (np.clip(light, 0, 1) - 1),
+        )
+
+    def visible(self, points: Points) -> NDArray[np.bool_]:
+        """Return whether points are seen: those that are not cut out by their opacity."""
+        opacity = self.material.opacity * self._read(points, self.material.color_map)[:, 3]
+        return opacity >= (self.material.cutoff or 0.0)
+
+    def bent(self, points: Points, normals: Array, tangents: Array) -> Array:
+        """Return normals as the normal map turns them, shape (n, 3).
+
+        Parameters
+        ----------
+        points : Points
+        normals : ndarray, shape (n, 3)
+            Unit, on the side of the triangles that is their front.
+        tangents : ndarray, shape (n, 4)
+            The direction in which u grows, of any length, and the sign of v's direction N x T.
+        """
+        texture = self.material.normal_map
+        if texture is None or self.normal_set < 0:
+            return normals
+        local = 2 * self._read(points, texture)[:, :3] - 1
+        local[:, :2] *= self.material.normal_scale
+        local[:, :2] = local[:, :2] @ self._maps[texture].axes.T
+        along = perpendicular(tangents[:, :3], normals)
+        across = np.sign(tangents[:, 3:]) * np.cross(normals, along)
+        found = local[:, :1] * along + local[:, 1:2] * across + local[:, 2:] * normals
+        length = np.linalg.norm(found, axis=1, keepdims=True)
+        return np.where(length > 1e-6, found / np.maximum(length, 1e-6), normals)
+
+    def _read(self, points: Points, texture: Texture | None) -> Array:
+        if texture is None:
+            return np.ones((len(points.faces), 4))
+        return self._maps[texture].at(*points.over(texture.uv_set), points.finer)
+
+    def _in_primaries(self, colors: Array) -> Array:
+        return colors if self._matrix is None else colors @ self._matrix.T
+
+
+def check_sum(name: str, paints: Sequence[Paint]) -> None:
+    """Refuse textures that are too large together.
+
+    Raises
+    ------
+    MeshError
+    """
+    total = sum(each.pixels for each in paints)
+    if total > MOST_PIXELS:
+        raise MeshError(f"{name}: {total:,} pixels of textures; scale them down")
