@@ -109,6 +109,7 @@ def grid(
         | {"order": Applies(not is_baked, "to rooms and tables")}
         | {"light": Applies(suffix != ".npz", "to other files than .npz, which holds both")}
     )
+    textured: list[str] = []
     if is_baked:
         found = read_grid(source)
     elif is_table:
@@ -117,17 +118,22 @@ def grid(
         with progress_bar("projecting") as progress:
             found = read_positions(source, order, progress)
     else:
-        found = _baked(source, size, box, order, probe, dict(albedo), dict(emit), samples)
+        found, textured = _baked(source, size, box, order, probe, dict(albedo), dict(emit), samples)
     with keeping(*([] if force or output else [target])):
         if suffix == ".npz":
             write_grid(target, found)
         else:
             WRITERS[suffix](target, found, light == "all")
     said = found.summary()
+    warnings = []
+    if textured:
+        warnings.append(
+            f"{source}: textures are left out; the numbers alone count of {', '.join(textured)}; "
+            "`albedo` NAME=R,G,B and `emit` NAME=R,G,B name their means"
+        )
     bytes_written = Path(target).stat().st_size
     shape = " x ".join(map(str, said["shape"]))
     lines = [f"{target}: {shape} probes, order {found.order}, {bytes_written:,} bytes"]
-    warnings = []
     if "error" in said:
         lines.append(
             f"  irradiance between the probes is {said['error']:.1%} off (RMS), and "
@@ -157,8 +163,8 @@ def _baked(
     albedo: dict[str, tuple[float, float, float]],
     emission: dict[str, tuple[float, float, float]],
     samples: int,
-) -> ProbeGrid:
-    """Bake a room.
+) -> tuple[ProbeGrid, list[str]]:
+    """Bake a room, and return the names of materials whose textures are left out, too.
 
     Raises
     ------
@@ -180,7 +186,14 @@ def _baked(
     count = " x ".join(map(str, lattice.shape))
     announce([f"{source}: {len(mesh.faces):,} triangles, {count} probes"])
     with progress_bar("gathering") as progress:
-        return bake(room, lattice, order, samples, progress)
+        found = bake(room, lattice, order, samples, progress)
+    textured = [
+        repr(each.name)
+        for each in mesh.materials
+        if (each.color_map and each.name not in albedo)
+        or (each.emission_map and each.name not in emission)
+    ]
+    return found, textured
 
 
 def _lattice(
