@@ -100,6 +100,7 @@ class Moment:
                 map=self._moved(first.map, second and second.map),
                 shaded=self._moved(first.shaded, second and second.shaded),
                 irradiance=self._moved(first.irradiance, second and second.irradiance),
+                varied=self._moved(first.varied, second and second.varied),
             )
         return MovedMap(first, second, self.share, np.eye(3) if self.turn is None else self.turn)
 
@@ -129,10 +130,22 @@ class MovedMap:
         found: MapInfo = self.first.info
         return found
 
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Evaluate the reflected radiance, as `Map.radiance` does."""
-        tangents = horizontal_tangents(np.asarray(normals, dtype=float))
-        return self.brushed_radiance(normals, tangents, views)
+    def radiance(
+        self,
+        normals: ArrayLike,
+        views: ArrayLike,
+        tangents: ArrayLike | None = None,
+        *surface: ArrayLike,
+    ) -> Array:
+        """Evaluate the reflected radiance, as `Map.radiance` and `VariedSurface.radiance` do."""
+        if surface:
+            places = [
+                None if each is None else np.asarray(each) @ self.turn
+                for each in (normals, views, tangents)
+            ]
+            return self._blend(lambda each: each.radiance(*places, *surface))
+        along = horizontal_tangents(np.asarray(normals, dtype=float))
+        return self.brushed_radiance(normals, along if tangents is None else tangents, views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         """Evaluate it for known tangents, as `Map.brushed_radiance` does."""

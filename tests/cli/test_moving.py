@@ -11,8 +11,9 @@ import pytest
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.directions import turn_matrix
-from tests.cli.helpers import MESH, run
+from tests.cli.helpers import MESH, run, write_exr
 from tests.cli.test_render import read
+from tests.render.assets import globe, packed_glb, png
 from tests.render.materials import INFO, furnace, spot, under_random_light
 
 
@@ -159,3 +160,32 @@ def test_keys_of_a_scene_move_light_and_viewer(folder):
     assert "--frames applies without [[key]] in the scene" in result.err
     result = run("render", "sky.irradiance.exr", *options, "--blend-to", "night.irradiance.exr")
     assert "need each other" in result.err
+
+
+def test_textured_surfaces_turn_their_light_too(folder):
+    """Roughness and metalness that vary, under split sums and irradiance of a turned probe."""
+    shape = globe(12)
+    rough = np.random.default_rng(4).integers(0, 256, (8, 16, 3))
+    material = {"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}
+    (folder / "globe.glb").write_bytes(packed_glb(shape, material, [png(rough)]))
+    write_exr(folder / "light.exr", np.random.default_rng(5).random((16, 32, 3), np.float32))
+    for name, yaw in (("still", "0"), ("turned", "90")):
+        for form in ("splitsum", "irradiance"):
+            run("prefilter", "light.exr", "--to", form, "--yaw", yaw, "-o", f"{name}.{form}.exr")
+    camera = ("--mesh", "globe.glb", "--size", "48")
+    for name, turn in (("still", ("--turn-light", "y:90")), ("turned", ())):
+        maps = (f"{name}.splitsum.exr", "--irradiance", f"{name}.irradiance.exr")
+        done(*maps, *camera, *turn, "-o", f"{name}.exr")
+    done(
+        "render",
+        "still.splitsum.exr",
+        "--irradiance",
+        "still.irradiance.exr",
+        *camera,
+        "-o",
+        "o.exr",
+    )
+    moved, expected, rest = (read(f"{name}.exr") for name in ("still", "turned", "o"))
+    scale = np.sqrt(np.mean(expected**2))
+    assert np.sqrt(np.mean((moved - expected) ** 2)) < 0.002 * scale
+    assert np.sqrt(np.mean((rest - expected) ** 2)) > 0.02 * scale
