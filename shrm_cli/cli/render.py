@@ -147,6 +147,7 @@ def render(
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
+    refuse_mesh_options(mesh, transfer)
     keys = scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
     pattern = output or _default_name(maps, mesh, frames)
@@ -155,7 +156,6 @@ def render(
     if not is_animated(pattern):
         refuse_inapplicable({"max_memory": Applies(False, "to moving pictures")})
         file_type(pattern)
-    refuse_mesh_options(mesh, transfer)
     is_read = background is not None or probe is not None
     refuse_inapplicable(reading_rules(is_read, "with --background or --probe"))
     options = make_read_options(values)
