@@ -118,6 +118,7 @@ def _edited_coefficients(
 ) -> tuple[Array, list[str]]:
     import numpy as np
 
+    from shrm_cli.color import conversion, same_primaries, title_of
     from shrm_cli.probe.light_sum import LightSum
     from shrm_cli.probe.lighting import project
     from shrm_cli.probe.probe import open_probe
@@ -134,12 +135,18 @@ def _edited_coefficients(
         ]
         orders = [order_of(len(each)) for each in known if each is not None]
         order = max(orders) if len(orders) == len(probes) else max([_ORDER, *orders])
-    first, *others = [
-        project(each.in_primaries(probes[0].chromaticities), order) for each in probes
-    ]
-    edited = wanted.of_coefficients(first.coefficients)
-    total = sum_of([edited, *(each.coefficients for each in others)])
+    lights = []
+    for each in probes:
+        matrix = conversion(each.chromaticities, probes[0].chromaticities)
+        found = project(each, order).coefficients
+        lights.append(found if matrix is None else found @ matrix.T)
+    total = sum_of([wanted.of_coefficients(lights[0]), *lights[1:]])
     warnings = [f"{each.name}: {line}" for each in probes for line in each.report.warnings()]
+    colors = probes[0].chromaticities
+    if not same_primaries(colors, None):
+        warnings.append(
+            f"coefficients are in the primaries {title_of(colors)}, which OUT cannot say"
+        )
     return np.asarray(total), warnings
 
 

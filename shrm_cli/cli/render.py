@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.drawing import Lit, on_mesh, on_sphere
 from shrm_cli.cli.moving import (
     LIGHT_MOVES,
     fps_option,
@@ -17,7 +18,6 @@ from shrm_cli.cli.moving import (
     max_memory_option,
     moments,
     open_others,
-    refuse_fixed_light,
     scene_keys,
 )
 from shrm_cli.cli.options import (
@@ -34,18 +34,13 @@ from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     lit_maps,
-    shaded_maps,
     surface_options,
     to_unlit,
     window_option,
 )
 from shrm_cli.cli.stage import (
-    OF_SURFACES,
     mesh_options,
-    mesh_values,
-    open_stage,
     refuse_mesh_options,
-    surfaces,
 )
 from shrm_cli.cli.types import picture_size
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
@@ -141,9 +136,7 @@ def render(
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import coarse_probe
     from shrm_cli.progress import Stages
-    from shrm_cli.render.camera import background_rows
-    from shrm_cli.render.primaries import in_same_primaries, one_of
-    from shrm_cli.render.scene import Scene, SphereSubject
+    from shrm_cli.render.scene import Scene
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
@@ -168,61 +161,27 @@ def render(
     refuse_inapplicable({"probe": to_unlit(opened)})
     opened, negative = lit_maps(opened, maps, probes.get(probe or ""), window)
     others = open_others(values["blend_to"], opened)
-    said: dict[str, Any]
-    subject: Any
-    drawn: list[Any]
-    become: list[Any] | None = None
+    lit = Lit(opened, maps, others, values["blend_to"])
     if mesh is None:
-        width, height = size
-        if width != height:
-            raise click.UsageError("--size of a sphere's picture is one number")
-        asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
-        drawn, surface, warnings = shaded_maps(opened, maps, *asked)
-        if others:
-            become, _, more = shaded_maps(others, values["blend_to"], *asked)
-            warnings += more
-        primaries = opened[0].info.chromaticities
-        subject, rows = SphereSubject(width), background_rows(width)
-        seen = [each.info for each in in_same_primaries(drawn, primaries)]
-        said = {"size": width, **surface}
+        drawing = on_sphere(lit, size, values)
     else:
-        from shrm_cli.render.mesh import MeshSubject
-        from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
-
-        stage, warnings = open_stage(mesh, opened, maps, values)
-        refuse_fixed_light(stage, values)
-        lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
-        where = values["target"], values["distance"]
-        viewers = [each.viewer for each in shown_moments]
-        aim = aimed(stage.mesh.vertices, viewers, lens, *where)
-        subject = MeshSubject(stage, lens, aim)
-        rows = subject.lens.background_rows()
-        seen = [each.info for each in (*opened, *stage.maps())]
-        primaries = one_of({each.chromaticities for each in seen})
-        drawn = surfaces(stage, opened, transfer) or [stage.reflectors(None)]
-        become = surfaces(stage, others, transfer) or None
-        given = {**{name: values[name] for name in OF_SURFACES}, "transfer": transfer}
-        said = {
-            "size": list(size),
-            **mesh_values(subject, mesh),
-            **{key: value for key, value in given.items() if value is not None},
-        }
+        drawing = on_mesh(lit, mesh, transfer, size, shown_moments, values)
     behind = [
-        None if sky is None else coarse_probe(sky.in_primaries(primaries), rows) for sky in skies
+        None if sky is None else coarse_probe(sky.in_primaries(drawing.primaries), drawing.rows)
+        for sky in skies
     ]
 
     def scene_at(moment: Moment) -> Scene[Any]:
-        lit: Any = moment.moved(drawn, become)
-        lit = in_same_primaries(lit, primaries) if mesh is None else lit
         around = None if behind[0] is None else moment.behind(behind[0], behind[1])
-        return Scene(subject, lit, [map_stem(path) for path in maps], exposure, around, columns)
+        labels = [map_stem(path) for path in maps]
+        return Scene(drawing.subject, drawing.at(moment), labels, exposure, around, columns)
 
     height, width = scene_at(shown_moments[0]).shape
     moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(maps),
         "view": list(view),
-        **said,
+        **drawing.said,
         "exposure": exposure,
         "background": background,
         "probe": probe,
@@ -232,7 +191,7 @@ def render(
         "width": width,
         "height": height,
     }
-    frame = [_attributes(seen, settings, said, each) for each in shown_moments]
+    frame = [_attributes(drawing.seen, settings, drawing.said, each) for each in shown_moments]
 
     def pictures() -> Iterator[Picture]:
         with progress_bar("rendering") as progress:
@@ -245,7 +204,7 @@ def render(
         check_sheet(
             width * height, size[0], held_bytes(pattern, width * height, len(frame)), max_memory
         )
-        images = (in_srgb(pattern, each, primaries)[0] for each in pictures())
+        images = (in_srgb(pattern, each, drawing.primaries)[0] for each in pictures())
         write_animation(pattern, images, fps or DEFAULT_FPS)
         pixels = f"{len(frame)} frames, {fps or DEFAULT_FPS:g} a second"
         written = [{"file": pattern, "azimuth": view[0], "pixels": "8-bit sRGB"}]
@@ -262,7 +221,7 @@ def render(
             )
         ]
         lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    warnings += negative
+    warnings = drawing.warnings + negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
     conclude({"files": written, **settings}, lines, warnings)
 
