@@ -232,15 +232,19 @@ def basis(
     import numpy as np
 
     from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.scene import Scene
+    from shrm_cli.transfer.file import read_transfer
 
     file_type(output)
     check_outputs([output], files=[path for path in (mesh, transfer) if path])
     refuse_inapplicable({"transfer": Applies(mesh is not None, "to a mesh")})
     viewer, names = Viewer(*view), basis_names(order)
-    subject, materials = basis_subject(basis_maps(order), mesh, transfer, size, viewer)
+    loaded = None if mesh is None else load_mesh(mesh)
+    baked = None if transfer is None else read_transfer(transfer)
+    subject, materials = basis_subject(basis_maps(order), loaded, baked, size, viewer)
     scene = Scene(subject, materials, names, exposure, None, columns)
     picture = np.maximum(scene.picture(viewer), 0)
     recipe = {
