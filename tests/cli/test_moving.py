@@ -8,10 +8,11 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from shrm_cli.files.image import write_image
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.directions import turn_matrix
-from tests.cli.helpers import MESH, run
+from tests.cli.helpers import MESH, noise, run
 from tests.cli.test_render import read
 from tests.render.materials import INFO, furnace, spot, under_random_light
 
@@ -159,3 +160,25 @@ def test_keys_of_a_scene_move_light_and_viewer(folder):
     assert "--frames applies without [[key]] in the scene" in result.err
     result = run("render", "sky.irradiance.exr", *options, "--blend-to", "night.irradiance.exr")
     assert "need each other" in result.err
+
+
+def test_glossy_transfer_under_a_turned_light_is_that_under_the_turned_probe(folder):
+    """The light of the product texture is that of a probe, which is read turned or not."""
+    write_image(folder / "room.exr", noise(16, 32), "float")
+    run("product", "phong:exponent=5", "--order", "2", "--size", "16", "-o", "paint.exr")
+    result = run(
+        "transfer", "roof.obj", "--samples", "64", "--order", "2", "--matrices", "-o", "t.npz"
+    )
+    assert result.code == 0, result.err
+    options = ["paint.exr", "--mesh", "roof.obj", "--transfer", "t.npz", "--size", "48"]
+    options += ["--probe", "room.exr", "--window", "none", "--precision", "float"]
+    for arguments in (
+        ["--roll", "50", "-o", "truth.exr"],
+        ["--turn-light", "z:50", "-o", "found.exr"],
+        ["-o", "still.exr"],
+    ):
+        result = run("render", *options, *arguments)
+        assert result.code == 0, result.err
+    truth = read("truth.exr")
+    np.testing.assert_allclose(read("found.exr"), truth, atol=1e-5 * truth.max())
+    assert np.abs(read("still.exr") - truth).max() > 0.01 * truth.max()
