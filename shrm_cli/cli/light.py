@@ -118,6 +118,7 @@ def _edited_coefficients(
 ) -> tuple[Array, list[str]]:
     import numpy as np
 
+    from shrm_cli.color import conversion, same_primaries, title_of
     from shrm_cli.probe.light_sum import LightSum
     from shrm_cli.probe.lighting import project
     from shrm_cli.probe.probe import open_probe
@@ -134,12 +135,18 @@ def _edited_coefficients(
         ]
         orders = [order_of(len(each)) for each in known if each is not None]
         order = max(orders) if len(orders) == len(probes) else max([_ORDER, *orders])
-    first, *others = [
-        project(each.in_primaries(probes[0].chromaticities), order) for each in probes
-    ]
-    edited = wanted.of_coefficients(first.coefficients)
-    total = sum_of([edited, *(each.coefficients for each in others)])
+    lights = []
+    for each in probes:
+        matrix = conversion(each.chromaticities, probes[0].chromaticities)
+        found = project(each, order).coefficients
+        lights.append(found if matrix is None else found @ matrix.T)
+    total = sum_of([wanted.of_coefficients(lights[0]), *lights[1:]])
     warnings = [f"{each.name}: {line}" for each in probes for line in each.report.warnings()]
+    colors = probes[0].chromaticities
+    if not same_primaries(colors, None):
+        warnings.append(
+            f"coefficients are in the primaries {title_of(colors)}, which OUT cannot say"
+        )
     return np.asarray(total), warnings
 
 
@@ -225,15 +232,19 @@ def basis(
     import numpy as np
 
     from shrm_cli.files.picture import file_type, write_picture
+    from shrm_cli.geometry.load import load_mesh
     from shrm_cli.render.basis import basis_maps, basis_names, basis_subject
     from shrm_cli.render.camera import Viewer
     from shrm_cli.render.scene import Scene
+    from shrm_cli.transfer.file import read_transfer
 
     file_type(output)
     check_outputs([output], files=[path for path in (mesh, transfer) if path])
     refuse_inapplicable({"transfer": Applies(mesh is not None, "to a mesh")})
     viewer, names = Viewer(*view), basis_names(order)
-    subject, materials = basis_subject(basis_maps(order), mesh, transfer, size, viewer)
+    loaded = None if mesh is None else load_mesh(mesh)
+    baked = None if transfer is None else read_transfer(transfer)
+    subject, materials = basis_subject(basis_maps(order), loaded, baked, size, viewer)
     scene = Scene(subject, materials, names, exposure, None, columns)
     picture = np.maximum(scene.picture(viewer), 0)
     recipe = {

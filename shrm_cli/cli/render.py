@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from shrm_cli.cli.bar import progress_bar
+from shrm_cli.cli.drawing import Lit, on_mesh, on_sphere
 from shrm_cli.cli.moving import (
     LIGHT_MOVES,
     fps_option,
@@ -17,7 +18,6 @@ from shrm_cli.cli.moving import (
     max_memory_option,
     moments,
     open_others,
-    refuse_fixed_light,
     scene_keys,
 )
 from shrm_cli.cli.options import (
@@ -34,17 +34,13 @@ from shrm_cli.cli.outputs import check_outputs, map_stem, picture_attributes
 from shrm_cli.cli.shading import (
     brushed_options,
     lit_maps,
-    shaded_maps,
     surface_options,
     to_unlit,
     window_option,
 )
 from shrm_cli.cli.stage import (
-    OF_SURFACES,
     mesh_options,
-    mesh_values,
     open_baked,
-    open_stage,
     refuse_mesh_options,
 )
 from shrm_cli.cli.types import picture_size
@@ -141,9 +137,7 @@ def render(
     from shrm_cli.probe.probe import open_probe
     from shrm_cli.probe.resample import coarse_probe
     from shrm_cli.progress import Stages
-    from shrm_cli.render.camera import background_rows
-    from shrm_cli.render.primaries import in_same_primaries, one_of
-    from shrm_cli.render.scene import Scene, SphereSubject
+    from shrm_cli.render.scene import Scene
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
@@ -175,65 +169,27 @@ def render(
         baked = open_baked(transfer, opened, maps, light, window)
         opened, maps, negative = baked.maps, tuple(baked.names), baked.warnings
     others = open_others(values["blend_to"], opened)
-    said: dict[str, Any]
-    subject: Any
-    drawn: list[Any]
-    become: list[Any] | None = None
+    lit = Lit(opened, maps, others, values["blend_to"])
     if mesh is None:
-        width, height = size
-        if width != height:
-            raise click.UsageError("--size of a sphere's picture is one number")
-        asked = [values[name] for name in ("roughness", "f0", "anisotropy", "taps")]
-        drawn, surface, warnings = shaded_maps(opened, maps, *asked)
-        if others:
-            become, _, more = shaded_maps(others, values["blend_to"], *asked)
-            warnings += more
-        primaries = opened[0].info.chromaticities
-        subject, rows = SphereSubject(width), background_rows(width)
-        seen = [each.info for each in in_same_primaries(drawn, primaries)]
-        said = {"size": width, **surface}
+        drawing = on_sphere(lit, size, values)
     else:
-        from shrm_cli.render.mesh import MeshSubject
-        from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
-
-        plain = values["plain"] or transfer is not None  # its albedo is baked
-        stage, warnings = open_stage(mesh, opened, maps, {**values, "plain": plain})
-        refuse_fixed_light(stage, values)
-        lens = Lens(*size, DEFAULT_FOV if values["fov"] is None else values["fov"])
-        where = values["target"], values["distance"]
-        viewers = [each.viewer for each in shown_moments]
-        aim = aimed(stage.mesh.vertices, viewers, lens, *where)
-        subject = MeshSubject(stage, lens, aim)
-        rows = subject.lens.background_rows()
-        seen = [each.info for each in (*opened, *stage.maps())]
-        primaries = one_of({each.chromaticities for each in seen})
-        if baked is None:
-            drawn = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
-            become = [stage.reflectors(each) for each in others] or None
-        else:
-            drawn, become = baked.drawn(stage), baked.with_maps(others).drawn(stage) or None
-        given = {**{name: values[name] for name in OF_SURFACES}, "transfer": transfer}
-        said = {
-            "size": list(size),
-            **mesh_values(subject, mesh),
-            **{key: value for key, value in given.items() if value is not None},
-        }
+        drawing = on_mesh(lit, mesh, baked, size, shown_moments, {**values, "transfer": transfer})
     behind = [
-        None if sky is None else coarse_probe(sky.in_primaries(primaries), rows) for sky in skies
+        None if sky is None else coarse_probe(sky.in_primaries(drawing.primaries), drawing.rows)
+        for sky in skies
     ]
 
     def scene_at(moment: Moment) -> Scene[Any]:
-        lit: Any = moment.moved(drawn, become)
-        lit = in_same_primaries(lit, primaries) if mesh is None else lit
         around = None if behind[0] is None else moment.behind(behind[0], behind[1])
-        return Scene(subject, lit, [map_stem(path) for path in maps], exposure, around, columns)
+        labels = [map_stem(path) for path in maps]
+        return Scene(drawing.subject, drawing.at(moment), labels, exposure, around, columns)
 
     height, width = scene_at(shown_moments[0]).shape
     moved = {name: values[name] for name in LIGHT_MOVES if values[name] not in (None, ())}
     settings = {
         "maps": list(maps),
         "view": list(view),
-        **said,
+        **drawing.said,
         "exposure": exposure,
         "background": background,
         "probe": probe,
@@ -243,7 +199,7 @@ def render(
         "width": width,
         "height": height,
     }
-    frame = [_attributes(seen, settings, said, each) for each in shown_moments]
+    frame = [_attributes(drawing.seen, settings, drawing.said, each) for each in shown_moments]
 
     def pictures() -> Iterator[Picture]:
         with progress_bar("rendering") as progress:
@@ -256,7 +212,7 @@ def render(
         check_sheet(
             width * height, size[0], held_bytes(pattern, width * height, len(frame)), max_memory
         )
-        images = (in_srgb(pattern, each, primaries)[0] for each in pictures())
+        images = (in_srgb(pattern, each, drawing.primaries)[0] for each in pictures())
         write_animation(pattern, images, fps or DEFAULT_FPS)
         pixels = f"{len(frame)} frames, {fps or DEFAULT_FPS:g} a second"
         written = [{"file": pattern, "azimuth": view[0], "pixels": "8-bit sRGB"}]
@@ -273,11 +229,11 @@ def render(
             )
         ]
         lines = [f"{each['file']}: {width} x {height}, {each['pixels']}" for each in written]
-    warnings += negative
+    warnings = drawing.warnings + negative
     warnings += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
-    if "materials" in said:
+    if "materials" in drawing.said:
         lines.append(
-            f"{mesh}: with its own materials, {said['materials']}; --plain leaves them out"
+            f"{mesh}: with its own materials, {drawing.said['materials']}; --plain leaves them out"
         )
     conclude({"files": written, **settings}, lines, warnings)
 

@@ -4,10 +4,16 @@ from typing import Any
 
 import numpy as np
 
+from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.render.camera import Viewer
-from shrm_cli.render.sphere import ReflectionMap
+from shrm_cli.render.mesh import MeshSubject
+from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
+from shrm_cli.render.scene import SphereSubject
+from shrm_cli.render.stage import Actor, Look, Stage
+from shrm_cli.render.vertex_colors import vertex_colors
+from shrm_cli.transfer.transfer import Transfer
 
 _GREEN, _BLUE = 1, 2
 
@@ -34,16 +40,20 @@ def basis_maps(order: int) -> list[Irradiance]:
 
 
 def basis_subject(
-    maps: list[Irradiance], mesh: str | None, transfer: str | None, size: int, viewer: Viewer
+    maps: list[Irradiance],
+    mesh: Mesh | None,
+    transfer: Transfer | None,
+    size: int,
+    viewer: Viewer,
 ) -> tuple[Any, list[Any]]:
     """Return what `Scene` draws: a subject, and its material for each of the maps.
 
     Parameters
     ----------
     maps : list of Irradiance
-    mesh : str, optional
-        A file; by default a sphere is drawn.
-    transfer : str, optional
+    mesh : Mesh, optional
+        By default a sphere is drawn.
+    transfer : Transfer, optional
         What was baked of the mesh.
     size : int
         Width and height of a picture, pixels.
@@ -51,26 +61,14 @@ def basis_subject(
 
     Raises
     ------
-    MeshError, TransferError
-        If a file cannot be read, or does not fit.
+    TransferError
+        If it was baked for another mesh.
     """
-    from shrm_cli.render.scene import SphereSubject
-
     if mesh is None:
-        materials: list[ReflectionMap] = list(maps)
-        return SphereSubject(size), materials
-    from shrm_cli.geometry.load import load_mesh
-    from shrm_cli.render.mesh import MeshSubject
-    from shrm_cli.render.perspective import DEFAULT_FOV, Lens, aimed
-    from shrm_cli.render.stage import Actor, Look, Stage
-    from shrm_cli.render.vertex_colors import vertex_colors
-    from shrm_cli.transfer.file import read_transfer
-
-    loaded = load_mesh(mesh)
-    stage = Stage.of([Actor(loaded, [Look()] * (1 + len(loaded.materials)))])
+        return SphereSubject(size), list(maps)
+    stage = Stage.of([Actor(mesh, [Look()] * (1 + len(mesh.materials)))])
     lens = Lens(size, size, DEFAULT_FOV)
-    subject = MeshSubject(stage, lens, aimed(loaded.vertices, [viewer], lens))
+    subject = MeshSubject(stage, lens, aimed(mesh.vertices, [viewer], lens))
     if transfer is None:
         return subject, [stage.reflectors(each) for each in maps]
-    baked = read_transfer(transfer)
-    return subject, [[vertex_colors(loaded, baked, each)] * len(stage.looks) for each in maps]
+    return subject, [[vertex_colors(mesh, transfer, each)] * len(stage.looks) for each in maps]

@@ -7,6 +7,7 @@ import pytest
 
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import open_probe
+from shrm_cli.vocabulary import PRIMARIES
 from tests.cli.helpers import MESH, done, noise, run
 from tests.cli.test_render import read
 from tests.probe import scenes
@@ -40,6 +41,34 @@ def test_coefficients_are_edited_and_added(folder):
     changed[1] = -2
     expected[:9] += changed * [2, 1, 1]
     np.testing.assert_allclose(light("b.json", 4), expected, rtol=1e-13)
+
+
+def test_lights_of_other_primaries_are_converted(folder):
+    """White of the same luminance stays; so does red, by other numbers."""
+    red = np.zeros((9, 3))
+    red[0, 0] = 1.0
+    np.save("red.npy", red)
+    (folder / "p3.toml").write_text(
+        'working = "p3"\n[[sh]]\nfile = "red.npy"\nprimaries = "p3"\n[[sh]]\nfile = "a.npy"\n'
+        'primaries = "p3"\n'
+    )
+    done("light", "edit", "a.npy", "--add", "p3.toml", "--order", "2", "-o", "b.npy")
+    expected = LIGHT + (red + LIGHT) @ matrix_of("p3", "rec709").T
+    np.testing.assert_allclose(light("b.npy"), expected, atol=1e-9)
+    told = run("light", "edit", "p3.toml", "-o", "c.npy")
+    assert "in the primaries" in told.err
+    np.testing.assert_allclose(light("c.npy"), red + LIGHT, atol=1e-12)
+
+
+def matrix_of(source, target):
+    """From RGB to XYZ and back, by the definition of primaries and white."""
+
+    def to_xyz(name):
+        points = np.reshape(PRIMARIES[name], (4, 2))
+        columns = np.array([[x / y, 1.0, (1 - x - y) / y] for x, y in points]).T
+        return columns[:, :3] * np.linalg.solve(columns[:, :3], columns[:, 3])
+
+    return np.linalg.solve(to_xyz(target), to_xyz(source))
 
 
 def test_an_image_becomes_coefficients(folder):

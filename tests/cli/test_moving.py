@@ -8,10 +8,11 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from shrm_cli.files.image import write_image
 from shrm_cli.maps.file import open_map, save
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.directions import turn_matrix
-from tests.cli.helpers import MESH, run, write_exr
+from tests.cli.helpers import MESH, noise, run, write_exr
 from tests.cli.test_render import read
 from tests.render.assets import globe, packed_glb, png
 from tests.render.materials import INFO, furnace, spot, under_random_light
@@ -176,16 +177,31 @@ def test_textured_surfaces_turn_their_light_too(folder):
     for name, turn in (("still", ("--turn-light", "y:90")), ("turned", ())):
         maps = (f"{name}.splitsum.exr", "--irradiance", f"{name}.irradiance.exr")
         done(*maps, *camera, *turn, "-o", f"{name}.exr")
-    done(
-        "render",
-        "still.splitsum.exr",
-        "--irradiance",
-        "still.irradiance.exr",
-        *camera,
-        "-o",
-        "o.exr",
-    )
+    still = ("still.splitsum.exr", "--irradiance", "still.irradiance.exr")
+    done(*still, *camera, "-o", "o.exr")
     moved, expected, rest = (read(f"{name}.exr") for name in ("still", "turned", "o"))
     scale = np.sqrt(np.mean(expected**2))
     assert np.sqrt(np.mean((moved - expected) ** 2)) < 0.002 * scale
     assert np.sqrt(np.mean((rest - expected) ** 2)) > 0.02 * scale
+
+
+def test_glossy_transfer_under_a_turned_light_is_that_under_the_turned_probe(folder):
+    """The light of the product texture is that of a probe, which is read turned or not."""
+    write_image(folder / "room.exr", noise(16, 32), "float")
+    run("product", "phong:exponent=5", "--order", "2", "--size", "16", "-o", "paint.exr")
+    result = run(
+        "transfer", "roof.obj", "--samples", "64", "--order", "2", "--matrices", "-o", "t.npz"
+    )
+    assert result.code == 0, result.err
+    options = ["paint.exr", "--mesh", "roof.obj", "--transfer", "t.npz", "--size", "48"]
+    options += ["--probe", "room.exr", "--window", "none", "--precision", "float"]
+    for arguments in (
+        ["--roll", "50", "-o", "truth.exr"],
+        ["--turn-light", "z:50", "-o", "found.exr"],
+        ["-o", "still.exr"],
+    ):
+        result = run("render", *options, *arguments)
+        assert result.code == 0, result.err
+    truth = read("truth.exr")
+    np.testing.assert_allclose(read("found.exr"), truth, atol=1e-5 * truth.max())
+    assert np.abs(read("still.exr") - truth).max() > 0.01 * truth.max()

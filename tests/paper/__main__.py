@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # The figures have a room with windows and one with lamps.
     pictured = probe_files(given.probes, ("interior", "studio"))
     with settings.using(threads=1, cache=False):  # the times include sampling the BRDF
-        write_tables(given.folder, files, pictured, extent)
+        write_tables(given.folder, files, pictured, given.meshes, extent)
         write_product(given.folder, pictured, given.meshes, given.measured, extent)
         write_seen(given.folder, files, extent)
     say(f"The pages are {(given.folder / 'index.md').resolve()}, {_PRODUCT} and {_SEEN}")
@@ -70,7 +70,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def write_tables(
-    folder: Path, files: Sequence[Path], pictured: Sequence[Path], extent: Extent
+    folder: Path, files: Sequence[Path], pictured: Sequence[Path], meshes: Path, extent: Extent
 ) -> None:
     """Write the page with the papers' tables and figures.
 
@@ -82,12 +82,16 @@ def write_tables(
         The probes; those that differ in size are averaged down to the smallest.
     pictured : sequence of Path
         The probes of the figures, of which there may be one or two.
+    meshes : Path
+        The folder of the meshes, which need not exist.
     extent : Extent
     """
     import numpy as np
 
     from tests.paper import page, timings
+    from tests.paper.basis import figure_4_3
     from tests.paper.inputs import Page, equal_probes, say, small_probes
+    from tests.paper.product.scenes import meshes as meshes_of
 
     # Pictures of two probes are shown beside each other.
     first, last = (equal_probes(pictured)[k] for k in (0, -1))
@@ -105,6 +109,8 @@ def write_tables(
         times = timings.table_5_5(light, size, rng, extent.sigmas, extent.repeats)
         written.add(page.table_5_5(times))
     with settings.using(threads=os.cpu_count()):  # pictures are not timed
+        say("figure 4.3")
+        written.add(figure_4_3(meshes_of(meshes, extent.product_rows)[0], folder))
         for part in _pictures(folder, files, first, last, extent):
             written.add(part)
 
