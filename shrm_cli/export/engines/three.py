@@ -32,7 +32,7 @@ class Three(Engine):
 
     name = "three"
     title = "three.js"
-    formats = ("rgba16f", "bc6h", "astc4x4", "astc6x6")
+    formats = ("rgba16f", "bc6h", "uastc", "astc4x4", "astc6x6")
     mapping = "filament"
     wants_diffuse = True
     least = 8
