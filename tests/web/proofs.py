@@ -104,12 +104,32 @@ def prepare(folder, script):
     bundle(HERE / "pages" / f"{script}.js", folder / f"{script}.bundle.js")
 
 
-def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels=None):
-    """Balls in three.js."""
-    light, _ = exported(folder / "three", "three", probe, size, texels)
-    page = Page(browser, address, "three.bundle.js")
+def prepare_three(folder, build):
+    """The page of three.js with its build for WebGL or WebGPU, and the transcoder it ships."""
+    folder.mkdir(parents=True, exist_ok=True)
+    package = MODULES / "three"
+    shutil.copytree(package / "examples/jsm/libs/basis", folder / "basis", dirs_exist_ok=True)
+    shutil.copy(HERE / "pages" / "blank.html", folder / "blank.html")
+    name = {"webgl": "three.module.js", "webgpu": "three.webgpu.js"}[build]
+    bundle(
+        HERE / "pages" / "three.js", folder / f"{build}.bundle.js",
+        f"--alias:three={package}/build/{name}", f"--alias:three/addons={package}/examples/jsm",
+    )  # fmt: skip
+
+
+def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels=None, build=None):
+    """Balls in three.js; with a build of `prepare_three`, by three.js' own loader.
+
+    The facts are what packing loses of each level, and what blocks three.js' own loader made.
+    """
+    light, package = exported(folder / "three", "three", probe, size, texels)
+    page = Page(browser, address, f"{build or 'three'}.bundle.js")
     page.call("start", pixels, VIEW)
-    page.call("environment", f"{address}/three/light.ktx2")
+    loaded = None
+    if build is None:
+        page.call("environment", f"{address}/three/light.ktx2")
+    else:
+        loaded = page.call("stock", f"{address}/three/light.ktx2", f"{address}/basis/")
     normals, used, facing = shown(pixels)
     last = len(light.levels) - 1
     edge = light.levels[-1].shape[1]
@@ -139,7 +159,9 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels
     )
     page.call("lightProbe", f"{address}/three/light_sh.json")
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
-    return compare("three.js", page, light, "filament", pictures, normals, used)
+    made = compare("three.js", page, light, "filament", pictures, normals, used)
+    made.facts |= {"losses": package.losses, "loaded": loaded, "light": light}
+    return made
 
 
 def three_brushed(browser, folder, address, probe, size, surface, patch, code, pixels=192):
