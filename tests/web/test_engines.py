@@ -88,6 +88,22 @@ def test_three_s_own_loader(browser, site, probe, build):
         assert row.turned > 5, row
 
 
+def test_three_s_own_filter(browser, site, probe):
+    """Our levels and those of PMREMGenerator, each beside sums over pixels by its own lobe.
+
+    Ours has the shadowing of facets, which PMREMGenerator leaves out, but for the last level.
+    """
+    folder, address = site
+    proofs.prepare_three(folder, "webgl")
+    rows, errors = proofs.three_filtered(browser, folder, address, probe, 256, "webgl")
+    assert not errors
+    assert [round(rough, 3) for rough, _ in rows] == [0.106, 0.225, 0.368, 0.553, 1.0]
+    for rough, off in rows:
+        assert off["ours"] < 0.005, rough
+        assert off["three"] < 0.01, rough
+        assert off["both"] < (0.08 if 0.3 < rough < 1 else 0.01), rough
+
+
 @pytest.mark.parametrize("surface", [(0.5, 0.6), (0.3, 0.9)])
 def test_three_patched_for_brushed_surfaces(browser, site, probe, surface):
     """The patch of docs/anisotropy.md; without it, the light of a bent normal is shown."""

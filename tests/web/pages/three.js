@@ -65,9 +65,10 @@ window.brush = (roughness, anisotropy) =>
 // Run a patch of docs/anisotropy.md, which knows the code TAPS.
 window.patch = (text, taps) => new Function("THREE", "TAPS", text)(THREE, taps);
 
-// The light itself, 90 degrees across, along a horizontal direction.
-window.background = async (to) => {
+// The light itself, or that of some roughness, 90 degrees across, along a horizontal direction.
+window.background = async (to, roughness = 0) => {
   scene.background = scene.environment;
+  scene.backgroundBlurriness = roughness;
   const eye = new THREE.PerspectiveCamera(90, 1, 0.1, 10);
   eye.lookAt(...to);
   const pixels = await seenBy(eye);
