@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.export.blocks import astc, bc6h, uastc_ends, uastc_fields
+from shrm_cli.export.blocks import astc, bc6h, uastc, uastc_ends, uastc_fields
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
 from shrm_cli.export.blocks.formats import ALL, BLOCKS
+from shrm_cli.export.blocks.lamps import nearest, refined
+from shrm_cli.export.blocks.lines import Texels, line
 from shrm_cli.export.dds import dds_cube, dds_image
 from shrm_cli.export.decode import decoded
 from shrm_cli.export.engine import Light, engine
@@ -162,6 +164,42 @@ def test_a_lamp_keeps_its_energy(rng, name):
     faces[2] += 1e4 * np.clip(2.8 - distance, 0, 1)[..., None] * [1, 0.8, 0.5]
     found = loss("", faces, decoded(encoded(faces, BLOCKS[name], "")[0], BLOCKS[name], 6, 64))
     assert 0 < found.lamp < 0.02
+
+
+@pytest.mark.parametrize("name", ["bc6h", "uastc"])
+def test_the_blocks_of_lamps_are_searched_for_longer(rng, name):
+    """Lamps that fall off by a thousand: their texels are nearer than without the search."""
+    faces = np.exp(rng.normal(0, 0.3, (6, 16, 16, 3)))
+    for face, middle in zip(faces, rng.uniform(4, 12, (6, 2)), strict=True):
+        distance = np.hypot(*np.meshgrid(np.arange(16) - middle[0], np.arange(16) - middle[1]))
+        face += 2e4 * np.exp(-((distance / 1.3) ** 2))[..., None] * [1, 0.8, 0.5]
+    coder = {"bc6h": bc6h, "uastc": uastc}[name]
+    blocks = faces.reshape(24, 4, 4, 4, 3).transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
+    plain = coder.encoded(blocks)
+    off = [
+        loss("", faces, decoded(data.tobytes(), BLOCKS[name], 6, 16)).rms
+        for data in (plain.data, BLOCKS[name].pack(faces))
+    ]
+    assert off[1] < 0.9 * off[0]
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+def test_refined_ends_are_nearer_to_the_light(rng, lines):
+    """Gauss and Newton's steps against what any other ends near them reach."""
+    light = np.exp(rng.uniform(0, 8, (3, 16, 200)))
+    texels = Texels.of(light, bc6h.SPACE)
+    members = np.arange(16)[:, None] < 16 // lines + 0 * np.arange(200)
+
+    def left(ends):
+        at = nearest(texels, ends, 8) / np.float32(7)
+        found = bc6h.SPACE.light(ends[0][:, None] + at * (ends[1] - ends[0])[:, None])
+        return (((found - texels.light) ** 2).sum(axis=0) * members).sum(axis=0)
+
+    start = np.stack(line(texels, members, 8))
+    ends = refined(texels, members, start, 8, 0.0)
+    assert np.median(left(ends) / left(start)) < 0.8
+    others = [left(ends + rng.normal(0, 300, ends.shape).astype(np.float32)) for _ in range(20)]
+    assert np.mean(left(ends) <= np.median(others, axis=0)) > 0.9
 
 
 def test_black_and_the_brightest_light_are_blocks_as_well():

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, Mode, pack
+from shrm_cli.export.blocks.lamps import STARTS, Found, light_error, nearest, refined
 from shrm_cli.export.blocks.lines import (
     Floats,
     Space,
@@ -26,17 +27,20 @@ from shrm_cli.export.blocks.lines import (
     Whole,
     along,
     balanced,
+    between,
     is_steep,
     line,
     scaled,
     squared_error,
-)  # fmt: skip
-from shrm_cli.records import record
+    steps,
+)
 
 LARGEST = 65504.0
 """The largest value of a texel."""
 _TRIES = 2
 """Partitions that are tried for each block that gets two lines."""
+_MANY = 16
+"""Partitions that are tried for a lamp."""
 _FINE = 0.002**2
 """Where the squared relative error of one line is smaller, two are not tried."""
 
@@ -55,31 +59,31 @@ SPACE = Space(_numbers, _light, 1024 * 64 / 31)
 """The bits of half floats, 31/64 of what is interpolated."""
 
 
-@record
-class _Found:
-    """Blocks that are ready: the bytes, and the error of each, shape (n, 16) and (n,)."""
-
-    data: NDArray[np.uint8]
-    error: Floats
-
-
-def encoded(blocks: Array) -> NDArray[np.uint8]:
-    """Return blocks of shape (3, 16, n) as bytes, shape (n, 16)."""
+def encoded(blocks: Array) -> Found:
+    """Return blocks of shape (3, 16, n), encoded."""
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
-    whole = np.zeros(blocks.shape[-1], dtype=np.int64)
-    found = _with_lines(texels, whole, 1)
+    found = _with_lines(texels, np.zeros(blocks.shape[-1], dtype=np.int64), 1)
     coarse = np.flatnonzero(found.error > _FINE)
     if coarse.size:
         harder = texels[coarse]
-        for partition in _partitions(harder):
-            tried = _with_lines(harder, partition, 2)
-            better = tried.error < found.error[coarse]
-            found.data[coarse[better]] = tried.data[better]
-            found.error[coarse[better]] = tried.error[better]
-    return found.data
+        for partition in _partitions(harder, _TRIES):
+            found.replace(coarse, _with_lines(harder, partition, 2))
+    return Found(found.data, found.error * texels.scale)
 
 
-def _partitions(texels: Texels) -> Iterator[Whole]:
+def searched(blocks: Array) -> Found:
+    """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
+    texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
+    every = np.arange(blocks.shape[-1])
+    found = Found(np.empty((every.size, 16), np.uint8), np.full(every.size, np.float32(np.inf)))
+    ways = [(np.zeros_like(every), 1), *((each, 2) for each in _partitions(texels, _MANY))]
+    for partition, lines in ways:
+        for start in STARTS:
+            found.replace(every, _with_lines(texels, partition, lines, start))
+    return found
+
+
+def _partitions(texels: Texels, tries: int) -> Iterator[Whole]:
     """Yield for each block the partitions whose two lines should fit best, the best first."""
     weight, _, values = scaled(texels)
     values = values - values.mean(axis=1, keepdims=True)
@@ -91,8 +95,8 @@ def _partitions(texels: Texels) -> Iterator[Whole]:
     second = np.matmul(PARTITIONS.astype(np.float32), terms)  # shape (10, 32, n)
     total = terms.sum(axis=1)[:, None]
     cost = _beside_a_line(second) + _beside_a_line(total - second)
-    order = np.argpartition(cost, range(_TRIES), axis=0)
-    yield from order[:_TRIES].astype(np.int64)
+    order = np.argpartition(cost, range(tries), axis=0)
+    yield from order[:tries].astype(np.int64)
 
 
 def _beside_a_line(sums: Floats) -> Floats:
@@ -110,41 +114,36 @@ def _beside_a_line(sums: Floats) -> Floats:
     return np.maximum(minors, 0) / trace + trace / np.float32(49)
 
 
-def _with_lines(texels: Texels, partition: Whole, lines: int) -> _Found:
-    """Return blocks of one or two lines."""
+def _with_lines(texels: Texels, partition: Whole, lines: int, start: float | None = None) -> Found:
+    """Return blocks of one or two lines; with a start as `lamps.refined` has it, by light."""
     count = 16 if lines == 1 else 8
     every = np.arange(len(partition))
-    if lines == 1:
-        sets = [np.ones((16, len(partition)), dtype=bool)]
-        anchors = [np.zeros_like(partition)]
-    else:
-        second = PARTITIONS[partition].T
-        sets, anchors = [~second, second], [np.zeros_like(partition), ANCHORS[partition]]
+    second = PARTITIONS[partition].T & (lines == 2)
+    sets, anchors = [~second, second][:lines], [np.zeros_like(partition), ANCHORS[partition]]
     ends = []
-    for members, anchor in zip(sets, anchors, strict=True):
-        first, last = line(texels, members, count)
+    for members, anchor in zip(sets, anchors, strict=False):
+        fitted = np.stack(line(texels, members, count))
+        if start is not None:
+            fitted = refined(texels, members, fitted, count, start)
         # The number of the anchor has no highest bit, so it lies in the first half of its line.
-        at = along(texels.chosen(anchor), first, last)
-        is_late = at > 0.5
-        ends += [np.where(is_late, last, first), np.where(is_late, first, last)]
-    written, mode = _written(np.stack(ends), lines)
+        is_late = along(texels.chosen(anchor), *fitted) > 0.5
+        ends.append(np.where(is_late, fitted[::-1], fitted))
+    written, mode = _written(np.concatenate(ends), lines)
     whole = _unquantized(written, mode)
-    indices = np.zeros((16, len(partition)), dtype=np.int64)
-    for k, (members, anchor) in enumerate(zip(sets, anchors, strict=True)):
-        at = along(texels, whole[2 * k, :, None], whole[2 * k + 1, :, None])
-        near = np.rint(np.clip(at, 0, 1) * (count - 1)).astype(np.int64)
-        near[anchor, every] = np.minimum(near[anchor, every], count // 2 - 1)
-        indices = np.where(members, near, indices)
-    on_second = np.zeros_like(indices, dtype=bool) if lines == 1 else sets[1]
+    near = steps if start is None else nearest
+    indices = near(texels, whole[:2], count)
+    if lines == 2:
+        indices = np.where(second, near(texels, whole[2:], count), indices)
     bright = np.flatnonzero(is_steep(texels))
     if bright.size:
         indices[:, bright] = balanced(
-            texels[bright], whole[..., bright], indices[:, bright], on_second[:, bright], count
+            texels[bright], whole[..., bright], indices[:, bright], second[:, bright], count
         )
-        for anchor in anchors:
-            indices[anchor, every] = np.minimum(indices[anchor, every], count // 2 - 1)
-    error = squared_error(texels, whole, indices, sets, count)
-    return _Found(_packed(written, mode, indices, partition), error)
+    for anchor in anchors[:lines]:
+        indices[anchor, every] = np.minimum(indices[anchor, every], count // 2 - 1)
+    found = between(whole, indices, second, count)
+    error = squared_error if start is None else light_error
+    return Found(_packed(written, mode, indices, partition), error(texels, found))
 
 
 def one_line(ends: Array, indices: Whole) -> NDArray[np.uint8]:

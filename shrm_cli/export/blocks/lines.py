@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.records import record
 
+_MOVES = 4
+
 Floats = NDArray[np.float32]
 Members = NDArray[np.bool_]
 Whole = NDArray[np.int64]
@@ -47,6 +49,7 @@ class Texels:
     """
 
     space: Space
+    light: Floats
     values: Floats
     weights: Floats
 
@@ -59,15 +62,27 @@ class Texels:
         importance = (norm / norm.mean(axis=0)) ** 2
         relative = (light / norm) ** 2 + np.float32(1e-5)
         weights = relative * importance * np.float32((np.log(2) / space.octave) ** 2 / 16)
-        return cls(space, space.numbers(light), weights)
+        return cls(space, light, space.numbers(light), weights)
+
+    @property
+    def scale(self) -> Floats:
+        """What weighted errors are multiplied with to be those of light, about: shape (n,)."""
+        norm: Floats = np.sqrt((self.light * self.light).sum(axis=0)).mean(axis=0)
+        return 16 * norm**2
 
     def chosen(self, texel: Whole) -> "Texels":
         """Return one texel of each block."""
         every = np.arange(len(texel))
-        return Texels(self.space, self.values[:, texel, every], self.weights[:, texel, every])
+        light, values, weights = (
+            each[:, texel, every] for each in (self.light, self.values, self.weights)
+        )
+        return Texels(self.space, light, values, weights)
 
     def __getitem__(self, which: Whole) -> "Texels":
-        return Texels(self.space, self.values[..., which], self.weights[..., which])
+        light, values, weights = (
+            each[..., which] for each in (self.light, self.values, self.weights)
+        )
+        return Texels(self.space, light, values, weights)
 
 
 def scaled(texels: Texels) -> tuple[Floats, Floats, Floats]:
@@ -132,6 +147,12 @@ def along(texels: Texels, first: Floats, last: Floats) -> Floats:
     return ((texels.values - first) * weighted).sum(axis=0) / np.maximum(length, np.float32(1e-20))
 
 
+def steps(texels: Texels, ends: Floats, count: int) -> Whole:
+    """Return the steps of a line that lie nearest to texels, for ends of shape (2, 3, n)."""
+    at = along(texels, ends[0][:, None], ends[1][:, None])
+    return np.rint(np.clip(at, 0, 1) * (count - 1)).astype(np.int64)
+
+
 def is_steep(texels: Texels) -> NDArray[np.bool_]:
     """Tell which blocks hold the edge of a lamp: their light differs by a factor of 8 and more."""
     green = texels.values[1]
@@ -139,39 +160,40 @@ def is_steep(texels: Texels) -> NDArray[np.bool_]:
 
 
 def balanced(texels: Texels, ends: Floats, indices: Whole, on_second: Members, count: int) -> Whole:
-    """Return the numbers of texels, some moved by one so that blocks keep their energy.
+    """Return the steps of texels, some moved by one so that blocks keep their light and energy.
 
     The steps of a steep line are coarse, and what its bright texels lose to rounding is a part of
     a lamp. Of all moves by one, the one is taken that leaves the least.
     """
-    wanted = texels.space.light(texels.values).sum(axis=(0, 1))
-    first = np.where(on_second, ends[-2][:, None], ends[0][:, None])
-    last = np.where(on_second, ends[-1][:, None], ends[1][:, None])
 
-    def energy(at: Whole) -> Floats:
-        part = at.astype(np.float32) / np.float32(count - 1)
-        return texels.space.light(first + part * (last - first)).sum(axis=0)
+    def off(at: Whole) -> Floats:
+        return texels.space.light(between(ends, at, on_second, count)) - texels.light
 
     every = np.arange(indices.shape[-1])
-    for _ in range(2):
-        now = energy(indices)
+    for _ in range(_MOVES):
         moved = [np.clip(indices + step, 0, count - 1) for step in (0, -1, 1)]
-        left = np.abs(now.sum(axis=0) - wanted + np.stack([energy(at) - now for at in moved]))
-        best = left.reshape(-1, left.shape[-1]).argmin(axis=0)
+        here, *others = (off(at) for at in moved)
+        whole = here.sum(axis=1, keepdims=True)
+        added = []  # by each move to the squared errors of texels and of the energy
+        for each in (here, *others):
+            change = each**2 - here**2 + (whole + each - here) ** 2 - whole**2
+            added.append(change.sum(axis=0))
+        best = np.stack(added).reshape(-1, every.size).argmin(axis=0)
         step, texel = best // 16, best % 16
         indices = indices.copy()
         indices[texel, every] = np.stack(moved)[step, texel, every]
     return indices
 
 
-def squared_error(
-    texels: Texels, ends: Floats, indices: Whole, sets: list[Members], count: int
-) -> Floats:
-    """Return the weighted squared error of blocks: shape (n,)."""
-    at = indices.astype(np.float32) / np.float32(count - 1)
-    total = np.zeros(indices.shape[-1], dtype=np.float32)
-    for k, members in enumerate(sets):
-        first, last = ends[2 * k, :, None], ends[2 * k + 1, :, None]
-        off = first + at * (last - first) - texels.values
-        total += (off * off * texels.weights * members).sum(axis=(0, 1))
-    return total
+def squared_error(texels: Texels, values: Floats) -> Floats:
+    """Return the weighted squared error of blocks that read as values: shape (n,)."""
+    error: Floats = ((values - texels.values) ** 2 * texels.weights).sum(axis=(0, 1))
+    return error
+
+
+def between(ends: Floats, indices: Whole, on_second: Members, count: int) -> Floats:
+    """Return the values of texels by their steps: ends of one line or two, shape (2 or 4, 3, n)."""
+    first = np.where(on_second, ends[-2][:, None], ends[0][:, None])
+    last = np.where(on_second, ends[-1][:, None], ends[1][:, None])
+    values: Floats = first + indices.astype(np.float32) / np.float32(count - 1) * (last - first)
+    return values

@@ -16,15 +16,18 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.export.blocks import bc6h
+from shrm_cli.export.blocks.lamps import STARTS, Found, light_error, nearest, refined
 from shrm_cli.export.blocks.lines import (
     Floats,
     Space,
     Texels,
-    along,
     balanced,
+    between,
     is_steep,
     line,
-)  # fmt: skip
+    squared_error,
+    steps,
+)
 from shrm_cli.export.blocks.uastc_ends import read, written
 from shrm_cli.export.blocks.uastc_fields import pack, unpack
 
@@ -65,22 +68,41 @@ def _halves(numbers: Floats) -> NDArray[np.uint16]:
 SPACE = Space(_numbers, _light, 2048)
 
 
-def encoded(blocks: Array) -> NDArray[np.uint8]:
-    """Return blocks of shape (3, 16, n) as bytes, shape (n, 16)."""
+def encoded(blocks: Array) -> Found:
+    """Return blocks of shape (3, 16, n), encoded."""
     texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
-    ends = np.stack(line(texels, np.ones((16, blocks.shape[-1]), dtype=bool), _STEPS))
+    found = _with_line(texels, None)
+    return Found(found.data, found.error * texels.scale)
+
+
+def searched(blocks: Array) -> Found:
+    """Return blocks of shape (3, 16, n) encoded as well as may be, which takes its time."""
+    texels = Texels.of(np.minimum(blocks, LARGEST), SPACE)
+    every = np.arange(blocks.shape[-1])
+    found = _with_line(texels, STARTS[0])
+    for start in STARTS[1:]:
+        found.replace(every, _with_line(texels, start))
+    return found
+
+
+def _with_line(texels: Texels, start: float | None) -> Found:
+    """Return blocks; with a start as `lamps.refined` has it, by light."""
+    whole = np.ones(texels.light.shape[1:], dtype=bool)
+    ends = np.stack(line(texels, whole, _STEPS))
+    if start is not None:
+        ends = refined(texels, whole, ends, _STEPS, start)
     is_turned = ends[0].max(axis=0) > ends[1].max(axis=0)
     numbers = written(np.where(is_turned, ends[::-1], ends), texels.weights.sum(axis=1))
     found = (16 * read(numbers)).astype(np.float32)
-    at = along(texels, found[0][:, None], found[1][:, None])
-    indices = np.rint(np.clip(at, 0, 1) * (_STEPS - 1)).astype(np.int64)
+    indices = (steps if start is None else nearest)(texels, found, _STEPS)
     bright = np.flatnonzero(is_steep(texels))
     if bright.size:
-        on_second = np.zeros((16, bright.size), dtype=bool)
         indices[:, bright] = balanced(
-            texels[bright], found[..., bright], indices[:, bright], on_second, _STEPS
+            texels[bright], found[..., bright], indices[:, bright], ~whole[:, bright], _STEPS
         )
-    return pack(numbers, indices)
+    values = between(found, indices, ~whole, _STEPS)
+    error = squared_error if start is None else light_error
+    return Found(pack(numbers, indices), error(texels, values))
 
 
 def to_bc6h(data: bytes) -> bytes:
