@@ -101,7 +101,7 @@ ENGINES: dict[str, str] = {
 """Each engine that light is exported for, and its module of `shrm_cli.export.engines`."""
 
 TEXEL_FORMATS: tuple[str, ...] = (
-    "auto", "r11g11b10", "rgb9e5", "rgba16f", "bc6h", "astc4x4", "astc6x6"
+    "auto", "r11g11b10", "rgb9e5", "rgba16f", "bc6h", "uastc", "astc4x4", "astc6x6"
 )  # fmt: skip
 """The texels of exported cubes, as `shrm_cli.export.pixels` and `shrm_cli.export.blocks` write
 them; auto is the smallest that keeps the error."""

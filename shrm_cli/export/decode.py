@@ -1,12 +1,13 @@
 """From packed texels back to light, by other code than what packs them.
 
-Of BC6H this is OpenImageIO, of ASTC Arm's decoder.
+Of BC6H this is OpenImageIO, of ASTC Arm's decoder. UASTC HDR is rewritten as BC6H first, which has
+coarser ends.
 """
 
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.blocks import astc
+from shrm_cli.export.blocks import astc, uastc
 from shrm_cli.export.dds import dds_image
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.files.image_bytes import image_of
@@ -26,7 +27,8 @@ def decoded(data: bytes, texels: TexelFormat, count: int, size: int) -> Array:
     -------
     ndarray, shape (count, size, size, 3)
     """
-    if texels.name == "bc6h":
+    if texels.name in ("bc6h", "uastc"):
+        data = uastc.to_bc6h(data) if texels.name == "uastc" else data
         image = image_of(dds_image(data, count * size, size), ".dds")
         return image.reshape(count, size, size, 3)
     if texels.edge > 1:

@@ -141,6 +141,9 @@ class Engine(ABC):
     formats : tuple of str
         The names of the texel formats that it reads, the default first; empty where there is no
         choice.
+    auto : tuple of str
+        Those of its formats that ``auto`` chooses from, the smallest first: what every machine
+        that it runs on reads, which for desktops is not ASTC.
     mapping : {"linear", "filament"}, optional
         The `shrm_cli.maps.splitsum.roughness` law of its levels; None for a law of its own.
     least : int
@@ -160,6 +163,7 @@ class Engine(ABC):
     title: ClassVar[str]
     default_size: ClassVar[int] = 256
     formats: ClassVar[tuple[str, ...]] = ()
+    auto: ClassVar[tuple[str, ...]] = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
     mapping: ClassVar[LevelMapping | None] = None
     lobes: ClassVar[tuple[str, ...]] = ("ggx",)
     least: ClassVar[int] = 1

@@ -89,11 +89,13 @@ _VULKAN: dict[str, tuple[int, int, tuple[_Sample, ...]]] = {
     ),
     "rgb9e5": (123, 4, (*_shared(_RED, 0), *_shared(_GREEN, 9), *_shared(_BLUE, 18))),
     "bc6h": (143, 1, (_Sample(_FLOAT, 0, 128, 0, _ONE),)),
+    # ASTC, whose colour model says that it is rewritten as BC6H at once.
+    "uastc": (1000066000, 1, (_Sample(_FLOAT, 0, 128, 0, _ONE),)),
     "astc4x4": (1000066000, 1, (_float(0, 0, 128),)),
     "astc6x6": (1000066004, 1, (_float(0, 0, 128),)),
 }  # fmt: skip
 _RGBSDA = 1
-_MODELS = {"bc6h": 133, "astc4x4": 162, "astc6x6": 162}
+_MODELS = {"bc6h": 133, "uastc": 167, "astc4x4": 162, "astc6x6": 162}
 """The descriptor's colour models; of texels without blocks it is `_RGBSDA`."""
 
 

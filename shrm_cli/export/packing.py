@@ -6,8 +6,6 @@ from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.loss import Loss
 
-AUTO = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
-"""What ``auto`` chooses from, the smallest first: what every desktop reads, and so not ASTC."""
 MAX_ERROR = 0.03
 """The error that ``auto`` keeps where none is given."""
 
@@ -35,7 +33,7 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
         If the format, or all of those that ``auto`` chooses from, change the light by more.
     """
     limit = MAX_ERROR if name == "auto" and max_error is None else max_error
-    names = [each for each in AUTO if each in engine.formats]
+    names = [each for each in engine.auto if each in engine.formats]
     if name != "auto":
         names = [name or (engine.formats or ("rgba16f",))[0]]
     passed: list[str] = []

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import ArgumentError
-from shrm_cli.export.blocks import bc6h
+from shrm_cli.export.blocks import astc, bc6h, uastc, uastc_ends, uastc_fields
 from shrm_cli.export.blocks.bc6h_modes import ANCHORS, MODES, PARTITIONS, pack
 from shrm_cli.export.blocks.formats import ALL, BLOCKS
+from shrm_cli.export.blocks.lamps import nearest, refined
+from shrm_cli.export.blocks.lines import Texels, line
 from shrm_cli.export.dds import dds_cube, dds_image
 from shrm_cli.export.decode import decoded
 from shrm_cli.export.engine import Light, engine
@@ -67,6 +69,63 @@ def test_random_blocks_read_as_their_numbers_say(rng, mode):
                 assert found[block, texel, channel] == value
 
 
+def random_uastc(rng):
+    """Return random ends of every way to write them, and where texels lie between them."""
+    there = np.unique(uastc_fields.NEAR[8])
+    numbers = there[rng.integers(0, len(there), (6, 40000))]
+    numbers = numbers[:, (uastc_ends.read(numbers) <= 3967).all(axis=(0, 1))]
+    assert numbers.shape[1] > 10000
+    return numbers, rng.integers(0, 16, (16, numbers.shape[1]))
+
+
+def test_arm_reads_the_blocks_of_uastc(rng):
+    """All ways to write ends: what Arm's decoder makes of the bits, to the last bit."""
+    pytest.importorskip("astc_encoder", reason="the extra astc is not installed")
+    numbers, indices = random_uastc(rng)
+    data = uastc_fields.pack(numbers, indices)
+    found = astc.decode(data.tobytes(), 4 * len(data), 4, 4).reshape(-1, 16, 3)
+    first, last = (16 * uastc_ends.read(numbers)).transpose(0, 2, 1)[:, :, None]
+    weight = np.array([0, 4, 8, 12, 17, 21, 25, 29, 35, 39, 43, 47, 52, 56, 60, 64])[indices.T]
+    numbers = (first * (64 - weight[..., None]) + last * weight[..., None] + 32) >> 6
+    low = numbers & 2047
+    mantissa = np.select([low < 512, low < 1536], [3 * low, 4 * low - 512], 5 * low - 2048) >> 3
+    light = np.where(
+        numbers >> 11 == 0,
+        np.ldexp(mantissa, -24),
+        np.ldexp(1024.0 + mantissa, (numbers >> 11) - 25),
+    )
+    assert (found == light).all()
+
+
+def test_the_fields_of_uastc_are_read_again(rng):
+    numbers, indices = random_uastc(rng)
+    found = uastc_fields.unpack(uastc_fields.pack(numbers, indices))
+    assert (found[0] == numbers).all()
+    assert (found[1] == indices).all()
+
+
+@pytest.mark.parametrize("octaves", [0.05, 0.5, 2, 5, 9])
+def test_ends_of_uastc_lie_within_their_steps(rng, octaves):
+    """The further apart the ends, the coarser: by Binomial's bits, which leave a third more."""
+    ends = rng.uniform(9 * 2048, 20 * 2048, (1, 3, 5000)).repeat(2, axis=0)
+    ends[0] -= rng.uniform(0, octaves * 2048, ends[0].shape)
+    found = 16 * uastc_ends.read(uastc_ends.written(ends, np.ones((3, 5000))))
+    off = np.sqrt(((found - ends) ** 2).mean(axis=(0, 1)))
+    assert off.max() < 512
+    assert np.median(off) < 512 / 3
+
+
+def test_uastc_as_bc6h_is_the_same_light_almost(rng):
+    """OpenImageIO and Arm's decoder; BC6H interpolates 1 + f where ASTC has nearly 2^f, at most
+    6.2 % less, and its ends are coarser."""
+    pytest.importorskip("astc_encoder", reason="the extra astc is not installed")
+    faces = smooth(48)
+    data, _ = encoded(faces, BLOCKS["uastc"], "")
+    pictures = [decoded(data, BLOCKS[name], 6, 48) for name in ("uastc", "astc4x4")]
+    assert 0 < np.abs(pictures[0] / pictures[1] - 1).max() < 0.08
+    assert np.median(np.abs(pictures[0] / pictures[1] - 1)) < 0.01
+
+
 @pytest.mark.parametrize("name", BLOCKS)
 def test_smooth_light_is_kept(name):
     needs(name)
@@ -87,20 +146,60 @@ def test_faces_and_rows_keep_their_places(name):
     assert np.abs(found / faces - 1).max(where=faces > 24 * 24, initial=0) < 0.03
 
 
-def test_a_constant_is_kept_to_a_half_float_s_last_bits(rng):
-    colors = np.exp2(rng.uniform(-12, 15.9, (6, 1, 1, 3)))
+@pytest.mark.parametrize(("name", "octaves", "most"), [("bc6h", 28, 1.5e-3), ("uastc", 1, 0.01)])
+def test_a_constant_is_kept_to_the_last_bits(rng, name, octaves, most):
+    """Channels of UASTC that are further apart are coarser."""
+    exponents = rng.uniform(-12, 15.9 - octaves, (6, 1, 1, 1)) if octaves < 20 else -12
+    colors = np.exp2(exponents + rng.uniform(0, min(octaves, 27.9), (6, 1, 1, 3)))
     faces = np.broadcast_to(colors, (6, 8, 8, 3))
-    found = decoded(encoded(faces, BLOCKS["bc6h"], "")[0], BLOCKS["bc6h"], 6, 8)
-    assert np.abs(found / faces - 1).max() < 1.5e-3
+    found = decoded(encoded(faces, BLOCKS[name], "")[0], BLOCKS[name], 6, 8)
+    assert np.abs(found / faces - 1).max() < most
 
 
-def test_a_lamp_keeps_its_energy(rng):
+@pytest.mark.parametrize("name", ["bc6h", "uastc"])
+def test_a_lamp_keeps_its_energy(rng, name):
     """A disc of a few texels, 10 000 times as bright as the noise around it."""
     faces = np.exp(rng.normal(0, 0.3, (6, 64, 64, 3)))
     distance = np.hypot(*np.meshgrid(np.arange(64) - 30.3, np.arange(64) - 33.6))
     faces[2] += 1e4 * np.clip(2.8 - distance, 0, 1)[..., None] * [1, 0.8, 0.5]
-    found = loss("", faces, decoded(encoded(faces, BLOCKS["bc6h"], "")[0], BLOCKS["bc6h"], 6, 64))
+    found = loss("", faces, decoded(encoded(faces, BLOCKS[name], "")[0], BLOCKS[name], 6, 64))
     assert 0 < found.lamp < 0.02
+
+
+@pytest.mark.parametrize("name", ["bc6h", "uastc"])
+def test_the_blocks_of_lamps_are_searched_for_longer(rng, name):
+    """Lamps that fall off by a thousand: their texels are nearer than without the search."""
+    faces = np.exp(rng.normal(0, 0.3, (6, 16, 16, 3)))
+    for face, middle in zip(faces, rng.uniform(4, 12, (6, 2)), strict=True):
+        distance = np.hypot(*np.meshgrid(np.arange(16) - middle[0], np.arange(16) - middle[1]))
+        face += 2e4 * np.exp(-((distance / 1.3) ** 2))[..., None] * [1, 0.8, 0.5]
+    coder = {"bc6h": bc6h, "uastc": uastc}[name]
+    blocks = faces.reshape(24, 4, 4, 4, 3).transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
+    plain = coder.encoded(blocks)
+    off = [
+        loss("", faces, decoded(data.tobytes(), BLOCKS[name], 6, 16)).rms
+        for data in (plain.data, BLOCKS[name].pack(faces))
+    ]
+    assert off[1] < 0.9 * off[0]
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+def test_refined_ends_are_nearer_to_the_light(rng, lines):
+    """Gauss and Newton's steps against what any other ends near them reach."""
+    light = np.exp(rng.uniform(0, 8, (3, 16, 200)))
+    texels = Texels.of(light, bc6h.SPACE)
+    members = np.arange(16)[:, None] < 16 // lines + 0 * np.arange(200)
+
+    def left(ends):
+        at = nearest(texels, ends, 8) / np.float32(7)
+        found = bc6h.SPACE.light(ends[0][:, None] + at * (ends[1] - ends[0])[:, None])
+        return (((found - texels.light) ** 2).sum(axis=0) * members).sum(axis=0)
+
+    start = np.stack(line(texels, members, 8))
+    ends = refined(texels, members, start, 8, 0.0)
+    assert np.median(left(ends) / left(start)) < 0.8
+    others = [left(ends + rng.normal(0, 300, ends.shape).astype(np.float32)) for _ in range(20)]
+    assert np.mean(left(ends) <= np.median(others, axis=0)) > 0.9
 
 
 def test_black_and_the_brightest_light_are_blocks_as_well():
@@ -126,7 +225,8 @@ def test_plain_texels_are_read_again(rng, name):
 def test_ktx2_tells_of_blocks(name, compress):
     """Numbers of Vulkan and of the Khronos Data Format Specification 1.3, tables 20 and 23."""
     size, number, model, lower = {
-        "bc6h": (4, 143, 133, 0), "astc4x4": (4, 1000066000, 162, 0xBF800000),
+        "bc6h": (4, 143, 133, 0), "uastc": (4, 1000066000, 167, 0),
+        "astc4x4": (4, 1000066000, 162, 0xBF800000),
         "astc6x6": (6, 1000066004, 162, 0xBF800000),
     }[name]  # fmt: skip
     levels = [bytes([k + 1]) * (6 * 16 * -((-edge // size) ** 2)) for k, edge in enumerate((16, 8))]
@@ -136,7 +236,7 @@ def test_ktx2_tells_of_blocks(name, compress):
     assert struct.unpack_from("<IIHH", data, at) == (length, 0, 2, 40)
     assert data[at + 12] == model
     assert data[at + 16 : at + 28] == bytes([size - 1, size - 1, 0, 0, 16, *[0] * 7])
-    channel = 0x80 if name == "bc6h" else 0xC0
+    channel = 0x80 if name in ("bc6h", "uastc") else 0xC0
     sample = struct.unpack_from("<HBBIII", data, at + 28)
     assert sample == (0, 127, channel, 0, lower, 0x3F800000)
     for k, level in enumerate(levels):

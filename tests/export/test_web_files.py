@@ -10,6 +10,7 @@ import pytest
 
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.export import engine as engines
+from shrm_cli.export.blocks.formats import ALL
 from shrm_cli.export.engines.coefficients import coefficients_json
 from shrm_cli.export.harmonics import babylon, ext_lights_image_based
 from shrm_cli.export.make import Asked, Source, gather
@@ -19,6 +20,7 @@ from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.sphere.grid.cube import Cube
 from tests.brute_force import unit
+from tests.cli.helpers import ROOT
 from tests.export.readers import look_up, read_ktx2
 from tests.web.ball import lambert
 
@@ -236,6 +238,17 @@ def test_three_has_a_cube_coefficients_and_a_loader(probe, tmp_path):
     # The last is E / pi, but for the width of its texels and for degrees above 2.
     found = look_up(mips[-1], directions * [-1, 1, 1])
     assert np.allclose(found, lambert(light.nine(), directions), rtol=0.06)
+
+
+def test_three_loads_uastc_by_itself(probe, tmp_path):
+    """What the README says is what tests/web/pages/three.js does, in three.js itself."""
+    _, package = packed("three", probe, texels=ALL["uastc"])
+    assert set(contents(package, tmp_path)) == {"light.ktx2", "light_sh.json"}
+    page = (ROOT / "tests" / "web" / "pages" / "three.js").read_text()
+    assert package.loading[0] in page
+    assert package.loading[2] == 'scene.environment = await loader.loadAsync("light.ktx2");'
+    for line in (package.loading[2].replace('"light.ktx2"', "url"), package.loading[3]):
+        assert line in page
 
 
 # ---- DDS -----------------------------------------------------------------------------------------

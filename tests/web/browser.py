@@ -88,7 +88,8 @@ def bundle(script, target, *flags):
     """Write a module with all that it imports as one classic script; flags are esbuild's."""
     esbuild = MODULES / "esbuild" / "bin" / "esbuild"
     command = [os.fspath(esbuild), os.fspath(script), "--bundle", "--format=iife",
-               "--log-level=error", f"--outfile={target}", *flags]  # fmt: skip
+               "--log-level=error", "--define:import.meta.url=document.baseURI",
+               f"--outfile={target}", *flags]  # fmt: skip
     subprocess.run(command, check=True, env={**os.environ, "NODE_PATH": os.fspath(MODULES)})
 
 

@@ -13,7 +13,9 @@ from tests.web import ball, proofs, viewer
 from tests.web.browser import Page
 from tests.web.glb import ball_file
 
-ENGINES = ("three", "babylon", "filament", "gltf-sample-viewer")
+STOCK = {"three-webgl": "webgl", "three-webgpu": "webgpu"}
+"""three.js' own loader, under both of its renderers."""
+ENGINES = ("three", *STOCK, "babylon", "filament", "gltf-sample-viewer")
 AROUND = {"+X": (1, 0, 0), "-X": (-1, 0, 0), "+Z": (0, 0, 1), "-Z": (0, 0, -1)}
 _AXES = {**AROUND, "+Y": (0, 1, 0), "-Y": (0, -1, 0)}
 _TOPS = {"+Y": (0, 0, -1), "-Y": (0, 0, 1)}
@@ -65,6 +67,14 @@ def seen_around(browser, folder, address, name, probe, size=64, pixels=_SIDE):
             found[each] = page.call("background", "light_skybox.ktx", to)
         page.close()
         return {each: _of_bytes(text, pixels) for each, text in found.items()}
+    elif name in STOCK:
+        proofs.exported(folder / "three", "three", probe, size, "uastc")
+        proofs.prepare_three(folder, STOCK[name])
+        page = Page(browser, address, f"{STOCK[name]}.bundle.js")
+        page.call("start", pixels, proofs.VIEW)
+        page.call("stock", f"{address}/three/light.ktx2", f"{address}/basis/")
+        found = {"mirror": page.call("shade", 0.0)}
+        found |= {each: page.call("background", to) for each, to in AROUND.items()}
     else:
         proofs.exported(folder / name, name, probe, size)
         proofs.prepare(folder, name)

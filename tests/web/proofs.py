@@ -20,8 +20,10 @@ from shrm_cli.export.engine import engine
 from shrm_cli.export.make import Asked, Source, gather
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.resample import to_grid
 from shrm_cli.reference import Reference
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
+from shrm_cli.sphere.grid.latlong import LatLong
 from shrm_cli.vocabulary import DEFAULT_TAPS
 from tests.web import ball
 from tests.web.browser import HERE, MODULES, Page, bundle
@@ -104,12 +106,32 @@ def prepare(folder, script):
     bundle(HERE / "pages" / f"{script}.js", folder / f"{script}.bundle.js")
 
 
-def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels=None):
-    """Balls in three.js."""
-    light, _ = exported(folder / "three", "three", probe, size, texels)
-    page = Page(browser, address, "three.bundle.js")
+def prepare_three(folder, build):
+    """The page of three.js with its build for WebGL or WebGPU, and the transcoder it ships."""
+    folder.mkdir(parents=True, exist_ok=True)
+    package = MODULES / "three"
+    shutil.copytree(package / "examples/jsm/libs/basis", folder / "basis", dirs_exist_ok=True)
+    shutil.copy(HERE / "pages" / "blank.html", folder / "blank.html")
+    name = {"webgl": "three.module.js", "webgpu": "three.webgpu.js"}[build]
+    bundle(
+        HERE / "pages" / "three.js", folder / f"{build}.bundle.js",
+        f"--alias:three={package}/build/{name}", f"--alias:three/addons={package}/examples/jsm",
+    )  # fmt: skip
+
+
+def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels=None, build=None):
+    """Balls in three.js; with a build of `prepare_three`, by three.js' own loader.
+
+    The facts are what packing loses of each level, and what blocks three.js' own loader made.
+    """
+    light, package = exported(folder / "three", "three", probe, size, texels)
+    page = Page(browser, address, f"{build or 'three'}.bundle.js")
     page.call("start", pixels, VIEW)
-    page.call("environment", f"{address}/three/light.ktx2")
+    loaded = None
+    if build is None:
+        page.call("environment", f"{address}/three/light.ktx2")
+    else:
+        loaded = page.call("stock", f"{address}/three/light.ktx2", f"{address}/basis/")
     normals, used, facing = shown(pixels)
     last = len(light.levels) - 1
     edge = light.levels[-1].shape[1]
@@ -139,7 +161,81 @@ def three(browser, folder, address, probe, size, roughnesses, pixels=256, texels
     )
     page.call("lightProbe", f"{address}/three/light_sh.json")
     pictures["diffuse"] = ball.decoded(page.call("shade", None), pixels), None
-    return compare("three.js", page, light, "filament", pictures, normals, used)
+    made = compare("three.js", page, light, "filament", pictures, normals, used)
+    made.facts |= {"losses": package.losses, "loaded": loaded, "light": light}
+    return made
+
+
+def three_filtered(browser, folder, address, probe, size, build, pixels=12):
+    """Light of each level's roughness from our file and from three.js' own filter.
+
+    Returns
+    -------
+    list of tuple
+        The roughness, and by ``"ours"`` and ``"three"`` the RMS differences to sums over the
+        probe's pixels: each to the lobe that it has, and ``"both"`` to each other.
+    errors : list of str
+    """
+    light, _ = exported(folder / "three", "three", probe, size)
+    page = Page(browser, address, f"{build}.bundle.js")
+    page.call("start", pixels, VIEW)
+    # three.js' panoramas have +X in the middle.
+    image = to_grid(probe, LatLong(probe.grid.size))
+    panorama = np.ones((*image.shape[:2], 4), dtype=np.float16)
+    panorama[..., :3] = np.roll(image, len(image) // 2, axis=1)
+    text = base64.b64encode(panorama.tobytes()).decode()
+    pictures = {}
+    for name, call in (
+        ("ours", ("environment", f"{address}/three/light.ktx2")),
+        ("three", ("filtered", text, panorama.shape[1])),
+    ):
+        page.call(*call)
+        pictures[name] = [
+            ball.decoded(page.call("background", (1, 0, 0), rough), pixels)
+            for rough in light.roughness
+        ]
+    s = (np.arange(pixels) + 0.5) * 2 / pixels - 1
+    column, row = np.meshgrid(s, -s)
+    rays = np.stack([np.ones_like(row), row, column], axis=-1).reshape(-1, 3)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    rows = []
+    image = to_grid(probe, LatLong(256))  # fine enough for the narrowest lobe
+    for k, rough in enumerate(light.roughness[1:], 1):
+        found = {name: each[k].reshape(-1, 3) for name, each in pictures.items()}
+        # The last level of both is E / pi.
+        shadowed = k < len(light.roughness) - 1
+        off = {
+            "ours": relative(found["ours"], lobe(image, rays, rough, shadowed)),
+            "three": relative(found["three"], lobe(image, rays, rough, False)),
+            "both": relative(found["ours"], found["three"]),
+        }
+        rows.append((rough, off))
+    errors = page.errors
+    page.close()
+    return rows, errors
+
+
+def lobe(image, directions, roughness, is_shadowed):
+    """Means of the pixels of a lat-long by GGX's lobe where normal, view and reflection are one.
+
+    Its shadowing is that of Smith; three.js has the cosine of the light in its place.
+    """
+    rows = len(image)
+    v, u = np.meshgrid(np.arange(rows) + 0.5, np.arange(2 * rows) + 0.5, indexing="ij")
+    theta, phi = np.pi * v / rows, np.pi * (1 - u / rows)
+    towards = np.stack(
+        [np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)], axis=-1
+    ).reshape(-1, 3)
+    cosine = np.clip(directions @ towards.T, 0, 1)
+    half = (1 + cosine) / 2  # the squared cosine of the microfacet's normal
+    alpha2 = roughness**4
+    weight = 1 / (half * (alpha2 - 1) + 1) ** 2 * np.sin(theta).ravel()
+    if is_shadowed:
+        root = np.sqrt(alpha2 + (1 - alpha2) * cosine**2)
+        weight = weight * 2 * cosine / np.maximum(cosine + root, 1e-9)
+    else:
+        weight = weight * cosine
+    return weight @ image.reshape(-1, 3) / weight.sum(axis=1, keepdims=True)
 
 
 def three_brushed(browser, folder, address, probe, size, surface, patch, code, pixels=192):

@@ -4,17 +4,25 @@ Where a light is mirrored along any axis, the pictures differ dozens of times as
 allow.
 """
 
+import base64
 import re
 
 import numpy as np
 import pytest
 
+from shrm_cli.export.blocks import uastc
+from shrm_cli.export.blocks.formats import ALL
+from shrm_cli.export.cubes import to_lookup
+from shrm_cli.export.engines.three import LOOKUP
+from shrm_cli.export.pixels import encoded
 from shrm_cli.maps.splitsum.brushed_shader import taps_code
 from shrm_cli.vocabulary import DEFAULT_TAPS
 from tests.cli.helpers import ROOT
 from tests.web import proofs, viewer
 
 ROUGHNESSES = (0.0, 0.2, 0.5, 1.0)
+UNSIGNED_BC6H = 36495
+"""three.js' number of the format, which is OpenGL's."""
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +60,48 @@ def test_three_reads_blocks(browser, site, probe):
     for row in proof.rows:
         assert row.rms < 0.02, row
         assert row.turned > 10, row
+
+
+@pytest.mark.parametrize("build", ["webgl", "webgpu"])
+def test_three_s_own_loader(browser, site, probe, build):
+    """UASTC HDR, which its transcoder makes BC6H of, under both of its renderers.
+
+    The blocks are those that our losses are measured with; the picture is as far from that of the
+    light before it was packed as these losses say, besides what any texels are.
+    """
+    folder, address = site
+    proofs.prepare_three(folder, build)
+    proof = proofs.three(
+        browser, folder, address, probe, 64, ROUGHNESSES, 192, "uastc", build=build
+    )
+    assert not proof.errors
+    assert proof.facts["loaded"]["format"] == UNSIGNED_BC6H
+    levels = [to_lookup(level, LOOKUP) for level in proof.facts["light"].levels]
+    for k, level in enumerate(levels):
+        ours = uastc.to_bc6h(encoded(level, ALL["uastc"], "")[0])
+        found = [base64.b64decode(face[k]) for face in proof.facts["loaded"]["blocks"]]
+        assert b"".join(found) == ours
+    lost = max(each.rms for each in proof.facts["losses"])
+    assert lost < 0.05
+    for row in proof.rows:
+        assert row.rms < 0.02 + lost, row
+        assert row.turned > 5, row
+
+
+def test_three_s_own_filter(browser, site, probe):
+    """Our levels and those of PMREMGenerator, each beside sums over pixels by its own lobe.
+
+    Ours has the shadowing of facets, which PMREMGenerator leaves out, but for the last level.
+    """
+    folder, address = site
+    proofs.prepare_three(folder, "webgl")
+    rows, errors = proofs.three_filtered(browser, folder, address, probe, 256, "webgl")
+    assert not errors
+    assert [round(rough, 3) for rough, _ in rows] == [0.106, 0.225, 0.368, 0.553, 1.0]
+    for rough, off in rows:
+        assert off["ours"] < 0.005, rough
+        assert off["three"] < 0.01, rough
+        assert off["both"] < (0.08 if 0.3 < rough < 1 else 0.01), rough
 
 
 @pytest.mark.parametrize("surface", [(0.5, 0.6), (0.3, 0.9)])

@@ -1,14 +1,33 @@
 """The block-compressed formats that cubes are written in."""
 
+from types import ModuleType
+
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.export.blocks import astc, bc6h
+from shrm_cli.export.blocks import astc, bc6h, uastc
+from shrm_cli.export.blocks.lamps import Found, with_lamps
 from shrm_cli.export.pixels import FORMATS, TexelFormat, Words
+from shrm_cli.parallel import in_order
+
+_CHUNK = 4096
+"""Blocks of a job."""
 
 
-def _bc6h(images: Array) -> Words:
-    return np.frombuffer(bc6h.encode(images.reshape(-1, *images.shape[2:])), dtype=np.uint8)
+def _ours(name: str, title: str, coder: ModuleType) -> TexelFormat:
+    """Return a format of blocks of 4 x 4 texels by encoders of blocks of shape (3, 16, n)."""
+
+    def pack(images: Array) -> Words:
+        height, width = images.shape[0] * images.shape[1], images.shape[2]
+        blocks = images.reshape(height // 4, 4, width // 4, 4, 3)
+        blocks = blocks.transpose(4, 1, 3, 0, 2).reshape(3, 16, -1)
+        jobs = [blocks[..., at : at + _CHUNK] for at in range(0, blocks.shape[-1], _CHUNK)]
+        found = list(in_order(coder.encoded, jobs))
+        data, error = (np.concatenate([getattr(each, name) for each in found])
+                       for name in ("data", "error"))  # fmt: skip
+        return with_lamps(blocks, Found(data, error), coder.searched).ravel()
+
+    return TexelFormat(name, title, (coder.LARGEST,) * 3, 16, pack, 4)
 
 
 def _astc(edge: int) -> TexelFormat:
@@ -24,7 +43,8 @@ def _astc(edge: int) -> TexelFormat:
 BLOCKS = {
     each.name: each
     for each in (
-        TexelFormat("bc6h", "BC6H", (bc6h.LARGEST,) * 3, 16, _bc6h, 4),
+        _ours("bc6h", "BC6H", bc6h),
+        _ours("uastc", "UASTC HDR 4x4", uastc),
         _astc(4),
         _astc(6),
     )

@@ -5,13 +5,13 @@ the last level, of roughness 1, as ``E / pi``. PMREMGenerator makes just that of
 leaves the shadowing of facets out; so the last level is ``E / pi`` here as well.
 
 The KTX2Loader of three.js makes cubes of block-compressed texels alone, and knows ASTC and not
-BC6H. So a module of a few lines goes along: it reads the file by the parser that three.js ships,
-and hands the levels to a texture of three.js.
+BC6H. UASTC HDR it shows everywhere. For all else a module of a few lines goes along: it reads the
+file by the parser that three.js ships, and hands the levels to a texture of three.js.
 
 References
 ----------
-three.js, PMREMGenerator.js, WebGLTextures.js (`uploadCubeTexture`), WebGLMaterials.js
-(`envMapRotation`), envmap_physical_pars_fragment.glsl.js, LightProbe.js.
+three.js, KTX2Loader.js, PMREMGenerator.js, PMREMNode.js, WebGLTextures.js (`uploadCubeTexture`),
+WebGLMaterials.js (`envMapRotation`), envmap_physical_pars_fragment.glsl.js, LightProbe.js.
 """
 
 from importlib.resources import files
@@ -25,6 +25,8 @@ from shrm_cli.export.quoting import string, uri
 LOOKUP = mirrored(-1, 1, 1)
 LOADER = "shrm-environment.js"
 """The module that loads the files; it lies beside this one."""
+STOCK = ("uastc",)
+"""Texels that the KTX2Loader of three.js loads by itself, on every device."""
 
 
 class Three(Engine):
@@ -32,7 +34,8 @@ class Three(Engine):
 
     name = "three"
     title = "three.js"
-    formats = ("rgba16f", "bc6h", "astc4x4", "astc6x6")
+    formats = ("rgba16f", "bc6h", "uastc", "astc4x4", "astc6x6")
+    auto = ("uastc", "rgba16f")
     mapping = "filament"
     wants_diffuse = True
     least = 8
@@ -40,8 +43,11 @@ class Three(Engine):
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()
-        script = files(__package__).joinpath(LOADER).read_bytes()
-        made.add_bytes(LOADER, script)
+        is_stock = texels.name in STOCK
+        if not is_stock:
+            made.add_bytes(LOADER, files(__package__).joinpath(LOADER).read_bytes())
+            names = "loadEnvironment, loadLightProbe"
+            made.loading.append(f'import {{ {names} }} from "./{LOADER}";')
         if light.levels:
             self._add_cube(made, light, texels)
         coefficients = light.nine()
@@ -52,10 +58,8 @@ class Three(Engine):
                 "sh: a LightProbe holds plain lighting coefficients; scene.environment lights "
                 "diffuse surfaces already, so use either"
             )
-            made.loading += [
-                "// or, for diffuse light alone:",
-                f"scene.add(await loadLightProbe({string(uri(name))}));",
-            ]
+            made.loading.append("// or, for diffuse light alone:")
+            made.loading += _probe_by_three(name) if is_stock else _probe_by_us(name)
         return made
 
     def _add_cube(self, made: Package, light: Light, texels: TexelFormat) -> None:
@@ -69,11 +73,27 @@ class Three(Engine):
             "axes: three.js looks a cube of a file up at (-x, y, z), so the cube is mirrored in x",
             "levels: roughness 1 - sqrt(1 - k / (K - 1))",
         ]
-        made.loading += [
-            f'import {{ loadEnvironment, loadLightProbe }} from "./{LOADER}";',
-            f"scene.environment = await loadEnvironment({string(uri(name))});",
-            "scene.background = scene.environment;",
-        ]
+        if texels.name in STOCK:
+            made.loading += [
+                'import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";',
+                "const loader = new KTX2Loader().detectSupport(renderer);",
+                f"scene.environment = await loader.loadAsync({string(uri(name))});",
+                "scene.environment.isPMREMTexture = true;",
+            ]
+        else:
+            made.loading.append(f"scene.environment = await loadEnvironment({string(uri(name))});")
+        made.loading.append("scene.background = scene.environment;")
+
+
+def _probe_by_us(name: str) -> list[str]:
+    return [f"scene.add(await loadLightProbe({string(uri(name))}));"]
+
+
+def _probe_by_three(name: str) -> list[str]:
+    return [
+        f"const {{ three }} = await (await fetch({string(uri(name))})).json();",
+        "scene.add(new LightProbe(new SphericalHarmonics3().fromArray(three)));",
+    ]
 
 
 ENGINE = Three()
