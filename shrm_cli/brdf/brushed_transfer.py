@@ -126,6 +126,7 @@ def compute_brushed_transfer(
         tail = energy[np.abs(azimuths.waves[:, 0]) > azimuths.steps].sum()
         if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > most:
             return found
+        del found  # it is large, and so is the next one
         azimuths = Azimuths(2 * azimuths.steps, azimuths.quarters)
 
 

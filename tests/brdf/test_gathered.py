@@ -16,7 +16,7 @@ def mean_cosines(brdf):
     sums = np.zeros(2)
     for number, from_normal in enumerate(np.arccos(rng.uniform(-1, 1, 400)) / 2):
         view = np.array([np.sin(from_normal), 0, np.cos(from_normal)])
-        view = np.roll(view[:2], number % 2).tolist() + [view[2]]
+        view = [*np.roll(view[:2], number % 2).tolist(), view[2]]
         mirrored = view * np.array([-1, -1, 1])
         light = rng.normal(size=(4000, 3))
         light /= np.linalg.norm(light, axis=1)[:, None]
