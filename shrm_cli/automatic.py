@@ -110,7 +110,8 @@ class _Asked:
     @cached_property
     def proposals(self) -> Proposals:
         """The maps of principal functions."""
-        return Proposals(self.light, replace(self.request, error=self.goal.error))
+        asked = replace(self.request, error=self.goal.error, seen=self.goal.wrong_share)
+        return Proposals(self.light, asked)
 
     @cached_property
     def shrms(self) -> ShrmProposals:

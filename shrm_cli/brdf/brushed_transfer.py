@@ -22,8 +22,11 @@ from shrm_cli.brdf.transfer import LobeSampling, TransferFunctions
 from shrm_cli.brdf.turned import Turned, quarters_that_differ
 from shrm_cli.records import record
 
-_STEPS = 6, 24, 6
-"""The fewest steps of azimuths in a quarter turn, and the most of models and of measured BRDFs."""
+FEWEST_STEPS = 6
+"""The fewest steps of azimuths in a quarter turn. Measured BRDFs have no more, because no number of
+samples mends their noise."""
+_MOST_STEPS = 24
+"""The most of models."""
 _UNSEEN = 10
 """The part of the energy that the upper half of the waves over azimuths may have, in units of the
 accuracy: what lies beyond them is far less, because waves of smooth lobes fall exponentially."""
@@ -89,7 +92,7 @@ def wave_values(waves: Waves, azimuths: Array) -> NDArray[np.complexfloating]:
 
 
 def compute_brushed_transfer(
-    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5
+    brdf: Brdf, order_f: int, max_q: int, accuracy: float = 1e-5, most_steps: int = _MOST_STEPS
 ) -> TransferFunctions:
     """Compute the transfer functions of an anisotropic BRDF.
 
@@ -100,6 +103,8 @@ def compute_brushed_transfer(
         The largest l and q.
     accuracy : float
         The fraction of the energy that the sampling may miss.
+    most_steps : int
+        The most steps of azimuths in a quarter turn.
 
     Returns
     -------
@@ -111,9 +116,8 @@ def compute_brushed_transfer(
     BrdfError
         For the reasons of `compute_transfer`.
     """
-    azimuths = Azimuths(_STEPS[0], quarters_that_differ(brdf))
-    # What is measured has noise, which no number of samples mends.
-    most = _STEPS[brdf.is_measured + 1]
+    azimuths = Azimuths(FEWEST_STEPS, quarters_that_differ(brdf))
+    most = FEWEST_STEPS if brdf.is_measured else most_steps
     known: dict[float, TransferFunctions] = {}
     while True:
         _sample(brdf, azimuths, known, (order_f, max_q, accuracy))
@@ -122,6 +126,7 @@ def compute_brushed_transfer(
         tail = energy[np.abs(azimuths.waves[:, 0]) > azimuths.steps].sum()
         if tail <= _UNSEEN * accuracy * energy.sum() or 2 * azimuths.steps > most:
             return found
+        del found  # it is large, and so is the next one
         azimuths = Azimuths(2 * azimuths.steps, azimuths.quarters)
 
 
@@ -146,13 +151,13 @@ def _sample(
 def _together(found: Sequence[TransferFunctions], azimuths: Azimuths) -> TransferFunctions:
     """Put the nodes of several azimuths one behind the other, real parts before imaginary ones."""
     first = found[0]
-    values = np.stack([each.values for each in found], axis=2)
-    parts = values.reshape(2, -1, *values.shape[1:])  # [part, q, l, azimuth, theta_o, channel]
-    nodes = np.moveaxis(parts, 0, 2).reshape(*parts.shape[1:3], -1, 3)
+    waves, degrees, views = first.values.shape[:3]
+    nodes = np.empty((waves // 2, degrees, 2, len(found), views, 3))
+    for place, each in enumerate(found):
+        nodes[:, :, :, place] = np.moveaxis(each.values.reshape(2, -1, degrees, views, 3), 0, 2)
     shares = azimuths.weights
-    views = len(first.theta_o)
     return TransferFunctions(
-        nodes,
+        nodes.reshape(waves // 2, degrees, -1, 3),
         np.tile(first.theta_o, 2 * len(found)),
         np.tile(np.outer(shares, first.weights).ravel(), 2),
         shares @ [each.total_energy for each in found],
@@ -176,5 +181,5 @@ def wave_energies(transfer: TransferFunctions) -> Array:
     matrix = azimuths.analysis(azimuths.waves)
     nodes = transfer.values.reshape(*transfer.values.shape[:2], matrix.shape[1], -1)
     weights = np.repeat(transfer.weights[: nodes.shape[3] // 3] / azimuths.weights[0], 3)
-    squares = np.einsum("qlwo,o->qlw", (matrix @ nodes) ** 2, weights)
+    squares = [np.einsum("lwo,o->lw", (matrix @ each) ** 2, weights) for each in nodes]
     return np.tensordot(both_signs(transfer.max_q) / (2 * np.pi), squares, 1)

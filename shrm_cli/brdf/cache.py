@@ -272,17 +272,18 @@ def _is_of_this_package(brdf: Brdf) -> bool:
 
 def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) -> None:
     """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
-    header: dict[str, Any] = {"key": key, "shapes": {}, "others": {}}
-    arrays = []
-    for field in dataclasses.fields(content):
-        value = getattr(content, field.name)
-        if isinstance(value, np.ndarray):
-            header["shapes"][field.name] = value.shape
-            arrays.append(np.ascontiguousarray(value, dtype="<f8").tobytes())
-        else:
-            header["others"][field.name] = value
+    values = {field.name: getattr(content, field.name) for field in dataclasses.fields(content)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    if sum(_DOUBLE * array.size for array in arrays.values()) > MOST_BYTES // 4:
+        return  # before copies of it fill the memory
+    header = {
+        "key": key,
+        "shapes": {name: array.shape for name, array in arrays.items()},
+        "others": {name: value for name, value in values.items() if name not in arrays},
+    }
     text = json.dumps(header).encode()
-    body = b"".join([len(text).to_bytes(4, "little"), text, *arrays])
+    packed = (np.ascontiguousarray(array, dtype="<f8").tobytes() for array in arrays.values())
+    body = b"".join([len(text).to_bytes(4, "little"), text, *packed])
     if len(text) > _MOST_HEADER or len(body) > MOST_BYTES // 4:
         return
     with contextlib.suppress(OSError, OutputError, ValueError):

@@ -16,7 +16,7 @@ References
 Kautz and McCool 1999, "Interactive Rendering with Arbitrary BRDFs using Separable Approximations".
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -163,10 +163,13 @@ class Spectrum:
                 vectors[q, : basis.shape[1], seen, channel] = basis / scale[:, None]
         return vectors
 
-    @cached_property
-    def functions(self) -> Array:
-        """The functions that the transfer functions are expanded in, as `vectors`; without unit."""
-        return self.vectors * self.unit
+    @property
+    def functions(self) -> Iterator[Array]:
+        """For each q what the transfer functions are expanded in: `vectors` in no unit.
+
+        They are many megabytes, and made anew each time.
+        """
+        return (vectors * self.unit for vectors in self.vectors)
 
     @cached_property
     def energies(self) -> Array:
@@ -196,8 +199,8 @@ class Spectrum:
         the projections p of rho on the functions, and the products G of two functions.
         """
         found = []
-        for q, functions in enumerate(self.functions.transpose(0, 3, 1, 2)):
-            weighted = functions * self.weights
+        for q, each in enumerate(self.functions):
+            weighted = each.transpose(2, 0, 1) * self.weights
             parts = self._parts[q].transpose(2, 0, 1)
             projected = weighted @ self.transfer.values[q].transpose(2, 1, 0)
             # Each product of two different functions comes with the later of them, and twice.
@@ -209,8 +212,10 @@ class Spectrum:
     @cached_property
     def _products(self) -> Array:
         """The integrals of two functions' product, times 2 pi: [q, channel, k, k]."""
-        functions = self.functions.transpose(0, 3, 1, 2)
-        return 2 * np.pi * (functions * self.weights) @ functions.swapaxes(-1, -2)
+        by_channel = (each.transpose(2, 0, 1) for each in self.functions)
+        return np.array(
+            [2 * np.pi * (each * self.weights) @ each.swapaxes(-1, -2) for each in by_channel]
+        )
 
     @staticmethod
     def _sums(energies: Array, q: int) -> Array:
@@ -286,10 +291,11 @@ class Spectrum:
 
     def table(self, q: int, first: int, last: int) -> Array:
         """Return functions of an order q at even angles, shape (last - first, TABLE, 3)."""
-        stored = self.functions if self.albedo is None else self.vectors
-        seen = self.weights > 0
+        stored = self.vectors[q, first:last]
+        if self.albedo is None:
+            stored = stored * self.unit
         # Views that nobody sees have no value, and must not take part.
-        return self._tabulated(q, stored[q, first:last][:, seen])
+        return self._tabulated(q, stored[:, self.weights > 0])
 
     def _tabulated(self, q: int, functions: Array) -> Array:
         """Functions of an order q at the seen nodes, (k, n, 3), as entries of tables, (k, m, 3)."""

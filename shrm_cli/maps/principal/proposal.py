@@ -17,6 +17,7 @@ from shrm_cli.maps.principal.brushed import BrushedLobe
 from shrm_cli.maps.principal.brushed_functions import BrushedSpectrum
 from shrm_cli.maps.principal.plan import Form, Planner
 from shrm_cli.maps.principal.principal import Lobe, PrincipalMap
+from shrm_cli.maps.principal.scout import is_out_of_reach
 from shrm_cli.maps.principal.selection import bundle_degrees, bundle_functions
 from shrm_cli.maps.principal.sharing import Sharing
 from shrm_cli.maps.principal.terms import (
@@ -119,6 +120,9 @@ class Proposals:
             )
         self.parts, self.notes = terms_of(self.brdf, request.center, self.divide)
         self.planners: list[Planner] = []
+        self._is_coarse = len(self.parts) == 1 and is_out_of_reach(
+            light, self.parts[0], self.asked, self.sampling
+        )
         self._know(request.error)
 
     def _know(self, error: float | None) -> None:
@@ -126,7 +130,7 @@ class Proposals:
         want = replace(self.asked, error=error)
         known: Sequence[Planner | None] = self.planners or [None] * len(self.parts)
         self.planners = [
-            planner_of(self.light, part, want, self.divide, self.sampling, each)
+            planner_of(self.light, part, want, self.divide, self.sampling, each, self._is_coarse)
             for part, each in zip(self.parts, known, strict=True)
         ]
 

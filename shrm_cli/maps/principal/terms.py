@@ -44,6 +44,10 @@ _FIRST_Q = 6
 _MOST_BRUSHED_Q = 24
 """The largest azimuthal order q of brushed lobes. No map holds as many, but what they leave out is
 seen: without it 2 % wrong pixels were predicted of `ggx:roughness=0.5,anisotropy=0.9`, not 10 %."""
+COARSE = 1e-3
+"""That part where no map keeps what is asked of a brushed lobe by far; it is sampled once."""
+_COARSE_Q = 16
+"""The largest q of brushed lobes there: with 24 the best maps are no better, and far slower."""
 _PART_ASIDE = 0.1
 """The part of the BRDF's energy that higher q may have, in units of what higher degrees may."""
 _PART_BEYOND = 0.1
@@ -59,12 +63,13 @@ class Wanted:
     maps: int | None
     max_size: int
     size: int | None
+    seen: float | None = None
 
     @classmethod
     def of(cls, request: Request) -> "Wanted":
         """Return what is asked of the map of a single term."""
         maps = request.own.get("maps")
-        return cls(request.eps, request.error, maps, request.allowed, request.size)
+        return cls(request.eps, request.error, maps, request.allowed, request.size, request.seen)
 
 
 @record
@@ -118,6 +123,7 @@ def planner_of(
     divide: bool,
     sampling: Sampling,
     known: Planner | None = None,
+    is_coarse: bool = False,
 ) -> Planner:
     """Factorize a BRDF for a probe, to an order that suffices for what is asked.
 
@@ -131,16 +137,22 @@ def planner_of(
     sampling : {"center", "border"}
     known : Planner, optional
         What this function returned for a larger error.
+    is_coarse : bool
+        Whether no map of a brushed lobe keeps what is asked for by far; see `scout`.
     """
-    most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else _MOST_BRUSHED_Q
-    order, max_q = _first_order(brdf), min(_FIRST_Q, most_q)
+    brushed_q = _COARSE_Q if is_coarse else _MOST_BRUSHED_Q
+    most_q = 0 if brdf.zonal else MAX_Q if brdf.isotropic else brushed_q
+    order, max_q = first_order(brdf), most_q if is_coarse else min(_FIRST_Q, most_q)
     eps, error = want.eps, want.error
     limit = eps / 5 if error is None else _PART_BEYOND * error**2
+    sampled = None
     if known is not None:
-        if max(_unknown_light(known)) <= limit:
+        above, aside = _unknown_light(known)
+        sampled = known.spectrum.transfer
+        order, max_q = sampled.order_f, sampled.max_q
+        is_enough = above <= limit or order >= MAX_ORDER_F
+        if is_enough and (aside <= limit or max_q == most_q):
             return known
-        transfer = known.spectrum.transfer
-        order, max_q = transfer.order_f, transfer.max_q
 
     def factorized() -> Planner:
         lighting = light.to_order(order)
@@ -149,7 +161,8 @@ def planner_of(
         return Planner(spectrum, lighting, sampling)
 
     while True:
-        transfer = _transfer(brdf, order, max_q)
+        transfer = sampled or _transfer(brdf, order, max_q, is_coarse)
+        sampled = None
         # The BRDF's own energy tells without the light, which takes seconds, whether to go on.
         above, aside = _own_unknown(transfer) if error is None else _unknown_light(factorized())
         if aside > (limit * _PART_ASIDE if error is None else limit) and max_q < most_q:
@@ -180,7 +193,7 @@ def planner_of(
         order = min(2**octaves * order, MAX_ORDER_F)
 
 
-def _first_order(brdf: Brdf) -> int:
+def first_order(brdf: Brdf) -> int:
     """Return the order F to which transfer functions are computed first."""
     if brdf.zonal or brdf.center != "reflection":
         return _FIRST_ORDER
@@ -259,9 +272,9 @@ def _unknown_light(planner: Planner) -> tuple[float, float]:
     return above / whole, aside / whole
 
 
-def _transfer(brdf: Brdf, order: int, max_q: int) -> TransferFunctions:
+def _transfer(brdf: Brdf, order: int, max_q: int, is_coarse: bool) -> TransferFunctions:
     """Compute transfer functions to their orders, or take them from the cache."""
-    accuracy = _ACCURACY[brdf.is_measured]
+    accuracy = COARSE if is_coarse else _ACCURACY[brdf.is_measured]
     compute = compute_transfer if brdf.isotropic else compute_brushed_transfer
     return cached_transfer(brdf, order, max_q, accuracy, compute)
 
