@@ -47,7 +47,7 @@ class Points:
         if uvs is None:
             raise MeshError(
                 f"{self.mesh.name}: it has textures, and no texture coordinates for them; "
-                "add them, or draw it without its surface"
+                "add them, or leave its materials out by `plain`"
             )
         corners = uvs[self.mesh.faces[self.faces]]
         middle = np.einsum("kc,kcv->kv", self.weights, corners)
@@ -117,7 +117,7 @@ class Paint:
             if (mesh.uvs_1 if each.uv_set else mesh.uvs) is None:
                 raise MeshError(
                     f"{mesh.name}: the texture coordinates of the material {material.name!r} are "
-                    "missing or damaged; export them, or draw it without its surface"
+                    "missing or damaged; export them, or leave them out by `plain`"
                 )
 
     @property
@@ -129,6 +129,16 @@ class Paint:
     def is_rough_by_texture(self) -> bool:
         """Whether a texture has its roughness or metallic."""
         return bool(self.material.metallic_map or self.material.roughness_map)
+
+    @property
+    def roughness_range(self) -> tuple[float, float]:
+        """The least and the largest roughness."""
+        given, texture = self.material, self.material.roughness_map
+        found = (
+            (1.0, 1.0) if texture is None else self._maps[texture].range(given.roughness_channel)
+        )
+        low, high = np.clip(np.round(given.roughness * np.array(found), 3), MIN_ROUGHNESS, 1)
+        return float(low), float(high)
 
     @property
     def has_diffuse(self) -> bool:

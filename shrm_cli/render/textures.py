@@ -79,6 +79,11 @@ class MipMap:
         """The number of pixels of the texture itself."""
         return int(self._pyramid.sizes[0].prod())
 
+    def range(self, channel: int) -> tuple[float, float]:
+        """Return the least and the largest value of a channel of the texture itself."""
+        values = self._pyramid.pixels[: self.pixels, channel]
+        return float(values.min()), float(values.max())
+
     @property
     def is_gray(self) -> bool:
         """Whether red, green and blue are the same all over it."""
@@ -196,7 +201,7 @@ def open_texture(name: str, texture: Texture) -> MipMap:
         key = picture, changed, texture.is_srgb
         pyramid = _known.get(key, lambda: pyramid_of(read_texture(picture, texture.is_srgb)))
     except (ValueError, OSError) as error:
-        raise MeshError(f"{name}: {error}; or draw it without its surface") from None
+        raise MeshError(f"{name}: {error}; or leave its materials out by `plain`") from None
     return MipMap(pyramid, texture)
 
 
