@@ -222,7 +222,7 @@ def test_several_materials_of_an_obj(tmp_path):
     lines = ["mtllib m.mtl", "v -1 -1 0", "v 1 -1 0", "v 1 1 0", "v -1 1 0"]
     lines += ["usemtl red", "f 1 2 3", "usemtl none", "f 1 3 4"]
     (tmp_path / "a.obj").write_text("\n".join(lines))
-    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0.25 0\nNs 6\nPm 0.5\nmap_Ks s.png\n")
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0.25 0\nNs 6\nPm 0.5\nmap_Ks s.png\nPr x\n")
     found, subject = picture(tmp_path / "a.obj", white())
     np.testing.assert_allclose(found[24, 30], [1, 0.25, 0], atol=1e-6)
     np.testing.assert_allclose(found[10, 16], [1, 1, 1], atol=1e-6)
@@ -230,7 +230,10 @@ def test_several_materials_of_an_obj(tmp_path):
     assert first.roughness == pytest.approx((2 / 8) ** 0.25)
     assert first.metallic == 0.5
     unread = subject.stage.unread([white()])
-    assert unread == ["'red' (map_Ks)", "'none' (its file of materials, which is missing)"]
+    assert unread == [
+        "'red' (map_Ks, Pr, which has no numbers)",
+        "'none' (its file of materials, which is missing)",
+    ]
 
 
 def test_vertex_colours_of_ply_are_srgb(tmp_path):
