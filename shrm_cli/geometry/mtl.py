@@ -109,7 +109,7 @@ class _Material:
                 elif key in _MAPS:
                     found.update(self._texture(key, words))
             except ValueError:
-                unread.append(f"{key}, which has no numbers")
+                unread.append(f"{key} without numbers")
         for textured in ("metallic", "roughness"):
             if f"{textured}_map" in found:
                 found[textured] = 1.0
