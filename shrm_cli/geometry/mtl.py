@@ -99,37 +99,29 @@ class _Material:
         self._path, self._name = path, name
 
     def read(self, lines: Sequence[Sequence[str]]) -> SurfaceMaterial:
+        """Return the material; what is damaged, or is not known, is named as `unread`."""
         found: dict[str, Any] = {"metallic": 0.0, "roughness": 0.5}
+        unread = [key for key, *_ in lines if key in _UNREAD]
         for key, *words in sorted(lines, key=lambda words: words[0] != "Ns"):  # what Pr replaces
-            if key in _READ:
-                found.update(_READ[key](self._numbers(key, words)))
-            elif key in _MAPS:
-                found.update(self._texture(key, words))
+            try:
+                if key in _READ:
+                    found.update(_READ[key](_numbers(words)))
+                elif key in _MAPS:
+                    found.update(self._texture(key, words))
+            except ValueError:
+                unread.append(f"{key} without numbers")
         for textured in ("metallic", "roughness"):
             if f"{textured}_map" in found:
                 found[textured] = 1.0
         if "emission_map" in found:
             found.setdefault("emission", (1.0, 1.0, 1.0))
-        unread = dict.fromkeys(key for key, *_ in lines if key in _UNREAD)
         return SurfaceMaterial(
             name=self._name[:80],
             metallic_channel=0,
             roughness_channel=0,
-            unread=(*unread,),
+            unread=tuple(dict.fromkeys(unread)),
             **found,
         )
-
-    def _numbers(self, key: str, words: Sequence[str]) -> list[float]:
-        try:
-            numbers = [float(each) for each in words[:3]]
-        except ValueError:
-            numbers = []
-        if not numbers or not all(abs(each) <= _LARGEST for each in numbers):
-            raise MeshError(
-                f"{self._path}: {key} of {self._name[:40]!r} is no number, or is out of range; "
-                "export it again"
-            )
-        return numbers
 
     def _texture(self, key: str, words: Sequence[str]) -> dict[str, Any]:
         """Return a texture, and the factor of normals."""
@@ -142,7 +134,7 @@ class _Material:
                     break
                 taken.append(rest.pop(0))
             options[option] = taken
-        move, size = self._pair(options.get("-o"), 0.0), self._pair(options.get("-s"), 1.0)
+        move, size = _pair(options.get("-o"), 0.0), _pair(options.get("-s"), 1.0)
         path: Path | str
         try:
             path = beside(str(self._path), " ".join(rest).replace("\\", "/"))
@@ -154,14 +146,29 @@ class _Material:
         texture = Texture(path, key in _SRGB, 0, matrix, (side, side))
         if _MAPS[key] != "normal_map":
             return {_MAPS[key]: texture}
-        scale = self._numbers("-bm", options.get("-bm", ["1"]))[0]
+        scale = _numbers(options.get("-bm", ["1"]))[0]
         return {"normal_map": texture, "normal_scale": scale}
 
-    def _pair(self, words: Sequence[str] | None, default: float) -> tuple[float, float]:
-        if not words:
-            return default, default
-        first, *others = self._numbers("a texture", words)
-        return first, others[0] if others else default
+
+def _numbers(words: Sequence[str]) -> list[float]:
+    """Return up to three numbers.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or they are no numbers or out of range.
+    """
+    numbers = [float(each) for each in words[:3]]
+    if not numbers or not all(abs(each) <= _LARGEST for each in numbers):
+        raise ValueError
+    return numbers
+
+
+def _pair(words: Sequence[str] | None, default: float) -> tuple[float, float]:
+    if not words:
+        return default, default
+    first, *others = _numbers(words)
+    return first, others[0] if others else default
 
 
 def _is_number(word: str) -> bool:

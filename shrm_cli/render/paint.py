@@ -1,6 +1,5 @@
 """What materials are at points of a mesh: numbers times textures times vertex colours."""
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +12,7 @@ from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.surface import SurfaceMaterial, Texture
 from shrm_cli.geometry.tangents import perpendicular
 from shrm_cli.records import record
-from shrm_cli.render.textures import FINER, MOST_PIXELS, open_texture
+from shrm_cli.render.textures import FINER, Shelf
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _LEAST_AREA = 1e-20
@@ -47,7 +46,7 @@ class Points:
         if uvs is None:
             raise MeshError(
                 f"{self.mesh.name}: it has textures, and no texture coordinates for them; "
-                "add them, or draw it without its surface"
+                "add them, or leave its materials out by `plain`"
             )
         corners = uvs[self.mesh.faces[self.faces]]
         middle = np.einsum("kc,kcv->kv", self.weights, corners)
@@ -92,6 +91,8 @@ class Paint:
     mesh : Mesh
         One that has the material.
     material : SurfaceMaterial
+    shelf : Shelf
+        Where its textures are.
     matrix : ndarray, shape (3, 3), optional
         From Rec.709 to the primaries of the light.
 
@@ -106,9 +107,11 @@ class Paint:
         If a texture cannot be read, or lies over coordinates that the mesh lacks.
     """
 
-    def __init__(self, mesh: Mesh, material: SurfaceMaterial, matrix: Array | None = None) -> None:
+    def __init__(
+        self, mesh: Mesh, material: SurfaceMaterial, shelf: Shelf, matrix: Array | None = None
+    ) -> None:
         self.material, self._matrix = material, matrix
-        self._maps = {each: open_texture(mesh.name, each) for each in material.textures}
+        self._maps = {each: shelf.open(mesh.name, each) for each in material.textures}
         normals = material.normal_map
         self.normal_set = -1
         if normals is not None and not self._maps[normals].is_gray:
@@ -117,18 +120,23 @@ class Paint:
             if (mesh.uvs_1 if each.uv_set else mesh.uvs) is None:
                 raise MeshError(
                     f"{mesh.name}: the texture coordinates of the material {material.name!r} are "
-                    "missing or damaged; export them, or draw it without its surface"
+                    "missing or damaged; export them, or leave them out by `plain`"
                 )
-
-    @property
-    def pixels(self) -> int:
-        """The number of pixels of its textures."""
-        return sum(each.pixels for each in self._maps.values())
 
     @property
     def is_rough_by_texture(self) -> bool:
         """Whether a texture has its roughness or metallic."""
         return bool(self.material.metallic_map or self.material.roughness_map)
+
+    @property
+    def roughness_range(self) -> tuple[float, float]:
+        """The least and the largest roughness."""
+        given, texture = self.material, self.material.roughness_map
+        found = (
+            (1.0, 1.0) if texture is None else self._maps[texture].range(given.roughness_channel)
+        )
+        low, high = np.clip(np.round(given.roughness * np.array(found), 3), MIN_ROUGHNESS, 1)
+        return float(low), float(high)
 
     @property
     def has_diffuse(self) -> bool:
@@ -200,15 +208,3 @@ class Paint:
 
     def _in_primaries(self, colors: Array) -> Array:
         return colors if self._matrix is None else colors @ self._matrix.T
-
-
-def check_sum(name: str, paints: Sequence[Paint]) -> None:
-    """Refuse textures that are too large together.
-
-    Raises
-    ------
-    MeshError
-    """
-    total = sum(each.pixels for each in paints)
-    if total > MOST_PIXELS:
-        raise MeshError(f"{name}: {total:,} pixels of textures; scale them down")

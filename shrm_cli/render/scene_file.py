@@ -36,9 +36,10 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.records import record
-from shrm_cli.render.paint import Paint, check_sum
+from shrm_cli.render.paint import Paint
 from shrm_cli.render.shading import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
+from shrm_cli.render.textures import Shelf
 from shrm_cli.render.variation import open_variation
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
@@ -85,7 +86,9 @@ class Shown:
     anisotropy: float | None = None
     taps: int | None = None
 
-    def actor(self, mesh: Mesh, primaries: tuple[float, ...] | None) -> Actor:
+    def actor(
+        self, mesh: Mesh, primaries: tuple[float, ...] | None, shelf: Shelf | None = None
+    ) -> Actor:
         """Return the mesh as it is shown.
 
         Parameters
@@ -93,6 +96,8 @@ class Shown:
         mesh : Mesh
         primaries : tuple of 8 float, optional
             The chromaticities of the light, which colours are converted to.
+        shelf : Shelf, optional
+            The textures of the picture; by default those of this mesh alone.
 
         Raises
         ------
@@ -111,20 +116,20 @@ class Shown:
         if self.f0 is not None:
             given["f0"] = reflectance(self.f0, primaries)
         looks = [Look(**given)]
+        shelf = shelf or Shelf()
         for material in mesh.materials:
-            paint = None if self.plain else self._paint(mesh, material, primaries)
+            paint = None
+            if not self.plain:
+                paint = Paint(mesh, self._shown(material), shelf, from_rec709(primaries))
             looks.append(Look(**given, irradiance=self.irradiance, paint=paint))
-        check_sum(mesh.name, [look.paint for look in looks if look.paint is not None])
         return Actor(mesh, looks, self.brush)
 
-    def _paint(
-        self, mesh: Mesh, material: SurfaceMaterial, primaries: tuple[float, ...] | None
-    ) -> Paint:
+    def _shown(self, material: SurfaceMaterial) -> SurfaceMaterial:
         if self.roughness is not None:
             material = replace(material, roughness=self.roughness, roughness_map=None)
         if self.vary == "vertex":
             material = replace(material, colored="")
-        return Paint(mesh, material, from_rec709(primaries))
+        return material
 
 
 def is_scene_name(path: str | os.PathLike[str]) -> bool:
@@ -155,10 +160,10 @@ def read_scene(path: str | os.PathLike[str], maps: "tuple[Map, ...] | list[Map]"
     objects, _ = read_tables(name)
     opened: Callable[[str], Map] = cache(open_map)
     loaded: Callable[[str], Mesh] = cache(load_mesh)
-    actors = []
+    shelf, actors = Shelf(), []
     for index, each in enumerate(objects, 1):
         try:
-            actors.append(_actor(name, each, opened, loaded, maps))
+            actors.append(_actor(name, each, opened, loaded, maps, shelf))
         except (ValueError, TypeError) as error:
             raise MeshError(f"{name}: object {index}: {error}") from None
         except BrdfError as error:
@@ -195,6 +200,7 @@ def _actor(
     opened: Callable[[str], Map],
     loaded: Callable[[str], Mesh],
     maps: "tuple[Map, ...] | list[Map]",
+    shelf: Shelf,
 ) -> Actor:
     if not isinstance(given, dict) or not set(given) <= set(_KEYS):
         wrong = sorted(set(given) - set(_KEYS)) if isinstance(given, dict) else [given]
@@ -221,7 +227,7 @@ def _actor(
             _numbers(given, "scale", 1.0),
         )
     )
-    return shown.actor(moved, None if light is None else light.info.chromaticities)
+    return shown.actor(moved, None if light is None else light.info.chromaticities, shelf)
 
 
 def as_irradiance(path: str, opened: Callable[[str], Map] = open_map) -> Irradiance:

@@ -20,7 +20,6 @@ from shrm_cli.render.shading import ggx_surface, outside_range, shown_as
 from shrm_cli.render.variation import Variation
 from shrm_cli.render.varied import VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
-from shrm_cli.vocabulary import MIN_ROUGHNESS
 
 _DIELECTRIC = 0.04
 """Reflectance at normal incidence of glTF's materials that are no metals."""
@@ -85,12 +84,10 @@ class Look:
         if chosen is None or not chosen.needs_surface:
             return []
         if self.paint is None:
-            return outside_range(
-                {name: chosen}, ggx_surface(self.roughness, self.f0).number("roughness")
-            )
-        if self.paint.is_rough_by_texture:
-            return []
-        return outside_range({name: chosen}, max(self.paint.material.roughness, MIN_ROUGHNESS))
+            found = {ggx_surface(self.roughness, self.f0).number("roughness")}
+        else:
+            found = set(self.paint.roughness_range)
+        return [line for each in sorted(found) for line in outside_range({name: chosen}, each)]
 
 
 @record

@@ -6,6 +6,7 @@ are halved once more, because bilinear filtering of texels as large as the pixel
 """
 
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,11 +15,10 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.files.texture import read_texture
 from shrm_cli.geometry.surface import Texture, Wrap
-from shrm_cli.memo import Memo
 from shrm_cli.records import record
 
 MOST_PIXELS = 2**27
-"""The most pixels of all textures of a mesh, which take 11 bytes each."""
+"""The most pixels of all textures of a picture, which take 11 bytes each."""
 _MOST_TAPS = 16
 """The most places along the longer side of what a pixel covers."""
 _WITHIN = 0.5
@@ -29,8 +29,6 @@ _FAR = 1e6
 """The largest texture coordinate, and change of one from a pixel to the next."""
 _LARGEST = 6e4
 """The largest number that half floats hold, about."""
-
-_known = Memo(2**29)
 
 
 @record(eq=False)
@@ -74,16 +72,16 @@ class MipMap:
         self._pyramid, self._texture = pyramid, texture
         self._matrix = np.reshape(texture.matrix, (2, 3))
 
-    @property
-    def pixels(self) -> int:
-        """The number of pixels of the texture itself."""
-        return int(self._pyramid.sizes[0].prod())
+    def range(self, channel: int) -> tuple[float, float]:
+        """Return the least and the largest value of a channel of the texture itself."""
+        values = self._pyramid.level(0)[..., channel]
+        return float(values.min()), float(values.max())
 
     @property
     def is_gray(self) -> bool:
         """Whether red, green and blue are the same all over it."""
-        top = self._pyramid.pixels[: self.pixels]
-        return bool((top[:, 0] == top[:, 1]).all() and (top[:, 0] == top[:, 2]).all())
+        top = self._pyramid.level(0)
+        return bool((top[..., 0] == top[..., 1]).all() and (top[..., 0] == top[..., 2]).all())
 
     @property
     def axes(self) -> Array:
@@ -174,30 +172,43 @@ def _ellipse(moves: Array) -> tuple[Array, Array, Array]:
     return long, short, np.arctan2(2 * xy, xx - yy) / 2
 
 
-def open_texture(name: str, texture: Texture) -> MipMap:
-    """Read a texture.
+class Shelf:
+    """Textures that are open, each picture once, and so many pixels of them."""
 
-    Parameters
-    ----------
-    name : str
-        The mesh's file, for messages.
-    texture : Texture
+    def __init__(self) -> None:
+        self._known: dict[tuple[Path | bytes | str, bool], Pyramid] = {}
+        self._left = MOST_PIXELS
 
-    Raises
-    ------
-    MeshError
-        If it is missing, damaged or too large.
-    """
-    picture = texture.picture
-    try:
+    def open(self, name: str, texture: Texture) -> MipMap:
+        """Read a texture.
+
+        Parameters
+        ----------
+        name : str
+            The mesh's file, for messages.
+        texture : Texture
+
+        Raises
+        ------
+        MeshError
+            If it is missing or damaged, or all textures are too large.
+        """
+        key = texture.picture, texture.is_srgb
+        try:
+            if key not in self._known:
+                self._known[key] = self._read(*key)
+        except ValueError as error:
+            raise MeshError(f"{name}: {error}; or leave its materials out by `plain`") from None
+        return MipMap(self._known[key], texture)
+
+    def _read(self, picture: Path | bytes | str, is_srgb: bool) -> Pyramid:
         if isinstance(picture, str):
             raise ValueError(picture)
-        changed = None if isinstance(picture, bytes) else picture.stat().st_mtime_ns
-        key = picture, changed, texture.is_srgb
-        pyramid = _known.get(key, lambda: pyramid_of(read_texture(picture, texture.is_srgb)))
-    except (ValueError, OSError) as error:
-        raise MeshError(f"{name}: {error}; or draw it without its surface") from None
-    return MipMap(pyramid, texture)
+        pixels = read_texture(picture, is_srgb)
+        self._left -= pixels.shape[0] * pixels.shape[1]
+        if self._left < 0:
+            raise ValueError(f"its textures have more than {MOST_PIXELS:,} pixels; scale them down")
+        return pyramid_of(pixels)
 
 
 def pyramid_of(pixels: ArrayLike) -> Pyramid:

@@ -14,6 +14,7 @@ from shrm_cli.render.paint import Paint, Points
 from shrm_cli.render.perspective import Aim, Lens, aimed
 from shrm_cli.render.sphere import render_background, render_sphere
 from shrm_cli.render.stage import Actor, Look, Stage, transformation
+from shrm_cli.render.textures import Shelf
 from tests.geometry.shapes import icosphere
 from tests.render.materials import INFO, furnace, spot
 
@@ -232,7 +233,7 @@ def test_materials_are_split_into_metal_and_the_rest(rng):
     f0 = tuple(0.75 * 0.04 + 0.25 * np.array(material.base_color))
     expected = split.shaded(0.6, f0).radiance(normals, views)
     mesh = sphere(1)
-    paint = Paint(mesh, material)
+    paint = Paint(mesh, material, Shelf())
     points = Points(mesh, np.arange(20), np.full((20, 3), 1 / 3), np.zeros((20, 3, 2)))
     alone, both = (
         Look(paint=paint, irradiance=each)

@@ -7,16 +7,19 @@ import pytest
 
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.load import load_mesh
+from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.mesh import MeshSubject
+from shrm_cli.render.paint import Points
 from shrm_cli.render.perspective import Lens, aimed
 from shrm_cli.render.scene_file import Shown
-from shrm_cli.render.stage import Stage
+from shrm_cli.render.stage import Stage, transformation
 from shrm_cli.render.varied import VariedSurface
+from shrm_cli.vocabulary import PRIMARIES
 from tests.render.assets import globe, obj_text, packed_glb, png, textures
 from tests.render.materials import INFO
 from tests.render.test_mitsuba import VIEW, relative_rms, soft_sky
@@ -219,7 +222,7 @@ def test_several_materials_of_an_obj(tmp_path):
     lines = ["mtllib m.mtl", "v -1 -1 0", "v 1 -1 0", "v 1 1 0", "v -1 1 0"]
     lines += ["usemtl red", "f 1 2 3", "usemtl none", "f 1 3 4"]
     (tmp_path / "a.obj").write_text("\n".join(lines))
-    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0.25 0\nNs 6\nPm 0.5\nmap_Ks s.png\n")
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0.25 0\nNs 6\nPm 0.5\nmap_Ks s.png\nPr x\n")
     found, subject = picture(tmp_path / "a.obj", white())
     np.testing.assert_allclose(found[24, 30], [1, 0.25, 0], atol=1e-6)
     np.testing.assert_allclose(found[10, 16], [1, 1, 1], atol=1e-6)
@@ -227,7 +230,10 @@ def test_several_materials_of_an_obj(tmp_path):
     assert first.roughness == pytest.approx((2 / 8) ** 0.25)
     assert first.metallic == 0.5
     unread = subject.stage.unread([white()])
-    assert unread == ["'red' (map_Ks)", "'none' (its file of materials, which is missing)"]
+    assert unread == [
+        "'red' (map_Ks, Pr, which has no numbers)",
+        "'none' (its file of materials, which is missing)",
+    ]
 
 
 def test_vertex_colours_of_ply_are_srgb(tmp_path):
@@ -260,6 +266,42 @@ def test_surfaces_that_vary_lie_between_those_that_do_not(form, rng):
     same = VariedSurface(light).radiance(normals, views, None, np.full(60, 0.37), f0[:1] + 0 * f0)
     one = light.shaded(0.37, tuple(f0[0])).radiance(normals, views)
     np.testing.assert_allclose(same, one, rtol=1e-12)
+
+
+def test_colours_are_converted_to_the_primaries_of_the_light(tmp_path):
+    """Red of Rec.709 in ACEScg, as the Academy's transforms have it."""
+    (tmp_path / "a.glb").write_bytes(packed_glb(quad(), material(), [png(COLORS)]))
+    mesh = load_mesh(tmp_path / "a.glb")
+    paint = Shown().actor(mesh, PRIMARIES["acescg"]).looks[1].paint
+    points = Points(mesh, np.zeros(1, dtype=int), np.array([[0, 0.25, 0.75]]), np.zeros((1, 3, 2)))
+    # At u = 1, v = 1/4 from the top: in the middle between red and green, repeated.
+    red, green = np.array([0.6131, 0.0702, 0.0206]), np.array([0.3395, 0.9164, 0.1096])
+    np.testing.assert_allclose(paint.at(points).base_color[0], (red + green) / 2, atol=2e-3)
+
+
+def test_roughness_beyond_what_a_map_was_made_for_is_said(tmp_path):
+    given = material(pbr={"metallicRoughnessTexture": {"index": 1}, "roughnessFactor": 0.5})
+    pictures = [png(COLORS), png(np.full((2, 2, 3), [[[0, 51, 0]], [[0, 255, 0]]]))]
+    (tmp_path / "a.glb").write_bytes(packed_glb(quad(), given, pictures))
+    stage = Stage.of([Shown().actor(load_mesh(tmp_path / "a.glb"), None)])
+    light = SplitSum((np.ones((24, 4, 3)), np.ones((12, 2, 3))), (0.2, 0.4), "linear", INFO)
+    assert stage.warnings("light", light) == [
+        f"light: it was made for roughness 0.2 .. 0.4, not {each}" for each in (0.1, 0.5)
+    ]
+
+
+def test_parts_without_coordinates_stand_beside_others_with_a_texture(tmp_path):
+    """In a scene of two meshes, of which one has vertex colours, too."""
+    (tmp_path / "a.glb").write_bytes(packed_glb(quad(), material(), [png(COLORS)], [NEAREST]))
+    textured = load_mesh(tmp_path / "a.glb").transformed(transformation((-1, 0, 0)))
+    corners = quad()[0] + [1, 0, 0]
+    bare = make_mesh("b.obj", corners, quad()[1])
+    stage = Stage.of([Shown().actor(each, None) for each in (textured, bare)])
+    lens = Lens(40, 20, 20.0)
+    subject = MeshSubject(stage, lens, aimed(stage.mesh.vertices, [FRONT], lens))
+    found = subject.draw(stage.reflectors(white()), FRONT)
+    np.testing.assert_allclose(found[5, 30], 1, atol=1e-6)
+    np.testing.assert_allclose(found[[5, 5], [6, 15]], LINEAR[0], atol=2e-3)
 
 
 def test_textures_that_nothing_lies_over_are_refused(tmp_path):

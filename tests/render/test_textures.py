@@ -6,7 +6,8 @@ from scipy.ndimage import map_coordinates
 
 from shrm_cli.errors import MeshError
 from shrm_cli.geometry.surface import Texture
-from shrm_cli.render.textures import MipMap, open_texture, pyramid_of
+from shrm_cli.render import textures
+from shrm_cli.render.textures import MipMap, Shelf, pyramid_of
 
 SCIPY = {"repeat": "grid-wrap", "clamp": "nearest", "mirror": "reflect"}
 """What SciPy calls them, for pixels that lie at centres."""
@@ -102,9 +103,22 @@ def test_axes_of_turned_textures(turn):
 
 def test_textures_that_are_missing_or_damaged_say_so(tmp_path):
     with pytest.raises(MeshError, match=r"a\.glb: the texture is missing"):
-        open_texture("a.glb", Texture("the texture is missing"))
+        Shelf().open("a.glb", Texture("the texture is missing"))
     (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(20))
     with pytest.raises(MeshError, match=r"a\.glb: a\.png"):
-        open_texture("a.glb", Texture(tmp_path / "a.png"))
+        Shelf().open("a.glb", Texture(tmp_path / "a.png"))
     with pytest.raises(MeshError, match="neither PNG"):
-        open_texture("a.glb", Texture(b"GIF89a"))
+        Shelf().open("a.glb", Texture(b"GIF89a"))
+
+
+def test_each_picture_is_read_once_and_counted_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(textures, "MOST_PIXELS", 30)
+    monkeypatch.setattr(textures, "read_texture", lambda picture, is_srgb: read.append(picture) or
+                        np.ones((3, 4, 4)))  # fmt: skip
+    read, shelf = [], Shelf()
+    for uv_set in (0, 1, 0):
+        shelf.open("a.glb", Texture(b"first", uv_set=uv_set))
+    shelf.open("a.glb", Texture(b"second"))
+    assert read == [b"first", b"second"]
+    with pytest.raises(MeshError, match="more than 30 pixels"):
+        shelf.open("a.glb", Texture(b"third"))
