@@ -19,8 +19,8 @@ window.start = (size) => {
   camera.addComponent("camera", {
     projection: pc.PROJECTION_ORTHOGRAPHIC,
     orthoHeight: 1,
-    nearClip: 0.1,
-    farClip: 20,
+    nearClip: 990,
+    farClip: 1010,
     clearColor: pc.Color.BLACK,
     gammaCorrection: pc.GAMMA_NONE,
     toneMapping: pc.TONEMAP_NONE,
@@ -56,7 +56,7 @@ window.environment = (url) =>
 // Shade with a metal of colour white and some roughness, or diffuse white where it is null. The
 // camera looks at the ball at the origin from `from`; y is up on the picture.
 window.shade = async (roughness, from) => {
-  camera.setPosition(new pc.Vec3(...from).normalize().mulScalar(10));
+  camera.setPosition(new pc.Vec3(...from).normalize().mulScalar(1000));
   camera.lookAt(pc.Vec3.ZERO);
   const material = new pc.StandardMaterial();
   material.useMetalness = material.useMetalnessSpecularColor = true;
