@@ -94,6 +94,7 @@ ENGINES: dict[str, str] = {
     "unity": "unity",
     "unreal": "unreal",
     "godot": "godot",
+    "blender": "blender",
     "gltf": "gltf",
     "directx": "directx",
     "json": "coefficients",

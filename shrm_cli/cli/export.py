@@ -70,6 +70,10 @@ texel_options = (
     help="Window of the nine coefficients, as of irradiance: none, hann, lanczos, or auto, the "
     "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
+@click.option(
+    "--into", metavar="MODEL", type=click.Path(),
+    help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
+)  # fmt: skip
 @several(*texel_options)
 @probe_options
 @report_options
@@ -84,6 +88,7 @@ def export(
     skybox: int | None,
     window: str | None,
     dfg: bool,
+    into: str | None,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -98,6 +103,7 @@ def export(
       shrm export probe.exr --for bevy
       shrm export probe.exr --for filament --format rgba16f -o assets/light
       shrm export probe.exr --for three --for filament -o assets
+      shrm export probe.exr --for gltf --into chair.glb
       shrm export probe.splitsum.exr probe.irradiance.exr --for filament
     """
     from shrm_cli.export.make import Asked, made_folder
@@ -106,7 +112,7 @@ def export(
     reading = make_read_options(values)
     name = source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(size, texel_format, skybox, window, dfg, is_kept, max_error)
+    asked = Asked(size, texel_format, skybox, window, dfg, is_kept, max_error, into)
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
         conclude(*_exported(sources, names[0], folder, asked, reading, force))

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
+from shrm_cli.export.asset import Asset
 from shrm_cli.export.loss import Loss, sentence
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
 from shrm_cli.export.quoting import comment
@@ -51,6 +52,8 @@ class Light:
         The environment BRDF: scale and bias of f0, N.V across, roughness down from 0.
     chromaticities : tuple of 8 float, optional
         The primaries of the light.
+    asset : Asset, optional
+        A glTF file that the light is to be in.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Light:
     latlong: Array | None = None
     table: Array | None = None
     chromaticities: tuple[float, ...] | None = None
+    asset: Asset | None = None
 
     def nine(self) -> Array | None:
         """Return the lighting coefficients L_lm of degrees 0 to 2, shape (9, 3), if known."""
@@ -155,8 +159,8 @@ class Engine(ABC):
         The BRDFs whose split sums it reads.
     default_skybox : int
         Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
-    takes_skybox, takes_table : bool
-        Whether ``--skybox`` and ``--dfg`` apply.
+    takes_skybox, takes_table, takes_asset : bool
+        Whether ``--skybox``, ``--dfg`` and ``--into`` apply.
     """
 
     name: ClassVar[str]
@@ -174,6 +178,7 @@ class Engine(ABC):
     default_skybox: ClassVar[int] = 0
     takes_skybox: ClassVar[bool] = False
     takes_table: ClassVar[bool] = False
+    takes_asset: ClassVar[bool] = False
 
     def sizes(self, size: int) -> tuple[int, ...]:
         """Return the texels along an edge of each level, for a level 0 of `size`.

@@ -13,6 +13,7 @@ from shrm_cli.brdf.environment.environment_brdf import environment_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
+from shrm_cli.export.asset import open_asset
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.packing import packed, refuse_missing
@@ -150,6 +151,8 @@ class Asked:
         Whether the environment-BRDF table is wanted.
     keeps_primaries : bool
         Whether numbers stay in the primaries of the source; engines have those of Rec.709.
+    into : str, optional
+        The path of a glTF file that the light is put into.
     """
 
     size: int | None = None
@@ -159,6 +162,7 @@ class Asked:
     table: bool = False
     keeps_primaries: bool = False
     max_error: float | None = None
+    into: str | None = None
 
 
 def export(
@@ -187,8 +191,10 @@ def export(
         If the source holds nothing that the engine reads, or does not fit it.
     """
     check(engine, asked)
+    asset = None if asked.into is None else open_asset(asked.into)
     with using(progress):
         light, told, warnings = gather(source, engine, asked)
+    light = replace(light, asset=asset)
     try:
         made = packed(engine, light, asked.texels, asked.max_error)
     except MapError as error:  # which names the level or the file that it was to be in
@@ -239,6 +245,8 @@ def check(engine: Engine, asked: Asked) -> None:
         raise ArgumentError("window", f"does not apply; {engine.title} gets no coefficients")
     if asked.table and not engine.takes_table:
         raise ArgumentError("dfg", f"does not apply; {engine.title} has a table of its own")
+    if asked.into is not None and not engine.takes_asset:
+        raise ArgumentError("into", f"does not apply; {engine.title} gets files of its own")
     if asked.size is not None and engine.wants_levels:
         engine.roughness(engine.sizes(asked.size))
 

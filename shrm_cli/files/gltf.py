@@ -83,7 +83,7 @@ def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
                 raise ValueError("a buffer without its bytes")
             data = chunk
         else:
-            data = _from_uri(name, str(uri), size)
+            data = bytes_at(name, str(uri), size)
         if len(data) < size:
             raise MeshError(
                 f"{name}: a buffer of {size:,} bytes has {len(data):,}; copy or export it again"
@@ -93,22 +93,33 @@ def buffers_of(name: str, tree: Json, chunk: bytes | None) -> list[bytes]:
     return found
 
 
-def _from_uri(name: str, uri: str, size: int) -> bytes:
-    """Return the bytes of a buffer: those in the text, or a file's beside it."""
+def bytes_at(name: str, uri: str, most: int, what: str = "a buffer") -> bytes:
+    """Return the bytes at an address of a glTF file: those in the text, or a file's beside it.
+
+    Parameters
+    ----------
+    name : str
+        The path of the glTF file.
+    uri : str
+    most : int
+        How many bytes are read of a file, at most.
+    what : str
+        What the bytes are, for messages.
+    """
     if uri.startswith("data:"):
         return embedded(uri)
     part = unquote(uri)
     if ":" in part or "/" in part or "\\" in part or part in ("", ".", "..") or "\0" in part:
         raise MeshError(
-            f"{name}: a buffer is to be read from {part[:80]!r}; only files in its own folder are"
+            f"{name}: {what} is to be read from {part[:80]!r}; only files in its own folder are"
         )
     path = Path(name).parent / part
     try:
         if not path.is_file():
-            raise MeshError(f"{name}: the file of its buffer, {part[:80]!r}, is missing; copy it")
+            raise MeshError(f"{name}: the file of {what}, {part[:80]!r}, is missing; copy it")
         note(path)
         with open(path, "rb") as stream:
-            return stream.read(size)
+            return stream.read(most)
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror}); copy it again") from error
 

@@ -10,6 +10,7 @@ from shrm_cli.maps.file import open_map
 from shrm_cli.vocabulary import ENGINES, PRIMARIES
 from tests.cli.helpers import MAIN, assert_refused, done, process, run, snapshot, write_exr
 from tests.export.readers import read_ktx1, read_ktx2
+from tests.web.glb import ball_file
 
 
 @pytest.fixture
@@ -46,6 +47,22 @@ def test_the_same_export_is_the_same_bytes(folder):
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "b")
     assert snapshot(folder / "a") == snapshot(folder / "b")
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "a")
+
+
+def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
+    (folder / "ball.glb").write_bytes(ball_file(1.0, 0.5, rows=4))
+    before = (folder / "ball.glb").read_bytes()
+    export = ["export", "sky.exr", "--for", "gltf", "--size", "16", "--into", "ball.glb"]
+    out = done(*export)
+    assert "sky_ball.glb" in out
+    done(*export)  # the same again
+    again = [*export[:-3], "32", *export[-2:]]
+    assert_refused(run(*again), 1, "--force")
+    done(*again, "--force")
+    json_file = run("export", "sky.exr", "--for", "json", "--into", "ball.glb")
+    assert_refused(json_file, 2, "--into does not apply")
+    assert_refused(run(*export[:-1], "no.glb"), 1, "no.glb: cannot be read")
+    assert (folder / "ball.glb").read_bytes() == before
 
 
 def test_several_engines_get_what_each_gets_alone(folder):

@@ -28,7 +28,7 @@ HEIGHT = 64
 LAMP = np.array([0.48, 0.6, -0.64])
 MINE = [
     "filament", "bevy", "gltf-sample-viewer", "unity", "unreal", "godot", "cesium", "playcanvas",
-    "model-viewer",
+    "model-viewer", "blender",
 ]  # fmt: skip
 
 
@@ -221,6 +221,18 @@ def test_godot(probe, tmp_path, rng):
         return np.arctan2(x, -z) % (2 * np.pi) / (2 * np.pi), np.arccos(y) / np.pi
 
     assert_latlong(latlong(tmp_path, "sky_panorama.exr"), place, rng)
+
+
+def test_blender(probe, tmp_path, rng):
+    exported(probe, "blender", tmp_path)
+
+    def place(x, y, z):
+        """`direction_to_equirectangular` of Cycles, in Blender's axes; its v is 1 on top."""
+        x, y, z = x, -z, y
+        u = -np.arctan2(y, x) / (2 * np.pi) + 0.5
+        return u, 1 - (np.arctan2(z, np.hypot(x, y)) / np.pi + 0.5)
+
+    assert_latlong(latlong(tmp_path, "sky_world.exr"), place, rng)
 
 
 def test_unity(probe, samples, tmp_path, rng):

@@ -9,13 +9,13 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from shrm_cli.probe.probe import Probe
-from tests.web import ball, proofs, viewer
+from tests.web import ball, others, proofs, viewer
 from tests.web.browser import Page
 from tests.web.glb import ball_file
 
 STOCK = {"three-webgl": "webgl", "three-webgpu": "webgpu"}
 """three.js' own loader, under both of its renderers."""
-ENGINES = ("three", *STOCK, "babylon", "filament", "gltf-sample-viewer")
+ENGINES = ("three", *STOCK, "babylon", "filament", "gltf-sample-viewer", *others.NAMES)
 AROUND = {"+X": (1, 0, 0), "-X": (-1, 0, 0), "+Z": (0, 0, 1), "-Z": (0, 0, -1)}
 _AXES = {**AROUND, "+Y": (0, 1, 0), "-Y": (0, -1, 0)}
 _TOPS = {"+Y": (0, 0, -1), "-Y": (0, 0, 1)}
@@ -54,7 +54,12 @@ def lettered_probe(rows=128):
 
 
 def seen_around(browser, folder, address, name, probe, size=64, pixels=_SIDE):
-    """A mirror ball and the light along each of `AROUND`, in an engine: pictures by name."""
+    """The light along each of `AROUND` in an engine, and mostly a mirror ball: pictures by name."""
+    if name in others.NAMES:
+        opened = others.Opened(browser, folder, address, name, probe, max(size, 256), 4 * pixels)
+        found = {each: opened.ahead(to)[2::4, 2::4] for each, to in AROUND.items()}
+        opened.page.close()
+        return found
     if name == "gltf-sample-viewer":
         page, _ = viewer.opened(browser, folder, address, probe, size, pixels, samples=1)
         (folder / "viewer" / "mirror.glb").write_bytes(ball_file(1.0, 0.0))

@@ -436,7 +436,7 @@ def compare(title, page, light, mapping, pictures, normals, used, ours=None):
     rows, kept = [], {}
     for what, (found, documented) in pictures.items():
         if documented is None:
-            wrong = [ball.lambert(light.nine(), normals * signs) for signs in _TURNS]
+            wrong = [ball.lambert(light.nine(), normals * signs) for signs in TURNS]
             want, to_shrm = ball.lambert(light.nine(), normals), None
         else:
             wrong = [documented([_turned(level, k) for level in light.levels]) for k in range(3)]
@@ -457,7 +457,7 @@ def compare(title, page, light, mapping, pictures, normals, used, ours=None):
     return Proof(title, rows, errors, requests, kept)
 
 
-_TURNS = [np.array([-1, 1, 1]), np.array([1, -1, 1]), np.array([1, 1, -1])]
+TURNS = [np.array([-1, 1, 1]), np.array([1, -1, 1]), np.array([1, 1, -1])]
 """Mirrorings that wrong conventions would make."""
 
 
@@ -466,7 +466,7 @@ def _turned(level, axis):
     from tests.bilinear import centers, look_up
 
     size = level.shape[1]
-    directions = centers(size).reshape(-1, 3) * _TURNS[axis]
+    directions = centers(size).reshape(-1, 3) * TURNS[axis]
     return look_up(level, directions).reshape(level.shape)
 
 

@@ -11,18 +11,19 @@ KhronosGroup/glTF, extensions/2.0/Vendor/EXT_lights_image_based; Babylon.js' loa
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from shrm_cli.export.asset import EXTENSION
 from shrm_cli.export.cubes import mirrored, to_lookup
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.harmonics import ext_lights_image_based, in_axes
-from shrm_cli.export.pixels import TexelFormat
+from shrm_cli.export.pixels import Clipped, TexelFormat
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.export.rgbd import RGBD, rgbd_pictures
 
 LOOKUP = mirrored(1, 1, -1)
 """Where a right-handed scene of Babylon.js looks up a world direction."""
-_EXTENSION = "EXT_lights_image_based"
 
 
 class Gltf(Engine):
@@ -30,6 +31,7 @@ class Gltf(Engine):
 
     name = "gltf"
     title = "glTF EXT_lights_image_based"
+    takes_asset = True
     least = 16
     """Texels along an edge of the last level, as the extension's text has it."""
 
@@ -42,29 +44,28 @@ class Gltf(Engine):
         coefficients = light.nine()
         if not light.levels or coefficients is None:  # the extension asks for both
             return made
-        numbers = ext_lights_image_based(in_axes(coefficients, LOOKUP))
-        name = f"{light.name}.gltf"
-        images: list[dict[str, str]] = []
-        levels: list[list[int]] = []
-        found = []
-        for k, cube in enumerate(light.levels):
-            pictures, clipped = rgbd_pictures(to_lookup(cube, LOOKUP), f"level {k}")
-            found.append(clipped)
-            levels.append(list(range(len(images), len(images) + len(pictures))))
-            for face, picture in enumerate(pictures):
-                picture_name = f"{light.name}_{k}_{face}.png"
-                made.add_bytes(picture_name, picture)
-                images.append({"uri": uri(picture_name)})
-        made.tell_clipped(name, RGBD, found)
+        pictures, clipped = _pictures(light)
         described = {
             "name": light.name,
             "intensity": 1.0,  # without it Babylon.js makes NaN of the coefficients
             "rotation": [0.0, 0.0, 0.0, 1.0],
-            "irradianceCoefficients": numbers.tolist(),
+            "irradianceCoefficients": ext_lights_image_based(
+                in_axes(coefficients, LOOKUP)
+            ).tolist(),
             "specularImageSize": light.levels[0].shape[1],
-            "specularImages": levels,
+            "specularImages": [list(range(6 * k, 6 * k + 6)) for k in range(len(light.levels))],
         }
-        made.add_text(name, json.dumps(_document(described, images), allow_nan=False))
+        if light.asset is None:
+            name = f"{light.name}.gltf"
+            images = [{"uri": uri(each)} for each in pictures]
+            for each, picture in pictures.items():
+                made.add_bytes(each, picture)
+            made.add_text(name, json.dumps(_document(described, images), allow_nan=False))
+        else:
+            name = f"{light.name}_{Path(light.asset.path).stem}.glb"
+            made.add_bytes(name, light.asset.lit(described, list(pictures.values())))
+            made.told.append(f"the light is in each scene of the file: {light.asset.scenes}")
+        made.tell_clipped(name, RGBD, clipped)
         made.told += [
             "axes: right-handed scenes look up (x, y, -z), so cube and coefficients are mirrored "
             "in z",
@@ -80,15 +81,25 @@ class Gltf(Engine):
         return made
 
 
+def _pictures(light: Light) -> tuple[dict[str, bytes], list[Clipped]]:
+    """Return the faces of all levels as PNG files by their names, and what RGBD could not hold."""
+    found, lost = {}, []
+    for k, cube in enumerate(light.levels):
+        faces, clipped = rgbd_pictures(to_lookup(cube, LOOKUP), f"level {k}")
+        lost.append(clipped)
+        found.update({f"{light.name}_{k}_{face}.png": data for face, data in enumerate(faces)})
+    return found, lost
+
+
 def _document(light: dict[str, Any], images: list[dict[str, str]]) -> dict[str, Any]:
     """Return a glTF document of a scene with nothing but a light."""
     return {
         "asset": {"version": "2.0", "generator": "shrm"},
-        "extensionsUsed": [_EXTENSION],
-        "extensions": {_EXTENSION: {"lights": [light]}},
+        "extensionsUsed": [EXTENSION],
+        "extensions": {EXTENSION: {"lights": [light]}},
         "images": images,
         "scene": 0,
-        "scenes": [{"extensions": {_EXTENSION: {"light": 0}}}],
+        "scenes": [{"extensions": {EXTENSION: {"light": 0}}}],
     }
 
 

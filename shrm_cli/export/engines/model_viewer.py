@@ -13,6 +13,9 @@ from shrm_cli.export.latlong import add_radiance, rolled
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import uri
 
+_ROWS = 1024
+"""Rows of a panorama from which its filter is as good as it becomes within reason."""
+
 
 class ModelViewer(Engine):
     """The web component `<model-viewer>`, by its attribute `environment-image`."""
@@ -30,6 +33,11 @@ class ModelViewer(Engine):
             name = f"{light.name}.hdr"
             add_radiance(made, name, rolled(light.latlong, 90))
             made.told.append("the panorama is turned by 90 degrees: +X is in its centre")
+            if light.latlong.shape[0] < _ROWS:
+                made.told.append(
+                    "it filters better what has more rows: at roughness .5 it is 22 % from GGX "
+                    f"with 256, 15 % with `--size {_ROWS}`"
+                )
             address = uri(name)
             made.loading += [
                 f'<model-viewer src="model.glb" environment-image="{address}"',

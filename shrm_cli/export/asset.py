@@ -1,0 +1,174 @@
+"""A glTF file that an image-based light is put into; what comes out is one GLB.
+
+Everything of the file stays as it is, extensions included. Buffers and pictures in files of their
+own, which have to lie beside it, move into the GLB, so that it can lie anywhere.
+"""
+
+import json
+from copy import deepcopy
+from pathlib import Path
+
+from shrm_cli.errors import MapError
+from shrm_cli.files.gltf import (
+    BIN,
+    GLB_HEAD,
+    JSON,
+    MOST_BYTES,
+    Json,
+    buffers_of,
+    bytes_at,
+    list_of,
+    read_tree,
+    table,
+    view_of,
+)
+from shrm_cli.files.whole import note
+from shrm_cli.records import record
+
+EXTENSION = "EXT_lights_image_based"
+_COMPRESSED = "EXT_meshopt_compression"
+"""What has offsets of its own into buffers, some of which exist in no file."""
+_TYPES = {
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".webp": "image/webp",
+    ".ktx2": "image/ktx2",
+}
+
+
+@record
+class Asset:
+    """A glTF file with all that it needs.
+
+    Attributes
+    ----------
+    path : str
+        The path of the file.
+    tree : dict
+        Its JSON, in which all views are of one buffer.
+    data : bytes
+        This buffer.
+    """
+
+    path: str
+    tree: Json
+    data: bytes
+
+    @property
+    def scenes(self) -> int:
+        """How many scenes it has."""
+        return len(self.tree["scenes"])
+
+    def lit(self, light: Json, pictures: list[bytes]) -> bytes:
+        """Return a GLB in all scenes of which a light is.
+
+        Parameters
+        ----------
+        light : dict
+            What the extension wants of a light; its images are counted from 0.
+        pictures : list of bytes
+            PNG files, which are these images.
+        """
+        tree, data = deepcopy(self.tree), bytearray(self.data)
+        images = tree.setdefault("images", [])
+        first = len(images)
+        for picture in pictures:
+            images.append({"mimeType": "image/png", "bufferView": _added(tree, data, picture)})
+        numbered = [[first + k for k in faces] for faces in light["specularImages"]]
+        lights = (
+            tree.setdefault("extensions", {}).setdefault(EXTENSION, {}).setdefault("lights", [])
+        )
+        lights.append({**light, "specularImages": numbered})
+        for scene in tree["scenes"]:
+            scene.setdefault("extensions", {})[EXTENSION] = {"light": len(lights) - 1}
+        used = tree.setdefault("extensionsUsed", [])
+        if EXTENSION not in used:
+            used.append(EXTENSION)
+        return _glb(tree, data)
+
+
+def open_asset(path: str) -> Asset:
+    """Read a glTF or GLB file, and what lies beside it.
+
+    Raises
+    ------
+    MapError
+        If it cannot be read, or cannot hold a light.
+    MeshError
+        If it is damaged, or not of version 2.
+    """
+    try:
+        if Path(path).stat().st_size > MOST_BYTES:
+            raise MapError(f"{path}: larger than {MOST_BYTES:,} bytes; simplify it")
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise MapError(f"{path}: cannot be read ({error.strerror}); name a glTF file") from error
+    note(path)
+    tree, chunk = read_tree(path, content)
+    try:
+        return _opened(path, tree, chunk)
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        why = " ".join(str(error).split())[:80]
+        raise MapError(f"{path}: its glTF is damaged ({why}); export it again") from error
+
+
+def _opened(path: str, tree: Json, chunk: bytes | None) -> Asset:
+    if _COMPRESSED in list_of(tree, "extensionsUsed"):
+        raise MapError(f"{path}: it is compressed ({_COMPRESSED}); add the light before that")
+    if not list_of(tree, "scenes"):
+        raise MapError(f"{path}: it has no scene that light could be in; export it with one")
+    for scene in list_of(tree, "scenes"):
+        table(table(scene).get("extensions", {}))
+    known = table(table(tree.get("extensions", {})).get(EXTENSION, {}))
+    list_of(known, "lights")
+    data, starts = bytearray(), []
+    buffers = buffers_of(path, tree, chunk)
+    for each in buffers:
+        starts.append(_padded(data))
+        data += each
+    for each in list_of(tree, "bufferViews"):
+        found = view_of(each, buffers)
+        each["byteOffset"] = starts[found["buffer"]] + found["byteOffset"]
+        each["buffer"] = 0
+    for image in list_of(tree, "images"):
+        _embed(path, tree, data, image)
+    return Asset(path, tree, bytes(data))
+
+
+def _embed(path: str, tree: Json, data: bytearray, image: Json) -> None:
+    """Move a picture that lies beside a file into its buffer."""
+    uri = str(table(image).get("uri", "data:"))
+    if uri.startswith("data:"):
+        return
+    kind = _TYPES.get(Path(uri).suffix.lower())
+    if kind is None:
+        raise MapError(f"{path}: {uri[:80]!r} is no PNG, JPEG, WebP or KTX 2 picture; convert it")
+    view = _added(tree, data, bytes_at(path, uri, MOST_BYTES, "a picture"))
+    del image["uri"]
+    image.update(mimeType=image.get("mimeType", kind), bufferView=view)
+
+
+def _added(tree: Json, data: bytearray, piece: bytes) -> int:
+    """Append bytes to a buffer, and return the number of their view."""
+    views: list[Json] = tree.setdefault("bufferViews", [])
+    views.append({"buffer": 0, "byteOffset": _padded(data), "byteLength": len(piece)})
+    data += piece
+    return len(views) - 1
+
+
+def _padded(data: bytearray, byte: bytes = b"\0", to: int = 8) -> int:
+    """Fill up to a multiple of some bytes, as accessors want their places; return the length."""
+    data += byte * (-len(data) % to)
+    return len(data)
+
+
+def _glb(tree: Json, data: bytearray) -> bytes:
+    """Return a GLB with one buffer."""
+    size = _padded(data, to=4)
+    text = bytearray(json.dumps({**tree, "buffers": [{"byteLength": size}]}).encode())
+    _padded(text, b" ", to=4)
+    chunks = b"".join(
+        len(each).to_bytes(4, "little") + kind + each for kind, each in ((JSON, text), (BIN, data))
+    )
+    return GLB_HEAD + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks

@@ -1,0 +1,113 @@
+"""The script of `shrm export --for blender`: the names of Blender's API, and Blender itself.
+
+SHRM_BLENDER names a Python that has the package `bpy` (`pip install bpy`), for the latter.
+"""
+
+import json
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from shrm_cli.export.engine import engine
+from shrm_cli.export.make import Asked, Source, export, write
+from tests.web import letters
+
+NAME = "li\"ght's 灯"
+
+
+_SOCKETS = {
+    "ShaderNodeTexEnvironment": (["Vector"], ["Color"]),
+    "ShaderNodeBackground": (["Color", "Strength"], ["Background"]),
+    "ShaderNodeOutputWorld": (["Surface", "Volume"], []),
+}
+"""The sockets of nodes that the script uses, by Blender's manual."""
+
+
+class Node:
+    """A node of the kinds that the script makes; other attributes cannot be set."""
+
+    __slots__ = ("image", "inputs", "kind", "location", "outputs")
+
+    def __init__(self, kind):
+        self.kind = kind
+        self.inputs, self.outputs = (
+            {name: SimpleNamespace(node=self, name=name, default_value=None) for name in names}
+            for names in _SOCKETS[kind]
+        )
+
+
+class Nodes(list):
+    def new(self, kind):
+        self.append(Node(kind))
+        return self[-1]
+
+
+class Links(list):
+    def new(self, source, target):
+        self.append((source, target))
+
+
+class World:
+    __slots__ = ("name", "node_tree", "use_nodes")
+
+    def __init__(self, name):
+        self.name = name
+        tree = SimpleNamespace(nodes=Nodes([Node("ShaderNodeBackground")]), links=Links())
+        self.node_tree = tree
+
+
+def exported(folder):
+    write(
+        export(Source(NAME, "x.exr", letters.lettered_probe()), engine("blender"), Asked()), folder
+    )
+    return folder / f"{NAME}_world.py"
+
+
+def test_the_script_makes_a_world_of_the_picture(tmp_path, monkeypatch):
+    script = exported(tmp_path)
+    loaded = []
+
+    def load(path):
+        assert Path(path).is_file()
+        loaded.append(SimpleNamespace(colorspace_settings=SimpleNamespace(name="sRGB")))
+        return loaded[-1]
+
+    bpy = ModuleType("bpy")
+    bpy.data = SimpleNamespace(images=SimpleNamespace(load=load), worlds=SimpleNamespace(new=World))
+    bpy.context = SimpleNamespace(scene=SimpleNamespace(world=None))
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    runpy.run_path(str(script))
+    world = bpy.context.scene.world
+    assert (world.name, world.use_nodes) == (NAME, True)
+    texture, background, output = world.node_tree.nodes
+    assert texture.image is loaded[0]
+    assert texture.image.colorspace_settings.name == "Linear Rec.709"
+    assert background.inputs["Strength"].default_value == 1
+    assert world.node_tree.links == [
+        (texture.outputs["Color"], background.inputs["Color"]),
+        (background.outputs["Background"], output.inputs["Surface"]),
+    ]
+
+
+@pytest.mark.skipif("SHRM_BLENDER" not in os.environ, reason="SHRM_BLENDER names a Python with bpy")
+def test_letters_can_be_read_in_blender(tmp_path):
+    script = exported(tmp_path)
+    program = Path(__file__).parent / "blender_letters.py"
+    around = json.dumps(letters.AROUND)
+    command = [os.environ["SHRM_BLENDER"], program, script, tmp_path, around]
+    subprocess.run([*map(str, command)], check=True, capture_output=True)
+    for name in letters.AROUND:
+        pixels = oiio.ImageBuf(str(tmp_path / f"{name}.exr")).get_pixels()
+        picture, text = np.asarray(pixels)[..., :3], letters.written(name)
+        right = letters.likeness(picture, text)
+        assert right > 0.97, name
+        for wrong in (text[:, ::-1], text[::-1], text.T):
+            assert letters.likeness(picture, wrong) < right - 0.1
+        assert np.abs(picture[..., 1] - text)[4:-4, 4:-4].mean() < 0.02  # and is as bright
