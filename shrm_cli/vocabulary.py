@@ -80,6 +80,8 @@ PRIMARIES: dict[str, tuple[float, ...]] = {
 Rec.2020, P3 with the white of screens (Display P3) and of cinemas, Adobe RGB (1998), ACES AP1 and
 AP0 (SMPTE ST 2065-1), and CIE XYZ as OpenEXR writes it, whose numbers are relative to D65."""
 
+EXPORT = "export"
+"""What batches call the making of files that engines load, beside representations."""
 ENGINES: dict[str, str] = {
     "filament": "filament",
     "bevy": "bevy",

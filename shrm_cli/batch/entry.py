@@ -17,15 +17,17 @@ from shrm_cli.files.exr_header import holds_nothing, is_output
 from shrm_cli.files.remote import matching
 from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
-from shrm_cli.maps.options import listing, owners
+from shrm_cli.maps.options import Representation, listing, owners
 from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.probe.probe import face_paths
 from shrm_cli.records import record
-from shrm_cli.vocabulary import AUTO, CONTAINERS, REPRESENTATIONS, Precision
+from shrm_cli.vocabulary import AUTO, CONTAINERS, ENGINES, EXPORT, REPRESENTATIONS, Precision
 
 DEFAULT_OUTPUT = "{probe}.{brdf}.{to}.exr"
-FIELDS = ("probe", "folder", "brdf", "to")
+DEFAULT_FOLDER = "{probe}.{engine}"
+"""Where exports go, unless a name is given."""
+FIELDS = ("probe", "folder", "brdf", "to", "engine")
 """What the names of outputs may hold in braces."""
 _FIELD = re.compile(r"([-._/ ]?)\{([^{}]*)\}")
 _SEPARATORS = "-._/ "
@@ -57,7 +59,7 @@ class Entry:
         The name of the outputs, in which ``{probe}`` stands for the name of the probe's file
         without its suffix, ``{folder}`` for its folders below those that the pattern names,
         ``{brdf}`` for the BRDF and ``{to}`` for the representation. What is empty, as the BRDF of
-        irradiance is, takes the separator before it along.
+        irradiance is, takes the separator before it along. ``{engine}`` is that of an export.
     arguments : mapping of str to value
         Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them.
     own : mapping of str to mapping
@@ -67,6 +69,8 @@ class Entry:
     precision : {"auto", "half", "float"}
     runs_code : bool
         Whether BRDFs may be classes in Python files, which are run.
+    engines : tuple of str
+        Those that exports are for.
     """
 
     probes: tuple[str, ...]
@@ -78,6 +82,7 @@ class Entry:
     reading: Mapping[str, Any] = field(default_factory=dict)
     precision: Precision = "auto"
     runs_code: bool = False
+    engines: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         resolved = tuple(resolved_form(to, self.arguments) for to in self.to)
@@ -95,6 +100,9 @@ class Entry:
         self._refuse_idle()
         found = []
         for to in dict.fromkeys(self.to):
+            if to == EXPORT:
+                found += self._exports()
+                continue
             given = self._arguments(to)
             specs = self.brdfs if self._has_brdf(to) else (None,)
             found += [
@@ -103,16 +111,37 @@ class Entry:
             ]
         return found
 
+    def _exports(self) -> list[Recipe]:
+        """Return what is made of each probe for the engines."""
+        from shrm_cli.batch.exports import DESCRIPTION, checked
+
+        if not self.engines:
+            raise ArgumentError("for", f"is missing; `to` {EXPORT} needs an engine")
+        named = {key: each for key, each in self.arguments.items() if key in DESCRIPTION.arguments}
+        own = self.own.get(EXPORT, {})
+        return [
+            Recipe(EXPORT, None, checked({**named, **own, "engine": engine}))
+            for engine in dict.fromkeys(self.engines)
+        ]
+
     def _has_brdf(self, to: str) -> bool:
         """Tell whether a form is made of the BRDFs.
 
         Split sums are, unless the BRDFs are for other forms, beside which they are of GGX.
         """
-        if registry.description(to).needs_brdf:
+        if self._form(to).needs_brdf:
             return True
-        is_for_others = any(registry.description(each).needs_brdf for each in self.to)
-        takes_one = "brdf" in registry.description(to).arguments
+        is_for_others = any(self._form(each).needs_brdf for each in self.to)
+        takes_one = "brdf" in self._form(to).arguments
         return takes_one and bool(self.brdfs) and not is_for_others
+
+    def _form(self, to: str) -> Representation:
+        """Return the description of a representation, or that of exports."""
+        if to != EXPORT:
+            return registry.description(to)
+        from shrm_cli.batch.exports import DESCRIPTION  # plain batches export nothing
+
+        return DESCRIPTION
 
     def jobs(self, left_out: list[str] | None = None) -> list[Job]:
         """Return all jobs, those of one probe after the other.
@@ -170,6 +199,10 @@ class Entry:
     def _refuse_idle(self) -> None:
         """Refuse arguments and BRDFs that nothing is made with."""
         known = {AUTO: registry.description(AUTO), **registry.descriptions()}
+        if EXPORT in (*self.to, *self.own):
+            known[EXPORT] = self._form(EXPORT)
+        if self.engines and EXPORT not in self.to:
+            raise ArgumentError("for", f"applies with `to` {EXPORT}")
         for to in (*self.to, *self.own):
             if to not in known:
                 raise ArgumentError("to", f"{to!r} is none of {', '.join(known)}")
@@ -188,7 +221,16 @@ class Entry:
     def _output(self, probe: str, folder: str, recipe: Recipe) -> str:
         """Return the name of an output."""
         label = "" if recipe.brdf is None else brdf_label(recipe.brdf)
-        values = {"probe": probe_stem(probe), "folder": folder, "brdf": label, "to": recipe.to}
+        engine = recipe.arguments["engine"] if recipe.to == EXPORT else ""
+        values = {
+            "probe": probe_stem(probe),
+            "folder": folder,
+            "brdf": label,
+            "to": recipe.to,
+            "engine": engine,
+        }
+        is_plain = recipe.to == EXPORT and self.output == DEFAULT_OUTPUT
+        template = DEFAULT_FOLDER if is_plain else self.output
 
         def put(found: re.Match[str]) -> str:
             separator, name = found.groups()
@@ -198,9 +240,15 @@ class Entry:
             _check_field(values[name], name, probe)
             return separator + values[name] if values[name] else ""
 
-        made = _FIELD.sub(put, self.output)
-        is_cut = self.output.startswith("{") and made[:1] in _SEPARATORS
+        made = _FIELD.sub(put, template)
+        is_cut = template.startswith("{") and made[:1] in _SEPARATORS
         return made[1:] if is_cut else made
+
+
+def every_engine(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the engines that some names stand for: ``all`` are all of them."""
+    names = tuple(names)
+    return tuple(ENGINES) if "all" in names else names
 
 
 def _check_field(value: str, name: str, probe: str) -> None:
@@ -357,7 +405,12 @@ def checked(jobs: list[Job]) -> list[Job]:
     made: dict[str, Job] = {}
     for job in jobs:
         place = _identity(job.output)
-        if not job.output.lower().endswith(tuple(CONTAINERS)):
+        if job.recipe.to == EXPORT:
+            if is_remote(job.output):
+                raise OutputError(
+                    f"{shown(job.output)}: exports are folders of this machine; name one"
+                )
+        elif not job.output.lower().endswith(tuple(CONTAINERS)):
             raise OutputError(f"{shown(job.output)}: what is written is .exr; name it so")
         if place in inputs and not is_remote(job.output) and is_output(job.output):
             raise OutputError(
@@ -431,6 +484,8 @@ def _twice(one: Job, other: Job) -> str:
             f"{one.output}: of {other.recipe.brdf} and of {one.recipe.brdf}; put {{brdf}} into the "
             "name of the outputs, or make two entries of them"
         )
+    if one.recipe.to == other.recipe.to == EXPORT:
+        return f"{one.output}: for two engines; put {{engine}} into the name of the outputs"
     if one.recipe.to != other.recipe.to:
         return f"{one.output}: of two forms; put {{to}} into the name of the outputs"
     return f"{one.output}: made twice of {one.probe}; name the outputs of each entry differently"

@@ -14,11 +14,12 @@ class Recipe:
     Attributes
     ----------
     to : str
-        The representation.
+        The representation, or ``export``.
     brdf : str, optional
         The specification of the BRDF; None for representations that need none.
     arguments : mapping of str to value
-        The other arguments of `shrm_cli.prefilter.prefilter` that are given, by name.
+        The other arguments of `shrm_cli.prefilter.prefilter` that are given, by name; of exports
+        those that `batch.exports` names.
     precision : {"auto", "half", "float"}
         The pixel type of the file.
     runs_code : bool
@@ -45,7 +46,7 @@ class Job:
     recipe : Recipe
         Jobs share the recipes that they have in common.
     output : str
-        The path of the map, or its URL.
+        The path of the map, or its URL; of an export its folder.
     """
 
     probe: str

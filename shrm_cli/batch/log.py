@@ -11,7 +11,8 @@ from typing import Any
 
 from shrm_cli import __version__
 from shrm_cli.addresses import shown_values
-from shrm_cli.batch.work import NOT_THERE, Record, Result
+from shrm_cli.batch.made import NOT_THERE
+from shrm_cli.batch.work import Record, Result
 from shrm_cli.errors import OutputError
 
 _BEGINNING = b'{"time": "'

@@ -23,7 +23,9 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
 from shrm_cli.vocabulary import AUTO, AUTO_FORMS, Precision
 
-_DAMAGED = "it is damaged"
+DAMAGED = "it is damaged"
+NOT_THERE = "not there"
+"""Why most outputs are made."""
 
 
 @record
@@ -44,7 +46,10 @@ class Difference:
     @property
     def is_damage(self) -> bool:
         """Whether nothing of it is worth keeping."""
-        return self.why == _DAMAGED
+        return self.why == DAMAGED
+
+
+MISSING = Difference(NOT_THERE)
 
 
 def difference(
@@ -88,9 +93,9 @@ def difference(
     if not _is_of(brdf, found):
         return Difference("it is for another BRDF")
     wanted = request.record(probe) | ({} if precision == "auto" else {"precision": precision})
-    differing = _differing(_options(found), wanted)
-    if differing:
-        return Difference(f"it was made with other options ({differing})")
+    others = differing(_options(found), wanted)
+    if others:
+        return Difference(f"it was made with other options ({others})")
     if sources and not found.sources:
         return Difference("an earlier version of shrm made it, which recorded no digest")
     if sources and found.sources != sources:
@@ -114,7 +119,7 @@ def _unreadable(path: str | os.PathLike[str]) -> Difference:
     """Say what a file is that cannot be read as a map: damaged, or something else."""
     is_file = os.path.isfile(path)  # opening a pipe would wait for its writer
     if is_file and (holds_nothing(path) or (says_map(path) and condition(path) != "intact")):
-        return Difference(_DAMAGED)
+        return Difference(DAMAGED)
     return Difference("it is no map that can be read", is_ours=False)
 
 
@@ -126,7 +131,7 @@ def change_of(path: str | os.PathLike[str]) -> Difference | None:
     # What an editor has written can be read; of what is damaged within, some chunk cannot.
     if found == "other" and _can_be_read(path):
         return Difference("it was changed since shrm made it", is_ours=False)
-    return Difference(_DAMAGED)
+    return Difference(DAMAGED)
 
 
 def _can_be_read(path: str | os.PathLike[str]) -> bool:
@@ -150,8 +155,8 @@ def _options(found: Recorded) -> Mapping[str, Any]:
     return {**recorded_defaults(found.representation, options), **options}
 
 
-def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Return in words how the options of a file differ from those of this run."""
+def differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in words how recorded options differ from those of this run."""
     here = json.loads(json.dumps(here))
     if there.get("reading") != here["reading"]:
         return "how the probe is read"

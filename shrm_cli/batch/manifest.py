@@ -15,6 +15,11 @@ A small one; `docs/batch.md` has every key::
     probes = ["night/*.exr"]
     error = 0.05
 
+    [[entry]]
+    for = ["three", "bevy"]
+    to = "export"
+    output = "engines/{engine}/{probe}"
+
 Every ``[[entry]]`` begins with what stands before the first one. Without any, that is the one
 entry. Names are relative to the current folder, as those of the command line are.
 """
@@ -24,7 +29,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry
+from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
 from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.files.toml import read_toml
 from shrm_cli.files.whole import note
@@ -32,11 +37,11 @@ from shrm_cli.maps.options import listing
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
-from shrm_cli.vocabulary import AUTO, PRECISIONS, REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, EXPORT, PRECISIONS, REPRESENTATIONS
 
 _MOST_BYTES = 2**22
 _MOST_ENTRIES = 10_000
-_LISTS = ("probes", "brdfs", "to")
+_LISTS = ("probes", "brdfs", "to", "for")
 _TEXTS = ("output", "precision")
 _READING = {each.name for each in (*fields(ReadOptions), *fields(PixelPolicy))} - {"pixels"}
 
@@ -107,7 +112,7 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     others = {
         key: value for key, value in found.items() if key not in (*_LISTS, *_TEXTS, "reading")
     }
-    own = {key: value for key, value in others.items() if key in (AUTO, *REPRESENTATIONS)}
+    own = {key: value for key, value in others.items() if key in (AUTO, EXPORT, *REPRESENTATIONS)}
     for key, value in own.items():
         if not isinstance(value, dict):
             raise ProbeError(f"{name}: '{key}' is no table; write [{key}]")
@@ -119,12 +124,13 @@ def _entry(name: str, found: Mapping[str, Any]) -> Entry:
     entry = Entry(
         texts["probes"],
         texts.get("brdfs", ()),
-        texts.get("to", (AUTO,)),
+        texts.get("to", (EXPORT,) if "for" in texts else (AUTO,)),
         found.get("output", DEFAULT_OUTPUT),
         arguments,
         own,
         _reading(name, found.get("reading", {})),
         precision,
+        engines=every_engine(texts.get("for", ())),
     )
     try:
         entry.recipes()

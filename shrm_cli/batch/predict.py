@@ -10,6 +10,7 @@ from shrm_cli.prefilter import make
 from shrm_cli.probe.probe import open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.progress import Progress
+from shrm_cli.vocabulary import EXPORT
 
 _HALF = 2  # bytes
 _TRIED = 5
@@ -52,6 +53,8 @@ def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> li
 def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
     """Predict the outputs of jobs of one recipe."""
     named = {"to": jobs[0].recipe.to, "brdf": jobs[0].recipe.brdf}
+    if jobs[0].recipe.to == EXPORT:
+        return {**named, "engine": jobs[0].recipe.arguments["engine"]}
     error = ""
     for job in jobs[:_TRIED]:
         try:

@@ -16,7 +16,7 @@ from shrm_cli import addresses, settings
 from shrm_cli.arrays import Array
 from shrm_cli.batch.collect import What, lighting_of
 from shrm_cli.batch.job import Chunk, Job, Recipe, Task
-from shrm_cli.batch.made import Difference, difference
+from shrm_cli.batch.made import MISSING, Difference, difference
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmError
@@ -29,6 +29,7 @@ from shrm_cli.probe.probe import Probe, open_probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import record
 from shrm_cli.sources import fingerprint
+from shrm_cli.vocabulary import EXPORT
 
 Record = dict[str, Any]
 """What is told of a job; `docs/batch.md` lists the keys."""
@@ -37,9 +38,6 @@ _SAID = (
     "size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error",
 )  # fmt: skip
 """What a record takes over from the summary of a map."""
-NOT_THERE = "not there"
-"""Why most outputs are made."""
-_MISSING = Difference(NOT_THERE)
 _FORCED = Difference("asked for by `force`")
 _MOST_MATERIALS = 64
 _materials: dict[tuple[Any, ...], Brdf] = {}
@@ -186,7 +184,8 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     OutputError
         If a file is there that is none of this output's earlier states.
     """
-    request = request_of(job.recipe, probe)
+    is_export = job.recipe.to == EXPORT
+    request = None if is_export else request_of(job.recipe, probe)
     found = _FORCED if terms.force else _difference(job, probe, request)
     if found is None:
         return {"status": "skipped"}
@@ -194,6 +193,12 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
         raise kept(addresses.shown(job.output), found.why)
     if terms.only_looks:
         return {"status": "waiting", "why": found.why}
+    if request is None:
+        from shrm_cli.batch.exports import made as exported  # plain batches export nothing
+
+        told = exported(job, probe, fingerprint())
+        warnings = [*probe.report.warnings(), *told["warnings"]]
+        return {"status": "made", "why": found.why, **told, "warnings": warnings}
     made = make(probe, request)
     if not addresses.is_remote(job.output):
         Path(job.output).parent.mkdir(parents=True, exist_ok=True)
@@ -212,12 +217,16 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     }
 
 
-def _difference(job: Job, probe: Probe, request: Request) -> Difference | None:
+def _difference(job: Job, probe: Probe, request: Request | None) -> Difference | None:
     """Say in what a job's output differs from what this program would write; None in nothing."""
+    if request is None:
+        from shrm_cli.batch.exports import difference as difference_of_export
+
+        return difference_of_export(job, probe, fingerprint())
     output, recipe = job.output, job.recipe
     is_there = remote.exists(output) if addresses.is_remote(output) else os.path.lexists(output)
     if not is_there:
-        return _MISSING
+        return MISSING
     with local_file(output) as path:
         return difference(path, probe, request, recipe.precision, fingerprint())
 
@@ -262,6 +271,7 @@ def _named(job: Job, seconds: float) -> Record:
         "probe": addresses.shown(job.probe),
         "brdf": job.recipe.brdf,
         "to": job.recipe.to,
+        **({"engine": job.recipe.arguments["engine"]} if job.recipe.to == EXPORT else {}),
         "seconds": round(seconds, 4),
     }
 

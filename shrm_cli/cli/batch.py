@@ -13,6 +13,7 @@ import click
 from shrm_cli import settings
 from shrm_cli.cli.bar import progress_bar, ticking
 from shrm_cli.cli.contact import write_contacts
+from shrm_cli.cli.export import texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.options import (
     READING_NAMES,
@@ -41,7 +42,7 @@ from shrm_cli.cli.usage import (
     wrong_usage,
 )
 from shrm_cli.maps.options import counted
-from shrm_cli.vocabulary import AUTO, MAX_COLLECTED_ORDER, REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, ENGINES, EXPORT, MAX_COLLECTED_ORDER, REPRESENTATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,7 +59,8 @@ _MOST_REASONS = 5
 """The most reasons why outputs are made anew that are printed; the log has all of them."""
 _HEADINGS = {
     **MAKING_HEADINGS,
-    "What to make": ["brdfs", "to", "output"],
+    "What to make": ["brdfs", "to", "engines", "output"],
+    "Files of engines": ["texel_format", "max_error", "skybox", "dfg"],
     "How the probes are read": [*READING_NAMES, "probe_sampling"],
     "Where it runs": ["jobs", "scheduler", "commands", "openjd", "chunk", "share"],
     "Coefficients of all probes in one file": ["collect", "collect_order", "collect_what",
@@ -98,16 +100,21 @@ _gather_options = several(
 @click.argument("probes", metavar="MANIFEST.toml | PROBES...", nargs=-1, required=True)
 @brdfs_option
 @click.option(
-    "--to", type=click.Choice([AUTO, *REPRESENTATIONS]), multiple=True, default=[AUTO],
-    show_default=True, help="A representation to write, as `shrm prefilter` takes it. May be "
-    "repeated.",
+    "--to", type=click.Choice([AUTO, *REPRESENTATIONS, EXPORT]), multiple=True, default=[AUTO],
+    help="A representation to write, as `shrm prefilter` takes it, or export. May be repeated.  "
+    "[default: export with --for, else auto]",
+)  # fmt: skip
+@click.option(
+    "--for", "engines", type=click.Choice([*ENGINES, "all"]), multiple=True,
+    help="An engine whose files are exported, a folder each. May be repeated.",
 )  # fmt: skip
 @click.option(
     "-o", "--output", metavar="NAME",
-    help="Names of the outputs, with {probe}, {folder}, {brdf} and {to} in them; their folders are "
-    "made.  [default: {probe}.{brdf}.{to}.exr]",
+    help="Names of the outputs, with {probe}, {folder}, {brdf}, {to} and {engine} in them; their "
+    "folders are made.  [default: {probe}.{brdf}.{to}.exr, {probe}.{engine} of exports]",
 )  # fmt: skip
 @making_options("probes", "cubes", lambda option: not option.prints)
+@several(*texel_options)
 @read_options
 @click.option(
     "--jobs", type=click.IntRange(1, 1024), metavar="N",
@@ -162,6 +169,7 @@ def batch(
       shrm batch 'probes/*.exr' --brdf ggx:roughness=0.4 --brdf paint.bsdf --to principal
       shrm batch bake.toml --dry-run
       shrm batch 'probes/**/*.exr' --to irradiance -o 'sh/{folder}/{probe}.exr'
+      shrm batch 'probes/*.exr' --for three --for bevy -o '{engine}/{probe}'
       shrm batch 'probes/*.exr' --collect light.npz --collect-order 3
       shrm batch bake.toml --scheduler tcp://host:8786
     """
@@ -197,7 +205,7 @@ def batch(
 
 def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) -> list[Entry]:
     """Return what is to be made, from a manifest or from the options."""
-    from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry
+    from shrm_cli.batch.entry import DEFAULT_OUTPUT, Entry, every_engine
     from shrm_cli.batch.manifest import is_manifest, read_manifest
 
     given = given_options()
@@ -213,13 +221,23 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     ))  # fmt: skip
     reading = reading_keywords(values, of_probe or both)
     brdfs, to, precision = (values.pop(name) for name in ("brdfs", "to", "precision"))
+    engines = every_engine(values.pop("engines"))
+    values["format"] = values.pop("texel_format")
+    values["dfg"] = values["dfg"] or None
+    if engines and "to" not in given:
+        to = (EXPORT,)
     output = values.pop("output") or DEFAULT_OUTPUT
     arguments = {name: value for name, value in values.items() if value is not None}
     if own or both:
         arguments["sampling"] = own or both
-    if makes_none and not {"brdfs", "to", "output"} & given.keys():
+    if makes_none and not {"brdfs", "to", "engines", "output"} & given.keys():
         to = ()
-    return [Entry(probes, brdfs, to, output, arguments, {}, reading, precision, runs_code=True)]
+    return [
+        Entry(
+            probes, brdfs, to, output, arguments, {}, reading, precision, runs_code=True,
+            engines=engines,
+        )
+    ]  # fmt: skip
 
 
 def _not_probes(names: list[str]) -> str:
@@ -430,6 +448,8 @@ def _prediction_line(facts: dict[str, Any]) -> str:
     """Return what outputs will be like, in words."""
     brdf = f", {facts['brdf']}" if facts["brdf"] else ""
     what = f"{facts['outputs']:,} of {facts['to']}{brdf}"
+    if "engine" in facts:
+        return f"{what} for {facts['engine']}"
     if "error" in facts:
         return f"{what}: {flags(facts['error'])}"
     orders = f"F = {facts['order_f']}" + (f", P = {facts['order_p']}" if facts["brdf"] else "")

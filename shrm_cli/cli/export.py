@@ -15,6 +15,7 @@ from shrm_cli.cli.options import (
     probe_options,
     reading_rules,
     report_options,
+    several,
 )
 from shrm_cli.cli.outputs import check_outputs, force_option, source_stem
 from shrm_cli.cli.usage import flags, refuse_inapplicable, renamed, wrong_usage
@@ -24,6 +25,28 @@ from shrm_cli.vocabulary import ENGINES, REPRESENTATIONS, TEXEL_FORMATS
 if TYPE_CHECKING:
     from shrm_cli.export.make import Asked, Source
     from shrm_cli.probe.options import ReadOptions
+
+
+texel_options = (
+    click.option(
+        "--format", "texel_format", type=click.Choice(TEXEL_FORMATS),
+        help="Texels of cubes, where the engine reads several; auto is the smallest that keeps "
+        "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
+    ),
+    click.option(
+        "--max-error", metavar="X", type=click.FloatRange(0, min_open=True),
+        help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the "
+        "energy of a lamp.  [default: .03 of auto]",
+    ),
+    click.option(
+        "--skybox", type=click.IntRange(0, 4096),
+        help="Texels along an edge of a sharp cube for the background, 0 for none.",
+    ),
+    click.option(
+        "--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it."
+    ),
+)  # fmt: skip
+"""How the files of engines are packed, and what comes with them."""
 
 
 @click.command()
@@ -43,25 +66,11 @@ if TYPE_CHECKING:
     help="Texels along an edge of level 0, or rows of a lat-long.  [default: the engine's]",
 )  # fmt: skip
 @click.option(
-    "--format", "texels", type=click.Choice(TEXEL_FORMATS),
-    help="Texels of cubes, where the engine reads several; auto is the smallest that keeps "
-    "--max-error, ASTC aside, which few desktops read.  [default: the engine's]",
-)  # fmt: skip
-@click.option(
-    "--max-error", metavar="X", type=click.FloatRange(0, min_open=True),
-    help="Refuse texels that change a level by more: its RMS, 95 % of its texels, or the energy of "
-    "a lamp.  [default: .03 of auto]",
-)  # fmt: skip
-@click.option(
-    "--skybox", type=click.IntRange(0, 4096),
-    help="Texels along an edge of a sharp cube for the background, 0 for none.",
-)  # fmt: skip
-@click.option(
     "--window", metavar="NAME[:WIDTH]",
     help="Window of the nine coefficients, as of irradiance: none, hann, lanczos, or auto, the "
     "least that leaves nothing negative.  [default: auto]",
 )  # fmt: skip
-@click.option("--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it.")
+@several(*texel_options)
 @probe_options
 @report_options
 def export(
@@ -70,7 +79,7 @@ def export(
     output: str | None,
     force: bool,
     size: int | None,
-    texels: str | None,
+    texel_format: str | None,
     max_error: float | None,
     skybox: int | None,
     window: str | None,
@@ -97,7 +106,7 @@ def export(
     reading = make_read_options(values)
     name = source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(size, texels, skybox, window, dfg, is_kept, max_error)
+    asked = Asked(size, texel_format, skybox, window, dfg, is_kept, max_error)
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
         conclude(*_exported(sources, names[0], folder, asked, reading, force))

@@ -31,9 +31,9 @@ from shrm_cli.cli.stage import (
     OF_SURFACES,
     mesh_options,
     mesh_values,
+    open_baked,
     open_stage,
     refuse_mesh_options,
-    shadowed,
 )
 from shrm_cli.cli.types import picture_size
 from shrm_cli.cli.usage import refuse_inapplicable
@@ -113,7 +113,7 @@ def render(
       shrm render probe.*.shrm.exr -o sheet.%04d.png --frames 36
       shrm render probe.microfacet.shrm.exr --mesh bunny.obj --size 800x600
       shrm render brushed.product.exr --probe probe.exr
-      shrm render sky.irradiance.exr --mesh a.obj --transfer a.transfer.npz
+      shrm render --probe probe.exr --mesh a.obj --transfer a.transfer.npz
     """
     from shrm_cli.files.picture import file_type, write_picture
     from shrm_cli.maps.file import open_map
@@ -127,7 +127,8 @@ def render(
 
     if not maps and mesh is None:
         raise click.UsageError("Missing argument 'MAP...'")
-    pattern = output or _default_name(maps, mesh, frames)
+    lights = maps if maps or transfer is None or probe is None else (probe,)
+    pattern = output or _default_name(lights, mesh, frames)
     targets = [pattern] if frames is None else frame_paths(pattern, frames)
     file_type(pattern)
     refuse_mesh_options(mesh, transfer)
@@ -139,8 +140,14 @@ def render(
     named = [path for path in (mesh, values["vary"]) if path not in (None, "vertex")]
     check_outputs(targets, files=(*maps, *named))
     opened = [open_map(path) for path in maps]
-    refuse_inapplicable({"probe": to_unlit(opened)})
-    opened, negative = lit_maps(opened, maps, probes.get(probe or ""), window)
+    light, baked = probes.get(probe or ""), None
+    if transfer is None or maps:
+        refuse_inapplicable({"probe": to_unlit(opened)})
+    if transfer is None:
+        opened, negative = lit_maps(opened, maps, light, window)
+    else:
+        baked = open_baked(transfer, opened, maps, light, window)
+        opened, maps, negative = baked.maps, tuple(baked.names), baked.warnings
     viewers = turntable(Viewer(*view), len(targets))
     said: dict[str, Any]
     scene: Scene[Any]
@@ -173,8 +180,8 @@ def render(
         sky = None if sky is None else sky.in_primaries(primaries)
         behind = None if sky is None else coarse_probe(sky, subject.lens.background_rows())
         drawn: list[Any] = [stage.reflectors(each) for each in opened] or [stage.reflectors(None)]
-        if transfer is not None:
-            drawn = shadowed(stage, transfer, opened)
+        if baked is not None:
+            drawn = baked.drawn(stage)
         scene = Scene(subject, drawn, labels, exposure, behind, columns)
         given = {**{name: values[name] for name in OF_SURFACES}, "transfer": transfer}
         said = {

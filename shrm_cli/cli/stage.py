@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from shrm_cli.cli.options import several
-from shrm_cli.cli.shading import brushed_rules
+from shrm_cli.cli.shading import brushed_rules, lit_maps
 from shrm_cli.cli.types import BRUSH, VECTOR, within
 from shrm_cli.cli.usage import Applies, refuse_inapplicable
 
@@ -15,8 +16,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from shrm_cli.maps.base import Map
+    from shrm_cli.probe.disc import Disc
+    from shrm_cli.probe.probe import Probe
     from shrm_cli.render.mesh import MeshSubject
     from shrm_cli.render.stage import Stage
+    from shrm_cli.transfer.transfer import Transfer
 
 _OPTIONS = ("fov", "distance", "target", "brush", "vary", "irradiance", "plain", "transfer")
 OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "irradiance", "plain")
@@ -64,8 +68,8 @@ mesh_options = several(
     ),
     click.option(
         "--transfer", type=click.Path(), metavar="FILE",
-        help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps and "
-        "product textures.",
+        help="What shrm transfer baked of the mesh: its own shadows, for irradiance maps, product "
+        "textures, and with --probe in place of a MAP.",
     ),
 )  # fmt: skip
 """--mesh and the options that apply with it."""
@@ -165,19 +169,100 @@ def refuse_mesh_options(mesh: str | None, transfer: str | None) -> None:
     refuse_inapplicable(dict.fromkeys(OF_SURFACES, baked))
 
 
-def shadowed(stage: Stage, transfer: str, maps: Sequence[Map]) -> list[list[Any]]:
-    """Return the surfaces of a mesh with its own shadows, under each of several maps.
+@dataclass(frozen=True)
+class Baked:
+    """A transfer, and the light that it is drawn under.
+
+    Attributes
+    ----------
+    transfer : Transfer
+    maps, names : list
+        The maps that pictures are drawn of, lit, and their files' names.
+    discs : tuple of Disc
+        Lamps that the maps' light lacks.
+    warnings : list of str
+    """
+
+    transfer: Transfer
+    maps: list[Map]
+    names: list[str]
+    discs: tuple[Disc, ...]
+    warnings: list[str]
+
+    def drawn(self, stage: Stage) -> list[list[Any]]:
+        """Return the surfaces of a mesh with its own shadows, under each of the maps.
+
+        Raises
+        ------
+        TransferError
+            If the transfer does not fit the mesh or a map.
+        """
+        from shrm_cli.render.vertex_colors import vertex_colors
+
+        pairs = zip(self.maps, self.names, strict=True)
+        each = [vertex_colors(stage.mesh, self.transfer, m, self.discs, name) for m, name in pairs]
+        return [[one] * len(stage.looks) for one in each]
+
+
+def open_baked(
+    transfer: str,
+    maps: Sequence[Map],
+    names: Sequence[str],
+    probe: Probe | None,
+    window: str | None,
+) -> Baked:
+    """Read a transfer, and light the maps that it shades.
+
+    The lamps of a probe are taken out of its light, and cast shadows of their own. Without a map
+    the surface is diffuse, and its light is the probe's.
+
+    Parameters
+    ----------
+    transfer : str
+        The file.
+    maps, names : sequence
+        The maps that pictures are drawn of, and their files' names.
+    probe : Probe, optional
+        The light of maps that hold none.
+    window : str, optional
+        As `lit_maps` takes it.
 
     Raises
     ------
-    TransferError
-        If the transfer does not fit the mesh or a map.
+    click.UsageError
+        If there is neither a map nor a probe, or a window does not apply.
+    TransferError, ProbeError
+        If a file cannot be read.
     """
-    from shrm_cli.render.vertex_colors import vertex_colors
+    from shrm_cli.lights.split import split_lamps
+    from shrm_cli.maps.irradiance.irradiance import Irradiance
+    from shrm_cli.maps.provenance import probe_name
+    from shrm_cli.prefilter import prefilter
     from shrm_cli.transfer.file import read_transfer
 
+    if not maps and probe is None:
+        raise click.UsageError("Missing argument 'MAP...', or --probe for a diffuse surface")
     baked = read_transfer(transfer)
-    return [[vertex_colors(stage.mesh, baked, each)] * len(stage.looks) for each in maps]
+    discs: tuple[Disc, ...] = ()
+    named = "" if probe is None else probe_name(probe)
+    warnings = []
+    if probe is not None:
+        split = split_lamps(probe)
+        if not baked.shades_lamps(glossy=bool(maps)):
+            warnings = [f"{transfer}: lamps are as blurred as other light; bake it with 0 bounces"]
+        elif split.discs:
+            discs, probe = split.discs, split.residual_probe
+    if not maps and probe is not None:
+        lit: list[Map] = [prefilter(probe, to="irradiance", order_f=baked.order)]
+        return Baked(baked, lit, [named], discs, warnings)
+    lit, negative = lit_maps(maps, names, probe, window)
+    for each, name in zip(lit, names, strict=True):
+        if isinstance(each, Irradiance) and each.order_f < baked.order:
+            warnings.append(
+                f"{name}: has light of order {each.order_f} for a transfer of order {baked.order}, "
+                "and lamps without sharp shadows; give `probe` in place of the map"
+            )
+    return Baked(baked, lit, list(names), discs, warnings + negative)
 
 
 def mesh_values(subject: MeshSubject, mesh: str) -> dict[str, Any]:

@@ -5,6 +5,8 @@ pixels, at silhouettes, creases and where a surface curves away, get 4 x 4 sampl
 that miss the mesh show the background.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +50,10 @@ MIN_COSINE = 0.01
 
 @record(eq=False)
 class _Hits:
-    """What rays meet; arrays of one entry a ray, and of -1 in `faces` for no triangle."""
+    """What rays meet; arrays of one entry a ray, and of -1 in `faces` for no triangle.
+
+    Where several rays belong to a pixel, `samples` numbers them.
+    """
 
     faces: NDArray[np.int64]
     weights: Array
@@ -56,6 +61,7 @@ class _Hits:
     directions: Array
     width: float = 1.0
     """How much of a pixel each ray stands for, along an edge."""
+    samples: NDArray[np.int64] | None = None
 
 
 class MeshSubject:
@@ -235,6 +241,7 @@ class MeshSubject:
             part = slice(k, k + step)
             sub_x = (x[part, None] + right).ravel()
             hits = self._cast(viewer, sub_x, (y[part, None] + down).ravel(), 1 / _SAMPLES)
+            hits = replace(hits, samples=np.arange(len(sub_x)) % len(right))
             values = np.repeat(behind[part].astype(float), len(right), axis=0)
             met = hits.faces >= 0
             values[met] = self._shaded(reflectors, viewer, _picked(hits, met))
@@ -257,9 +264,11 @@ class MeshSubject:
             for k in range(0, len(own), _SAMPLES_AT_ONCE):
                 part = own[k : k + _SAMPLES_AT_ONCE]
                 if isinstance(reflector, VertexColors):
-                    colors = reflector.seen_from(self.aim.eye(viewer))
-                    picked = hits.faces[part], hits.weights[part]
-                    result[part] = self.stage.mesh.interpolated(colors, *picked)
+                    points = hits.faces[part], hits.weights[part]
+                    samples = None if hits.samples is None else hits.samples[part]
+                    result[part] = reflector.radiance(
+                        self.aim.eye(viewer), points, normals[part], views[part], samples
+                    )
                 elif reflector is not None:
                     brushed = None if tangents is None else tangents[part]
                     shares = painted = None
@@ -267,8 +276,8 @@ class MeshSubject:
                         picked = hits.faces[part], hits.weights[part]
                         shares = reflector.variation.shares(self.stage.mesh, *picked)
                     if reflector.paint is not None:
-                        points = self._points_at(viewer, _picked(hits, part))
-                        painted = reflector.paint.at(points)
+                        place = self._points_at(viewer, _picked(hits, part))
+                        painted = reflector.paint.at(place)
                     given = normals[part], views[part], brushed, shares, painted
                     result[part] = reflector.radiance(*given)
         return result
@@ -334,4 +343,5 @@ def _picked(hits: _Hits, chosen: NDArray[np.integer] | NDArray[np.bool_]) -> _Hi
         hits.distance[chosen],
         hits.directions[chosen],
         hits.width,
+        None if hits.samples is None else hits.samples[chosen],
     )

@@ -157,27 +157,6 @@ def rotate_into_frames(coefficients: ArrayLike, frames: ArrayLike) -> Array:
     return result
 
 
-def rotate_each_into_frame(coefficients: ArrayLike, frames: ArrayLike) -> Array:
-    """Turn functions of direction, in world axes, into a local frame of their own each.
-
-    Parameters
-    ----------
-    coefficients : array_like, shape ((order+1)^2, ..., points)
-        The functions of each point.
-    frames : array_like, shape (points, 3, 3)
-        As `rotate_into_frames` takes them. Transposed, they turn functions in the local frames
-        into world axes.
-
-    Returns
-    -------
-    ndarray, shape ((order+1)^2, ..., points)
-    """
-    source = np.asarray(coefficients, dtype=float)
-    result = np.empty_like(source)
-    _turn_into_frames(source, np.asarray(frames, dtype=float), result)
-    return result
-
-
 def rotate_to_frames(
     coefficients: ArrayLike, theta: ArrayLike, phi: ArrayLike, inverse: bool = False
 ) -> Array:

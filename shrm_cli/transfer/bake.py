@@ -203,7 +203,8 @@ def bake(
         _fill(work, plan, rays, progress)
         vectors, matrices = work.arrays[_stage(plan.bounces)], work.arrays.get("matrices")
         frames = plan.frames() if plan.glossy else None
-        return use(Transfer(vectors, plan.reflected(), plan.facts(), matrices, frames))
+        direct = work.arrays[_stage(0)] if plan.bounces else None
+        return use(Transfer(vectors, plan.reflected(), plan.facts(), matrices, frames, direct))
 
 
 def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None:

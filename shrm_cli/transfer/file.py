@@ -1,11 +1,11 @@
 """Files of transfer: numpy's .npz archives, which may come from anywhere.
 
-An archive holds the arrays ``vectors`` and ``albedo`` of a `Transfer`, ``matrices`` and ``frames``
-if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what `Facts`
-says. Beside them are arrays for other programs, which reading leaves alone: ``positions`` and
-``normals``, a row each for every row of the vectors, ``faces``, whose triangles name these rows,
-``vertex_of_row``, the vertex of the mesh's file that each row is, and ``row_of_vertex``, the other
-way round (the first row of several; -1 for vertices without a triangle).
+An archive holds the arrays ``vectors`` and ``albedo`` of a `Transfer`, ``direct``, ``matrices`` and
+``frames`` if it has them, and ``settings``: one text, a JSON object with ``version`` (1) and what
+`Facts` says. Beside them are arrays for other programs, which reading leaves alone: ``positions``
+and ``normals``, a row each for every row of the vectors, ``faces``, whose triangles name these
+rows, ``vertex_of_row``, the vertex of the mesh's file that each row is, and ``row_of_vertex``, the
+other way round (the first row of several; -1 for vertices without a triangle).
 Arrays are not packed, so that a file is never smaller than what it unpacks to.
 """
 
@@ -27,7 +27,7 @@ from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 SUFFIX = ".npz"
 _VERSION = 1
-_DIMENSIONS = {"vectors": 3, "albedo": 2, "matrices": 4, "frames": 3}
+_DIMENSIONS = {"vectors": 3, "direct": 3, "albedo": 2, "matrices": 4, "frames": 3}
 _ROUNDING = 1e-3
 """How far frames may be from orthonormal."""
 _AT_ONCE = 2**22
@@ -53,6 +53,8 @@ def write_transfer(
         If the file cannot be written.
     """
     arrays: dict[str, Any] = {"vectors": transfer.vectors, "albedo": transfer.albedo}
+    if transfer.direct is not None:
+        arrays["direct"] = transfer.direct
     if transfer.matrices is not None and transfer.frames is not None:
         arrays |= {"frames": transfer.frames, "matrices": transfer.matrices}
     if mesh is not None:

@@ -1,5 +1,6 @@
 """The transfer of a mesh: what its vertices need to know to shadow and light themselves."""
 
+from dataclasses import replace
 from typing import Any
 
 from shrm_cli.arrays import Array
@@ -49,6 +50,8 @@ class Transfer:
     frames : ndarray, shape (v, 3, 3), optional
         The frames of the matrices. The rows are the axes x', y', z' in world axes; z' is the
         normal.
+    direct : ndarray of float32, shape (v, n, 1), optional
+        The transfer vectors before any bounce, where light is reflected within the mesh.
 
     Raises
     ------
@@ -61,6 +64,7 @@ class Transfer:
     facts: Facts
     matrices: Array | None = None
     frames: Array | None = None
+    direct: Array | None = None
 
     def __post_init__(self) -> None:
         count, size, channels = self.vectors.shape
@@ -70,6 +74,8 @@ class Transfer:
             raise ValueError(f"transfer vectors of shape {self.vectors.shape}")
         if found not in ((None, None), glossy):
             raise ValueError(f"matrices and frames of shapes {found} beside {self.vectors.shape}")
+        if self.direct is not None and self.direct.shape != (count, size, 1):
+            raise ValueError(f"direct vectors of shape {self.direct.shape}")
         rows, colors = self.albedo.shape
         if rows not in (1, count) or colors not in (1, 3):
             raise ValueError(f"albedo of shape {self.albedo.shape}")
@@ -83,6 +89,31 @@ class Transfer:
     def is_glossy(self) -> bool:
         """Whether there are matrices."""
         return self.matrices is not None
+
+    def shades_lamps(self, glossy: bool) -> bool:
+        """Return whether lamps may be shaded apart: what the mesh sends of their light is known.
+
+        Parameters
+        ----------
+        glossy : bool
+            Whether the matrices are what shades, which hold direct and reflected light together.
+        """
+        return not self.facts.bounces or (self.direct is not None and not glossy)
+
+    def bounced(self) -> "Transfer":
+        """Return the transfer of that light alone which the mesh itself sent.
+
+        Raises
+        ------
+        TransferError
+            If the vectors before any bounce are not known.
+        """
+        if self.direct is None:
+            raise TransferError(
+                f"{self.facts.mesh}: its transfer does not tell light that was reflected within "
+                "the mesh from other light; bake it again with shrm transfer"
+            )
+        return replace(self, vectors=self.vectors - self.direct, direct=None)
 
     def check_mesh(self, digest: str, name: str) -> None:
         """Check that a mesh is the one that the transfer was baked for.

@@ -91,7 +91,8 @@ def test_the_mesh_is_not_overwritten(folder):
 
 def test_rendered_meshes_have_shadows(folder):
     """In white light a free diffuse surface is its albedo, and valleys are darker."""
-    done("prefilter", "white.exr", "--to", "irradiance", "-o", "white.irradiance.exr")
+    light = ("--to", "irradiance", "--order-f", "4", "-o", "white.irradiance.exr")
+    done("prefilter", "white.exr", *light)
     done("product", "lambertian:albedo=0.8", "-o", "paint.exr", "--size", "16")
     options = ("--samples", "128", "--albedo", "0.8")
     done("transfer", "bumps.obj", *options, "-o", "direct.npz", "--matrices")
@@ -112,6 +113,33 @@ def test_rendered_meshes_have_shadows(folder):
     glossy = ("--probe", "white.exr", "--transfer", "direct.npz", "-o", "glossy.exr")
     done("render", "paint.exr", *camera, *glossy)
     np.testing.assert_allclose(pixels("glossy.exr")[seen].mean(axis=1), shaded["direct"], atol=0.03)
+
+
+def test_a_probe_in_place_of_a_map_has_lamps_with_shadows(folder):
+    """A lamp that valleys see in part only, beside light that has no lamp."""
+    image = np.full((32, 64, 3), 0.1, np.float32)
+    image[10:12, 16:19] = 300
+    write_exr(folder / "lamp.exr", image)
+    done("transfer", "bumps.obj", "--samples", "64", "--albedo", "0.8", "-o", "t.npz")
+    done("transfer", "bumps.obj", "--samples", "64", "--bounces", "1", "-o", "b.npz")
+    done("transfer", "bumps.obj", "--samples", "8", "--bounces", "1", "--matrices", "-o", "m.npz")
+    done("product", "ggx:roughness=0.5", "-o", "paint.exr", "--size", "8")
+    camera = ("--mesh", "bumps.obj", "--view", "0,0", "--size", "48")
+    said = run("render", "--probe", "white.exr", *camera, "--transfer", "t.npz", "-o", "w.exr")
+    assert "Warning" not in said.err
+    assert pixels("w.exr").max() == pytest.approx(0.8, abs=0.02)
+    done("render", "--probe", "lamp.exr", *camera, "--transfer", "t.npz", "-o", "apart.exr")
+    done("prefilter", "lamp.exr", "--to", "irradiance", "-o", "lamp.irradiance.exr")
+    flat = ("lamp.irradiance.exr", *camera, "--transfer", "t.npz", "-o", "flat.exr")
+    said = run("render", *flat)
+    assert "lamp.irradiance.exr: has light of order 2 for a transfer of order 4" in said.err
+    assert "--probe" in said.err
+    lit, blurred = (pixels(name)[20:28, 10:38].mean(axis=2) for name in ("apart.exr", "flat.exr"))
+    assert lit.std() / lit.mean() > 1.2 * blurred.std() / blurred.mean()
+    done("render", "--probe", "lamp.exr", *camera, "--transfer", "b.npz")
+    assert (folder / "lamp.bumps.png").exists()
+    said = run("render", "paint.exr", "--probe", "lamp.exr", *camera, "--transfer", "m.npz")
+    assert "bake it with 0 bounces" in said.err
 
 
 def test_renders_that_are_refused(folder):
@@ -136,6 +164,12 @@ def test_renders_that_are_refused(folder):
             "without --transfer",
         ),
         ((*diffuse, "--mesh", "bumps.obj", "--transfer", "none.npz"), 1, "none.npz: no such file"),
+        (("--mesh", "bumps.obj", "--transfer", "t.npz"), 2, "MAP", "--probe"),
+        (
+            (*diffuse, "--probe", "white.exr", "--mesh", "bumps.obj", "--transfer", "t.npz"),
+            2,
+            "product textures that hold no light",
+        ),
     ):
         assert_refused(run("render", *arguments, "--size", "16", "-o", "a.png"), code, *parts)
 

@@ -180,6 +180,7 @@ _TRANSFER = (
     "info FILE",
     "info FILE --json",
     "render sound.irradiance.exr --mesh sound.obj --transfer FILE --size 16 -o OUT.png",
+    "render --probe sound.exr --mesh sound.obj --transfer FILE --size 16 -o OUT.png",
     "render sound.product.exr --probe sound.exr --mesh sound.obj --transfer FILE --size 16 "
     "-o OUT.exr",
 )

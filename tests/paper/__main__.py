@@ -166,7 +166,6 @@ def write_product(
         scenes,
         shadows,
         textures,
-        times,
         turned,
     )
 
@@ -192,9 +191,6 @@ def write_product(
         shapes = [*found, scenes.vase(extent.product_rows)]
         eight = materials.figure_8(probes, shapes, measured, folder, extent)
         written.add(page.figure_8(*eight, probe_names, bool(measured)))
-    say("table 1 of product textures")
-    processor = platform.processor() or platform.machine()
-    written.add(page.table_1(times.table_1(found, extent), processor))
 
 
 def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:

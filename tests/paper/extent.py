@@ -62,10 +62,6 @@ class Extent:
         How finely surfaces that are made in code are divided: the knot has 10 rows^2 vertices.
     product_rays : int
         Rays a vertex of baked transfer; there are four times as many for the truth.
-    product_vertices : tuple of int
-        The vertices of the balls in table 1 of product textures.
-    product_pairs : int
-        How often frames are timed.
     """
 
     face_sizes: tuple[int, ...] = (128, 52)
@@ -110,8 +106,6 @@ class Extent:
     product_points: int = 400
     product_rows: int = 32
     product_rays: int = 1024
-    product_vertices: tuple[int, ...] = (50_000, 100_000, 152_413)
-    product_pairs: int = 5
 
 
 FULL = Extent()
@@ -146,6 +140,4 @@ SHORT = Extent(
     product_points=30,
     product_rows=12,
     product_rays=64,
-    product_vertices=(),
-    product_pairs=1,
 )

@@ -50,7 +50,7 @@ def test_product_textures_have_all_figures_that_need_no_models_of_the_paper(fold
     page = (folder / "product.md").read_text()
     titles = re.findall(r"^## ([^:\n]*)", page, re.MULTILINE)
     assert titles == [
-        "Figure 2", "Figure 3", "Figure 4", "Figures 5 and 7", "Figure 6", "Figure 8", "Table 1",
+        "Figure 2", "Figure 3", "Figure 4", "Figures 5 and 7", "Figure 6", "Figure 8",
     ]  # fmt: skip
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", page)
     assert len(pictures) == 6
@@ -76,9 +76,6 @@ def test_the_numbers_of_product_textures_are_in_range(folder):
     for line in rows_of(page, "Figure 6"):
         predicted, measured = share(line[2]), share(line[3])
         assert 0.75 * predicted < measured < 1.25 * predicted
-    speeds = [line for line in rows_of(page, "Table 1") if line[0].startswith("ours")]
-    assert [line[0] for line in speeds] == ["ours: knot"]
-    assert all(float(each) > 1 for each in speeds[0][2:6])
 
 
 def rows_of(page, title):

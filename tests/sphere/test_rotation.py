@@ -8,7 +8,6 @@ from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from shrm_cli.sphere.rotation import (
     euler_zyz,
-    rotate_each_into_frame,
     rotate_into_frames,
     rotate_to_frames,
     transform_coefficients,
@@ -270,40 +269,6 @@ def test_one_function_seen_from_many_frames(rng, order, functions):
         )
 
 
-@pytest.mark.parametrize("order", [1, 2, 5])
-def test_polynomials_are_the_turns_by_euler_angles(rng, order):
-    """Degrees 1 and 2 are written in the elements of the frames, or turned three times."""
-    frames = frames_of(rng, 9000, mirrored=True)  # more than are worked on at a time
-    coefficients = rng.standard_normal(((order + 1) ** 2, 2))
-    each = np.repeat(coefficients[..., None], len(frames), axis=-1)
-    np.testing.assert_allclose(
-        rotate_into_frames(coefficients, frames),
-        rotate_each_into_frame(each, frames),
-        rtol=0,
-        atol=tolerance(order) * 10,
-    )
-
-
-@pytest.mark.parametrize("order", [2, 20, 64])
-def test_rotations_into_frames_compose_and_invert(rng, order):
-    first, second = frames_of(rng, 20, mirrored=True), frames_of(rng, 20)[::-1]
-    coefficients = rng.standard_normal(((order + 1) ** 2, 2))
-    once = rotate_into_frames(coefficients, first)
-    assert abs(once - coefficients[..., None]).max() > 0.1
-    np.testing.assert_allclose(
-        rotate_each_into_frame(once, second),
-        rotate_into_frames(coefficients, second @ first),
-        rtol=0,
-        atol=tolerance(order) * 10,
-    )
-    np.testing.assert_allclose(
-        rotate_each_into_frame(once, first.swapaxes(1, 2)),
-        np.repeat(coefficients[..., None], len(first), axis=-1),
-        rtol=0,
-        atol=tolerance(order) * 10,
-    )
-
-
 @pytest.mark.parametrize("degree", [1, 2, 3, 17, 64])
 def test_rotations_are_orthogonal(rng, degree):
     """The columns of a matrix between the harmonics of one degree."""
@@ -333,13 +298,3 @@ def test_rotated_coefficients_are_those_of_the_rotated_probe(rng):
         turned = Probe.from_array(light(directions @ frame))
         expected = project(turned, order).coefficients
         np.testing.assert_allclose(found[..., at], expected, rtol=0, atol=1e-6)
-
-
-def test_functions_of_their_own_at_every_point(rng):
-    """Each is turned by its own frame, as one function alone is."""
-    frames = frames_of(rng, 18)
-    coefficients = rng.standard_normal((25, 3, len(frames)))
-    found = rotate_each_into_frame(coefficients, frames)
-    for at, frame in enumerate(frames):
-        alone = rotate_into_frames(coefficients[..., at], frame[None])[..., 0]
-        np.testing.assert_allclose(found[..., at], alone, rtol=0, atol=tolerance(4))

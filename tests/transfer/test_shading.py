@@ -1,20 +1,11 @@
-"""Colours of vertices against integrals over light, and the three modes against each other."""
+"""Colours of vertices against integrals over light, with and without shadows."""
 
 import numpy as np
 import pytest
 
 from shrm_cli.errors import TransferError
 from shrm_cli.render.vertex_colors import VertexColors
-from shrm_cli.sphere.parabolic import unproject
 from shrm_cli.transfer.bake import Plan, bake
-from shrm_cli.transfer.modes import (
-    FineViewMaps,
-    FixedLight,
-    FixedView,
-    General,
-    ViewFunctions,
-    ViewMaps,
-)
 from shrm_cli.transfer.shading import diffuse_colors, glossy_colors
 from tests.oracles import real_harmonics as harmonics
 from tests.oracles import sphere_rule
@@ -54,8 +45,7 @@ def test_no_picture_of_a_mesh_is_negative(glossy):
     assert plain.min() < 0
     shown = VertexColors(mesh, glossy, light).seen_from(np.array([0.0, 0.0, 9.0]))
     np.testing.assert_array_equal(shown, np.where(plain < 0, 0, plain))
-    view = np.array([0.0, 9.0, 9.0])
-    reflected = VertexColors(mesh, glossy, light, Cushion()).seen_from(view)
+    reflected = VertexColors(mesh, glossy, light, Cushion()).seen_from(np.array([0.0, 9.0, 9.0]))
     assert reflected.min() == 0
     assert reflected.max() > 0
 
@@ -109,111 +99,3 @@ def test_glossy_surfaces_need_matrices():
     baked = bake(Plan(meshes.sphere(0), samples=4))
     with pytest.raises(TransferError, match="--matrices"):
         glossy_colors(baked, Cushion(), random_light(), unit(0, 0, 1))
-
-
-class Grey(Cushion):
-    """The same in each channel."""
-
-    def values(self, local_views):
-        return np.repeat(super().values(local_views)[..., :1], 3, axis=-1)
-
-
-class Metal(Cushion):
-    """Reflectance that goes from a colour to white: two functions, mixed in each channel."""
-
-    def values(self, local_views):
-        whole = super().values(local_views)
-        rim = (1 - local_views[..., 2]) ** 5
-        return (np.array([1.0, 0.8, 0.3]) + rim[..., None, None]) * whole[..., :1]
-
-
-@pytest.mark.parametrize(("product", "kept"), [(Grey(), 1), (Metal(), 2), (Cushion(), 3)])
-def test_a_fixed_view_keeps_as_few_vectors_as_channels_need(glossy, product, kept):
-    general = General(ViewFunctions(product), glossy.frames, glossy.matrices)
-    light, view = random_light(), unit(0.2, -0.3, 0.9)
-    fixed = FixedView(general, view)
-    assert fixed.mixing.shape == (3, kept)
-    found = general.colors(light, view)
-    np.testing.assert_allclose(fixed.colors(light), found, atol=1e-4 * np.abs(found).max())
-
-
-class OneChannel(Grey):
-    """The one channel that textures of grey BRDFs have."""
-
-    def values(self, local_views):
-        return super().values(local_views)[..., :1]
-
-
-def test_the_modes_take_textures_of_one_channel(glossy):
-    light, view = random_light(), unit(0.2, -0.3, 0.9)
-    one, three = (
-        General(ViewFunctions(product), glossy.frames, glossy.matrices)
-        for product in (OneChannel(), Grey())
-    )
-    for mode in (lambda g: g.colors(light, view), lambda g: FixedView(g, view).colors(light),
-                 lambda g: FixedLight(g, light).colors(view)):  # fmt: skip
-        found = mode(three)
-        np.testing.assert_allclose(mode(one), found, atol=1e-5 * np.abs(found).max())
-
-
-@pytest.mark.parametrize("shadows", [True, False])
-@pytest.mark.parametrize("distant", [True, False])
-def test_the_three_modes_agree(glossy, shadows, distant):
-    """To what leaving out functions of the view may cost, which they state."""
-    functions = ViewFunctions(Cushion(), 1e-4)
-    assert len(functions.maps) < 25
-    matrices = glossy.matrices if shadows else None
-    general = General(functions, glossy.frames, matrices)
-    light, view = random_light(), unit(0.2, -0.3, 0.9)
-    if not distant:
-        offsets = np.random.default_rng(1).standard_normal((len(glossy.frames), 3))
-        view = view + 0.1 * offsets
-        view /= np.linalg.norm(view, axis=1, keepdims=True)
-    found = general.colors(light, view)
-    scale = np.sqrt(np.mean(found**2))
-    fixed_light = FixedLight(general, light, 1e-4)
-    np.testing.assert_allclose(fixed_light.colors(view), found, atol=2e-3 * scale)
-    np.testing.assert_allclose(FixedView(general, view).colors(light), found, atol=1e-4 * scale)
-    if shadows:
-        expected = glossy_colors(glossy, Cushion(), light, view)
-        np.testing.assert_allclose(found, expected, atol=0.01 * scale)
-
-
-@pytest.mark.parametrize(("tolerance", "maps"), [(0.1, FineViewMaps), (2e-3, ViewMaps)])
-def test_a_fixed_light_states_its_error(glossy, tolerance, maps):
-    """Against the general mode, over views of the sphere; strict ones filter four texels."""
-    functions = ViewFunctions(Cushion(), 1e-4)
-    general = General(functions, glossy.frames, glossy.matrices)
-    fixed = FixedLight(general, random_light(), tolerance)
-    assert type(fixed.maps) is maps
-    assert 0.1 * tolerance < fixed.error <= tolerance
-    assert len(fixed.maps) < len(general.functions.maps)
-    directions = np.random.default_rng(4).standard_normal((40, 3))
-    views = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    pairs = [(fixed.colors(view), general.colors(random_light(), view)) for view in views]
-    error = sum(np.sum((one - other) ** 2) for one, other in pairs)
-    whole = sum(np.sum(other**2) for _, other in pairs)
-    assert np.sqrt(error / whole) == pytest.approx(fixed.error, rel=0.5)
-
-
-def test_one_texel_of_finer_maps_misses_what_it_says():
-    """Beside the filtered coarse maps, over directions that are even in the map's circle."""
-    planes = ViewFunctions(Cushion(), 1e-2).planes
-    rng = np.random.default_rng(5)
-    radius, angle = np.sqrt(rng.uniform(0, 0.98, 20_000)), rng.uniform(0, 2 * np.pi, 20_000)
-    views = unproject(radius * np.cos(angle), radius * np.sin(angle)).T.astype(np.float32)
-    fine = FineViewMaps(planes)
-    difference = fine.at(views) - ViewMaps(planes).at(views)
-    measured = (difference**2).mean(axis=0) * planes.shape[1]
-    np.testing.assert_allclose(measured, fine.errors, rtol=0.4)
-
-
-def test_vertices_that_face_away_are_black_in_every_mode(glossy):
-    general = General(ViewFunctions(Cushion()), glossy.frames, glossy.matrices)
-    light, view = random_light(), unit(1, 0.3, -0.1)
-    away = glossy.frames[:, 2] @ view <= 0
-    assert 0.3 < away.mean() < 0.7
-    modes = general.colors(light, view), FixedView(general, view).colors(light)
-    for found in (*modes, FixedLight(general, light).colors(view)):
-        assert (found[away] == 0).all()
-        assert (found[~away] != 0).any(axis=1).all()

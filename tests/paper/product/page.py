@@ -12,7 +12,6 @@ from tests.paper.product.materials import Material
 from tests.paper.product.orders import MORE_POINTS, Truncated
 from tests.paper.product.shadows import Shadowed
 from tests.paper.product.textures import EXAMPLE, Varied
-from tests.paper.product.times import PAPER, Speed
 from tests.paper.product.turned import BRUSHED
 
 
@@ -164,41 +163,3 @@ for models and up to 90 minutes for measured data."""
 ![several BRDFs]({file})
 
 {table(head, body)}"""
-
-
-def table_1(rows: Sequence[Speed], processor: str) -> str:
-    """Write table 1, frames a second."""
-    head = (
-        "model", "vertices", "no transfer", "transfer", "light fixed", "view fixed",
-        "light fixed, times as fast", "view fixed, times as fast",
-    )  # fmt: skip
-    theirs = [
-        _speeds(f"paper: {name}", vertices, plain, transfer, light, view)
-        for name, (vertices, plain, transfer, light, view) in PAPER.items()
-    ]
-    ours = [
-        _speeds(
-            f"ours: {row.mesh}", row.vertices, row.plain["general"], row.transfer["general"],
-            row.transfer["fixed light"], row.transfer["fixed view"],
-        )
-        for row in rows
-    ]  # fmt: skip
-    text = f"""The paper drew pictures of 720 x 760 pixels on a 2.2 GHz Pentium IV with a Radeon
-8500, which multiplied product functions with light. Ours are the colours of all vertices for a
-frame, by numpy and in one thread ({processor}), without drawing triangles; so the ratios can be
-compared, and the frames only roughly. Without transfer the light is turned into the frame of every
-vertex; with it, the turn is part of the matrix. "Fixed" is of the
-mode with transfer, and how many times as fast of the general mode with transfer."""
-    return f"""
-## Table 1: frames a second
-
-{fill(text, 100)}
-
-{table(head, [*theirs, *ours])}"""
-
-
-def _speeds(
-    name: str, vertices: int, plain: float, transfer: float, light: float, view: float
-) -> tuple[str, ...]:
-    numbers = [f"{each:.3g}" for each in (plain, transfer, light, view)]
-    return name, f"{vertices}", *numbers, f"{light / transfer:.1f}", f"{view / transfer:.1f}"

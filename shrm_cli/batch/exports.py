@@ -1,0 +1,198 @@
+"""Folders of files that engines load, as outputs of a batch.
+
+Beside the files of an export lies ``NAME_export.json``: what was asked for, the digests of the
+probe, the program and the files. By it a later run knows what is there already and whole.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from shrm_cli.batch.job import Job
+from shrm_cli.batch.made import DAMAGED, MISSING, Difference, differing
+from shrm_cli.errors import ArgumentError, OutputError
+from shrm_cli.export.engine import engine as engine_of
+from shrm_cli.export.make import Asked, Source, check, export, made_folder, write
+from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.whole import write_bytes
+from shrm_cli.maps.options import Option, Representation
+from shrm_cli.maps.provenance import probe_name
+from shrm_cli.naming import probe_stem
+from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import ENGINES, EXPORT, TEXEL_FORMATS
+
+OPTIONS = (
+    Option("engine", "who loads it", "choice", choices=tuple(ENGINES)),
+    Option("size", "texels along an edge", "integer", limits=(1, 4096)),
+    Option("format", "texels of cubes", "choice", choices=TEXEL_FORMATS),
+    Option("max_error", "what texels may change", "fraction"),
+    Option("skybox", "texels of the sharp cube", "integer", limits=(0, 4096)),
+    Option("window", "of the nine coefficients", "text"),
+    Option("dfg", "the environment-BRDF table", "switch"),
+)
+DESCRIPTION = Representation(
+    EXPORT, "files of engines", frozenset(), OPTIONS, why_no_brdf="exports are of GGX"
+)
+"""What a batch needs to know of exports, as of a representation."""
+
+_RECORD = "_export.json"
+_MOST_RECORD = 2**20
+
+
+def checked(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of an export, checked against what its engine takes.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    known = {option.name: option for option in OPTIONS}
+    for name in given:
+        if name not in known:
+            raise ArgumentError(name, f"does not apply to {EXPORT}")
+    found = {name: known[name].checked(value) for name, value in given.items()}
+    check(engine_of(found["engine"]), _asked(found))
+    return found
+
+
+def difference(job: Job, probe: Probe, sources: str) -> Difference | None:
+    """Say in what the folder of a job differs from what this program would write.
+
+    Parameters
+    ----------
+    job : Job
+    probe : Probe
+    sources : str
+        The fingerprint of the program.
+
+    Returns
+    -------
+    Difference or None
+        None where nothing differs.
+    """
+    folder = Path(job.output)
+    if not os.path.lexists(folder):
+        return MISSING
+    if not folder.is_dir():
+        return Difference("it is no folder", is_ours=False)
+    path = folder / _record_name(job)
+    if not path.is_file():
+        is_empty = not any(folder.iterdir())
+        return MISSING if is_empty else Difference("no batch made what it holds", is_ours=False)
+    held = _read(path)
+    if held is None:
+        return Difference(DAMAGED)
+    if held.get("probe_sha256") != probe.digest():
+        is_ours = held.get("probe") == probe_name(probe)
+        return Difference("another probe made it, or another version of this one", is_ours=is_ours)
+    if held.get("files") is None:
+        return Difference("it is unfinished")
+    options = held.get("options")
+    words = differing(options if isinstance(options, dict) else {}, _options(job, probe))
+    if words:
+        return Difference(f"it was made with other options ({words})")
+    if held.get("sources") != sources:
+        return Difference("another version or state of shrm made it")
+    return _changed(folder, held["files"])
+
+
+def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
+    """Make the folder of a job, and return what its record tells of it.
+
+    Raises
+    ------
+    ShrmError
+        If the engine does not take the probe, or a file cannot be written.
+    """
+    folder, arguments = Path(job.output), job.recipe.arguments
+    source = Source(probe_stem(job.probe), probe_name(probe), probe)
+    asked = _asked(arguments, keeps_primaries=job.reading.get("working") is not None)
+    package = export(source, engine_of(arguments["engine"]), asked)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    path = folder / _record_name(job)
+    before = (_read(path) or {}).get("files")
+    facts = {
+        "probe": probe_name(probe),
+        "probe_sha256": probe.digest(),
+        "options": _options(job, probe),
+        "sources": sources,
+    }
+    with made_folder(folder):
+        # A run that ends between the files leaves a folder that the next one may finish.
+        _write(path, facts)
+        try:
+            paths = write(package, folder, kept=False)
+        except OutputError:
+            path.unlink(missing_ok=True)
+            raise
+        files = {each.name: [each.stat().st_size, _digest(each)] for each in paths}
+        _remove_stale(folder, before, files)
+        _write(path, {**facts, "files": files})
+    return {"bytes": sum(size for size, _ in files.values()), "warnings": package.warnings}
+
+
+def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked:
+    return Asked(
+        arguments.get("size"),
+        arguments.get("format"),
+        arguments.get("skybox"),
+        arguments.get("window"),
+        bool(arguments.get("dfg")),
+        keeps_primaries,
+        max_error=arguments.get("max_error"),
+    )
+
+
+def _options(job: Job, probe: Probe) -> dict[str, Any]:
+    """Return what is recorded of what was asked for, as JSON has it."""
+    return {**job.recipe.arguments, "reading": probe.reading()}
+
+
+def _record_name(job: Job) -> str:
+    return probe_stem(job.probe) + _RECORD
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """Return a record, or None of what is none."""
+    try:
+        if path.stat().st_size > _MOST_RECORD:
+            return None
+        held = parse_json(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError):
+        return None
+    return held if isinstance(held, dict) else None
+
+
+def _write(path: Path, held: Mapping[str, Any]) -> None:
+    write_bytes(path, (json.dumps({"shrm": EXPORT, **held}, indent=1) + "\n").encode())
+
+
+def _remove_stale(folder: Path, before: object, files: Mapping[str, Any]) -> None:
+    """Remove what an earlier run made, and this one did not, unless somebody changed it."""
+    for name, facts in (before if isinstance(before, dict) else {}).items():
+        if name not in files and _changed(folder, {name: facts}) is None:
+            (folder / name).unlink()
+
+
+def _changed(folder: Path, files: object) -> Difference | None:
+    """Say how the files of a folder were changed since they were written; None if not."""
+    if not isinstance(files, dict):
+        return Difference(DAMAGED)
+    for name, facts in files.items():
+        path = folder / name
+        if Path(name).name != name or not isinstance(facts, list) or len(facts) != 2:
+            return Difference(DAMAGED)
+        if not path.is_file() or path.stat().st_size < facts[0]:
+            return Difference(DAMAGED)
+        if path.stat().st_size > facts[0] or _digest(path) != facts[1]:
+            return Difference(f"{name} was changed since shrm made it", is_ours=False)
+    return None
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

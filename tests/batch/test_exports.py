@@ -1,0 +1,176 @@
+"""Folders of engines' files as outputs of a batch."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.cli.helpers import assert_refused, done, run, write_exr
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Current folder with two probes."""
+    for seed, name in enumerate(("a", "b")):
+        image = np.random.default_rng(seed).random((16, 32, 3), np.float32)
+        write_exr(tmp_path / f"{name}.exr", image)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+BOTH = ("batch", "*.exr", "--for", "cesium", "--for", "three", "--size", "16")
+
+
+def records(folder):
+    lines = (folder / "batch.jsonl").read_text().splitlines()
+    return [each for each in map(json.loads, lines) if each["status"] not in ("begun", "ended")]
+
+
+def statuses(folder, *arguments):
+    (folder / "batch.jsonl").unlink(missing_ok=True)
+    said = run(*(arguments or BOTH))
+    return said, {each["output"]: each["status"] for each in records(folder)}
+
+
+def test_a_batch_makes_what_shrm_export_makes(folder):
+    said = json.loads(done(*BOTH, "--json"))
+    assert said["made"] == 4
+    for engine in ("three", "cesium"):
+        done("export", "a.exr", "--for", engine, "--size", "16", "-o", f"alone.{engine}")
+        alone = {each.name: each.read_bytes() for each in (folder / f"alone.{engine}").iterdir()}
+        made = {each.name: each.read_bytes() for each in (folder / f"a.{engine}").iterdir()}
+        record = json.loads(made.pop("a_export.json"))
+        assert made == alone
+        assert {name: size for name, (size, _) in record["files"].items()} == {
+            name: len(data) for name, data in alone.items()
+        }
+    told = {(each["to"], each["engine"]) for each in records(folder)}
+    assert told == {("export", "three"), ("export", "cesium")}
+    assert all(each["bytes"] > 1000 for each in records(folder))
+
+
+def test_what_is_there_and_whole_is_kept(folder):
+    done(*BOTH)
+    before = {each: each.stat().st_mtime_ns for each in folder.rglob("*.ktx2")}
+    _, found = statuses(folder)
+    assert set(found.values()) == {"skipped"}
+    assert {each: each.stat().st_mtime_ns for each in folder.rglob("*.ktx2")} == before
+    cut = folder / "a.three" / "a.ktx2"
+    whole = cut.read_bytes()
+    cut.write_bytes(whole[:500])
+    (folder / "b.cesium" / "b_sh.js").unlink()
+    _, found = statuses(folder)
+    assert found.pop("a.three") == found.pop("b.cesium") == "made"
+    assert set(found.values()) == {"skipped"}
+    assert cut.read_bytes() == whole
+    write_exr(folder / "b.exr", np.ones((16, 32, 3), np.float32))
+    _, found = statuses(folder)
+    assert {name for name, status in found.items() if status == "made"} == {"b.three", "b.cesium"}
+    _, found = statuses(folder, *BOTH[:-1], "8")
+    assert set(found.values()) == {"made"}
+    assert "`size` 16 there, 8 here" in records(folder)[0]["why"]
+
+
+def test_a_run_that_ended_between_files_is_finished(folder):
+    done(*BOTH)
+    path = folder / "a.three" / "a_export.json"
+    held = json.loads(path.read_text())
+    files = held.pop("files")
+    path.write_text(json.dumps(held))
+    (folder / "a.three" / "a.ktx2").unlink()
+    _, found = statuses(folder)
+    assert found.pop("a.three") == "made"
+    assert set(found.values()) == {"skipped"}
+    assert json.loads(path.read_text())["files"] == files
+
+
+def test_files_that_no_longer_belong_there_go_and_others_stay(folder):
+    done("batch", "a.exr", "--for", "filament", "--size", "32", "--skybox", "16")
+    before = {each.name for each in (folder / "a.filament").iterdir()}
+    (folder / "a.filament" / "mine.txt").write_text("mine")
+    done("batch", "a.exr", "--for", "filament", "--size", "32", "--skybox", "0")
+    after = {each.name for each in (folder / "a.filament").iterdir()}
+    assert "mine.txt" in after
+    assert before - after
+    assert after - {"mine.txt"} < before
+
+
+@pytest.mark.parametrize("change", ["edited", "foreign", "file", "record"])
+def test_what_others_made_is_not_replaced(folder, change):
+    done(*BOTH)
+    place = folder / "a.three"
+    if change == "edited":
+        (place / "a_README.md").write_text((place / "a_README.md").read_text() + "notes\n")
+    elif change == "foreign":
+        (place / "a_export.json").unlink()
+    elif change == "file":
+        for each in place.iterdir():
+            each.unlink()
+        place.rmdir()
+        place.write_text("a file")
+    else:
+        held = json.loads((place / "a_export.json").read_text())
+        held |= {"probe": "other.exr", "probe_sha256": "0" * 64}
+        (place / "a_export.json").write_text(json.dumps(held))
+    said, found = statuses(folder)
+    assert found.pop("a.three") == "failed"
+    assert set(found.values()) == {"skipped"}
+    assert "--force" in said.err
+    if change != "file":
+        said, found = statuses(folder, *BOTH, "--force")
+        assert set(found.values()) == {"made"}
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"files": {"../x": [1, "0"]}}', "9" * 2**21])
+def test_damaged_records_are_made_anew(folder, text):
+    done("batch", "a.exr", "--for", "cesium", "--size", "16")
+    path = folder / "a.cesium" / "a_export.json"
+    if text.startswith("{") and len(text) > 1:
+        text = json.dumps({**json.loads(path.read_text()), **json.loads(text)})
+    path.write_text(text)
+    _, found = statuses(folder, "batch", "a.exr", "--for", "cesium", "--size", "16")
+    assert found == {"a.cesium": "made"}
+    assert "a.ktx2" in json.loads(path.read_text())["files"]
+
+
+def test_a_manifest_names_engines_beside_forms(folder):
+    (folder / "bake.toml").write_text(
+        'probes = ["*.exr"]\n'
+        "[[entry]]\n"
+        'for = "all"\n'
+        'output = "engines/{engine}/{probe}"\n'
+        "size = 32\n"
+        "[[entry]]\n"
+        'to = ["irradiance", "export"]\n'
+        'for = ["bevy"]\n'
+        'output = "maps/{probe}.{engine}.{to}.exr"\n'
+        "[entry.export]\n"
+        "size = 8\n"
+    )
+    run("batch", "bake.toml")
+    assert not [each for each in records(folder) if each["status"] == "failed"]
+    assert (folder / "engines" / "godot" / "b").is_dir()
+    assert (folder / "maps" / "b.irradiance.exr").is_file()
+    assert (folder / "maps" / "b.bevy.export.exr").is_dir()
+    # Files of engines are no probes.
+    run("batch", "**/*.exr", "--to", "irradiance", "--dry-run", "-o", "x/{folder}/{probe}.exr")
+    said = json.loads(run("batch", "**/*.exr", "--for", "json", "--dry-run", "--json").out)
+    assert said["jobs"] == 2
+    assert said["predictions"] == [{"to": "export", "brdf": None, "engine": "json", "outputs": 2}]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "parts"),
+    [
+        (("--to", "export"), 2, ["--for", "missing"]),
+        (("--for", "three", "--to", "irradiance"), 2, ["--for", "--to export"]),
+        (("--for", "unity", "--format", "bc6h"), 2, ["--format", "Unity"]),
+        (("--for", "three", "-o", "s3://a/{probe}"), 1, ["s3://a/a", "folders of this machine"]),
+        (("--for", "three", "--for", "bevy", "-o", "{probe}"), 1, ["{engine}"]),
+        (("--for", "three", "--eps", "0.1"), 2, ["--eps"]),
+        (("--to", "irradiance", "--skybox", "8"), 2, ["--skybox"]),
+    ],
+)
+def test_what_is_refused(folder, arguments, code, parts):
+    assert_refused(run("batch", "a.exr", *arguments), code, *parts)
+    assert sorted(each.name for each in folder.iterdir()) == ["a.exr", "b.exr"]
