@@ -13,6 +13,8 @@ _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _TRANSFORM = "KHR_texture_transform"
 _STRONG = "KHR_materials_emissive_strength"
+_BRIGHTEST = 1e12
+"""The most radiance that a material may send."""
 _MASKED = 0.5
 """Least opacity that is seen of what a file would blend with what lies behind."""
 _UV_SETS = 2
@@ -50,11 +52,7 @@ class SurfaceReader:
         color = [_unit(each) for each in pbr.get("baseColorFactor", (1, 1, 1, 1))]
         if len(color) < 3:
             raise ValueError("a base colour of less than three numbers")
-        glow = [max(_number(each), 0.0) for each in given.get("emissiveFactor", (0, 0, 0))][:3]
-        if len(glow) < 3:
-            raise ValueError("an emission of less than three numbers")
         extensions = table(given.get("extensions", {}))
-        strength = _number(table(extensions.get(_STRONG, {})).get("emissiveStrength", 1))
         mode = given.get("alphaMode", "OPAQUE")
         rough = self._texture(pbr, "metallicRoughnessTexture")
         return SurfaceMaterial(
@@ -69,7 +67,7 @@ class SurfaceReader:
             normal_scale=_number(table(given.get("normalTexture", {})).get("scale", 1)),
             occlusion_map=self._texture(given, "occlusionTexture"),
             occlusion_strength=_unit(table(given.get("occlusionTexture", {})).get("strength", 1)),
-            emission=(glow[0] * strength, glow[1] * strength, glow[2] * strength),
+            emission=_emission(given, extensions),
             emission_map=self._texture(given, "emissiveTexture", True),
             opacity=color[3] if len(color) > 3 else 1.0,
             cutoff={"MASK": _unit(given.get("alphaCutoff", _MASKED)), "BLEND": _MASKED}.get(mode),
@@ -124,6 +122,15 @@ class SurfaceReader:
 def with_colors(material: SurfaceMaterial | None) -> SurfaceMaterial:
     """Return a material, or glTF's own without one, that vertex colours multiply."""
     return replace(material or SurfaceMaterial(), colored="linear")
+
+
+def _emission(given: Json, extensions: Json) -> tuple[float, float, float]:
+    """Return the radiance that a material sends, its factor times its strength."""
+    strength = float(table(extensions.get(_STRONG, {})).get("emissiveStrength", 1))
+    if not 0 <= strength <= _BRIGHTEST:
+        raise ValueError(f"an emissive strength of {strength}")
+    red, green, blue = (strength * _unit(each) for each in given.get("emissiveFactor", (0, 0, 0)))
+    return red, green, blue
 
 
 def _wrap(sampler: Json, key: str) -> Wrap:

@@ -21,6 +21,7 @@ from shrm_cli.render.variation import Variation
 from shrm_cli.render.varied import VariedSurface
 from shrm_cli.sphere.directions import horizontal_tangents
 
+_FOR_OTHERS = "textures of roughness and metallic, which split sums and SH exponentials show"
 _DIELECTRIC = 0.04
 """Reflectance at normal incidence of glTF's materials that are no metals."""
 
@@ -279,7 +280,7 @@ class Stage:
             unread = look.paint.unread
             lit = [look.map] if look.map else maps
             if look.paint.is_rough_by_texture and not all(each.needs_surface for each in lit):
-                unread = [*unread, "roughness and metallic under maps of one BRDF"]
+                unread = [*unread, _FOR_OTHERS]
             if unread:
                 named.append(f"{look.paint.material.name!r} ({', '.join(unread)})")
         return list(dict.fromkeys(named))

@@ -222,7 +222,7 @@ def test_surfaces_of_a_file_are_drawn_and_said(folder):
     )
     assert "worn.glb: with its own materials, 1; --plain leaves them out" in result.out
     result = done("a.exr", *arguments, "-o", "y.exr")
-    assert "roughness and metallic under maps of one BRDF" in result.err
+    assert "(alphaMode BLEND, textures of roughness and metallic, which split sums" in result.err
     result = done("a.exr", *arguments, "--plain", "-o", "z.exr")
     assert result.err == ""
     assert "materials" not in result.out
