@@ -146,11 +146,11 @@ def test_faces_and_rows_keep_their_places(name):
     assert np.abs(found / faces - 1).max(where=faces > 24 * 24, initial=0) < 0.03
 
 
-@pytest.mark.parametrize(("name", "octaves", "most"), [("bc6h", 28, 1.5e-3), ("uastc", 1, 0.01)])
+@pytest.mark.parametrize(("name", "octaves", "most"), [("bc6h", 27.9, 1.5e-3), ("uastc", 1, 0.01)])
 def test_a_constant_is_kept_to_the_last_bits(rng, name, octaves, most):
     """Channels of UASTC that are further apart are coarser."""
-    exponents = rng.uniform(-12, 15.9 - octaves, (6, 1, 1, 1)) if octaves < 20 else -12
-    colors = np.exp2(exponents + rng.uniform(0, min(octaves, 27.9), (6, 1, 1, 3)))
+    exponents = rng.uniform(-12, 15.9 - octaves, (6, 1, 1, 1))
+    colors = np.exp2(exponents + rng.uniform(0, octaves, (6, 1, 1, 3)))
     faces = np.broadcast_to(colors, (6, 8, 8, 3))
     found = decoded(encoded(faces, BLOCKS[name], "")[0], BLOCKS[name], 6, 8)
     assert np.abs(found / faces - 1).max() < most

@@ -88,6 +88,23 @@ def test_three_s_own_loader(browser, site, probe, build):
         assert row.turned > 5, row
 
 
+def test_three_s_own_loader_without_blocks(browser, site, probe):
+    """On a device that reads neither BC6H nor ASTC, the transcoder makes half floats."""
+    folder, address = site
+    proofs.prepare_three(folder, "webgl")
+    proofs.exported(folder / "three", "three", probe, 64, "uastc")
+    page = proofs.Page(browser, address, "webgl.bundle.js")
+    page.call("start", 64, proofs.VIEW)
+    pictures = []
+    for has_blocks in (True, False):
+        loaded = page.call("stock", f"{address}/three/light.ktx2", f"{address}/basis/", has_blocks)
+        assert (loaded["format"] == UNSIGNED_BC6H) == has_blocks
+        pictures.append(proofs.ball.decoded(page.call("shade", 0.2), 64))
+    assert not page.errors
+    page.close()
+    assert 1e-5 < proofs.relative(*pictures) < 0.02
+
+
 def test_three_s_own_filter(browser, site, probe):
     """Our levels and those of PMREMGenerator, each beside sums over pixels by its own lobe.
 

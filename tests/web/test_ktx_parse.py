@@ -45,7 +45,8 @@ def parse():
 
 @pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize(
-    ("name", "number"), [("rgba16f", 97), ("r11g11b10", 122), ("rgb9e5", 123), ("bc6h", 143)]
+    ("name", "number"),
+    [("rgba16f", 97), ("r11g11b10", 122), ("rgb9e5", 123), ("bc6h", 143), ("uastc", 1000066000)],
 )
 def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, compress):
     texels = ALL[name]
@@ -54,7 +55,7 @@ def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, com
     ]  # fmt: skip
     (tmp_path / "cube.ktx2").write_bytes(ktx2_cube(mips, 32, texels, compress))
     found = parse(tmp_path / "cube.ktx2")
-    type_size = {"rgba16f": 2, "bc6h": 1}.get(name, 4)
+    type_size = {"rgba16f": 2, "bc6h": 1, "uastc": 1}.get(name, 4)
     assert (found["vkFormat"], found["typeSize"]) == (number, type_size)
     assert (found["width"], found["height"], found["depth"], found["faceCount"]) == (32, 32, 0, 6)
     assert found["scheme"] == (2 if compress else 0)
@@ -64,7 +65,7 @@ def test_ktx_parse_reads_what_is_written(parse, tmp_path, rng, name, number, com
         assert bytes(found["first"]) == mips[0][:16]
     descriptor = found["descriptor"]
     assert (descriptor["colorModel"], descriptor["transferFunction"]) == (
-        133 if name == "bc6h" else 1, 1
+        {"bc6h": 133, "uastc": 167}.get(name, 1), 1
     )  # fmt: skip
     assert descriptor["texelBlockDimension"][:2] == [texels.edge - 1] * 2
     assert descriptor["bytesPlane"][0] == texels.size

@@ -1,1 +1,1 @@
-"""Block-compressed texels: BC6H by an encoder of ours, ASTC by Arm's, and what both lose."""
+"""Block-compressed texels: BC6H and UASTC HDR by encoders of ours, ASTC by Arm's."""

@@ -41,7 +41,7 @@ _TRIES = 2
 """Partitions that are tried for each block that gets two lines."""
 _MANY = 16
 """Partitions that are tried for a lamp."""
-_FINE = 0.002**2
+_FINE = 0.01**2
 """Where the squared relative error of one line is smaller, two are not tried."""
 
 

@@ -66,6 +66,7 @@ def _halves(numbers: Floats) -> NDArray[np.uint16]:
 
 
 SPACE = Space(_numbers, _light, 2048)
+"""Numbers whose steps are nearly alike in all of an octave."""
 
 
 def encoded(blocks: Array) -> Found:

@@ -70,6 +70,30 @@ def _whole(wanted: Whole) -> Whole:
     return np.concatenate([NEAR[8][red], NEAR[8][green], NEAR[7][blue]])
 
 
+class _Bytes:
+    """Six bytes while they are written, and the parts in them as they will be read."""
+
+    def __init__(self, mode: int, largest: Whole) -> None:
+        self.numbers = np.zeros((6, len(largest)), dtype=np.int64)
+        self.parts: dict[str, Whole] = {}
+        self._places = _places(mode)
+        for byte in (1, 2, 3):
+            self.numbers[byte] = (mode >> byte - 1 & 1) << 7
+        self.numbers[4], self.numbers[5] = (largest & 1) << 7, largest >> 1 << 7
+
+    def put_high(self, name: str) -> None:
+        """Write the higher bits of a part, which lie here and there."""
+        for source, bit, byte, place in self._places:
+            if source == name:
+                self.numbers[byte] |= (self.parts[name] >> bit & 1) << place
+
+    def put(self, byte: int, name: str, bits: int) -> None:
+        """Write the lower bits of a part, which fill a byte; it becomes what is nearest."""
+        exact = self.numbers[byte] | self.parts[name] & ((1 << bits) - 1)
+        self.numbers[byte] = NEAR[bits][exact]
+        self.parts[name] = self.parts[name] + self.numbers[byte] - exact
+
+
 def _by_differences(wanted: Whole, largest: Whole, mode: int) -> tuple[Whole, NDArray[np.bool_]]:
     """Return ends as bytes of a way by differences, and where they hold them."""
     bits_a, bits_b, bits_c, bits_d, _ = _DIFFERENCES[mode]
@@ -80,46 +104,31 @@ def _by_differences(wanted: Whole, largest: Whole, mode: int) -> tuple[Whole, ND
         return (values + (1 << shift >> 1)) >> shift
 
     # What is rounded first is made good by what follows.
-    parts = {"a": np.minimum(rounded(high[0]), (1 << bits_a) - 1)}
-    numbers = np.zeros((6, wanted.shape[-1]), dtype=np.int64)
-    holds = np.ones(wanted.shape[-1], dtype=bool)
-
-    def put(byte: int, name: str, low_bits: int) -> None:
-        numbers[byte] |= parts[name] & ((1 << low_bits) - 1)
-        near = NEAR[low_bits][numbers[byte]]
-        parts[name] = parts[name] + near - numbers[byte]
-        numbers[byte] = near
-
-    def flag(name: str) -> None:
-        for source, bit, byte, place in _places(mode):
-            if source == name:
-                numbers[byte] |= (parts[name] >> bit & 1) << place
-
-    numbers[1] |= (mode & 1) << 7
-    numbers[2] |= (mode >> 1 & 1) << 7
-    numbers[3] |= (mode >> 2 & 1) << 7
-    numbers[4] |= (largest & 1) << 7
-    numbers[5] |= (largest >> 1) << 7
-    flag("a")
-    numbers[1] |= (parts["a"] >> 8 & 1) << 6
-    put(0, "a", 8)
+    made = _Bytes(mode, largest)
+    parts = made.parts
+    parts["a"] = np.minimum(rounded(high[0]), (1 << bits_a) - 1)
+    made.put_high("a")
+    made.numbers[1] |= (parts["a"] >> 8 & 1) << 6
+    made.put(0, "a", 8)
     top = parts["a"] << shift
-    parts["c"] = rounded(top - low[0])
-    for k, name in enumerate(("b0", "b1")):
-        parts[name] = rounded(top - high[k + 1])
-        holds &= (parts[name] >= 0) & (parts[name] < 1 << bits_b)
-    holds &= (parts["c"] >= 0) & (parts["c"] < 1 << bits_c)
-    for name in ("b0", "b1", "c"):
-        flag(name)
-    for name, byte in (("c", 1), ("b0", 2), ("b1", 3)):
-        put(byte, name, 6)
+    parts |= {
+        "b0": rounded(top - high[1]),
+        "b1": rounded(top - high[2]),
+        "c": rounded(top - low[0]),
+    }
+    holds = np.ones(len(largest), dtype=bool)
+    for name, bits in (("b0", bits_b), ("b1", bits_b), ("c", bits_c)):
+        holds &= (parts[name] >= 0) & (parts[name] < 1 << bits)
+        made.put_high(name)
+    for byte, name in ((1, "c"), (2, "b0"), (3, "b1")):
+        made.put(byte, name, 6)
     half = 1 << (bits_d - 1)
-    for k, byte in ((0, 4), (1, 5)):
+    for k in (0, 1):
         below = parts["a"] - parts[f"b{k}"] - parts["c"]
         parts["d"] = rounded((below << shift) - low[k + 1])
         holds &= (parts["d"] >= -half) & (parts["d"] < half)
-        put(byte, "d", bits_d)
-    return numbers, holds
+        made.put(4 + k, "d", bits_d)
+    return made.numbers, holds
 
 
 def read(numbers: Whole) -> Whole:

@@ -23,9 +23,11 @@ window.environment = async (url) => {
   return { isPMREM: scene.environment.isPMREMTexture };
 };
 
-// The same by three.js' own loader; `transcoder` is the folder of what it runs.
-window.stock = async (url, transcoder) => {
+// The same by three.js' own loader; `transcoder` is the folder of what it runs. It may be told that
+// there are no blocks on the device.
+window.stock = async (url, transcoder, hasBlocks = true) => {
   const loader = new KTX2Loader().setTranscoderPath(transcoder).detectSupport(renderer);
+  if (!hasBlocks) Object.assign(loader.workerConfig, { bptcSupported: false, astcHDRSupported: false });
   scene.environment = await loader.loadAsync(url);
   scene.environment.isPMREMTexture = true;
   const { image, format } = scene.environment;
