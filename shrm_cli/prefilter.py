@@ -197,11 +197,11 @@ def _finished(made: Prefiltered, probe: Probe, lamps: "Beside | None", brdf: Brd
     """Put the lamps beside the map, or say where that would help."""
     if lamps is None and not any(REMEDY in line for line in made.warnings):
         return made
-    from shrm_cli.lights.beside import MUCH, small_lamps_share, with_lamps
+    from shrm_cli.lights.beside import MUCH, lamps_share, with_lamps
 
     if lamps is not None:
         return with_lamps(made, lamps, brdf)
-    if small_lamps_share(probe) <= MUCH:
+    if lamps_share(probe, brdf) <= MUCH:
         return made
     better = "take them out with `sun` split, dim them by `clamp`"
     return replace(made, warnings=tuple(line.replace(REMEDY, better) for line in made.warnings))

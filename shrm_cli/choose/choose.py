@@ -97,9 +97,10 @@ def _chosen(
     light = Projection(probe)
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
-        principal = PrincipalForms(light, brdf)
-        shrm = ShrmForms(light, brdf, principal.single)
-        for forms in (principal, shrm):
+        held: list[Forms] = [principal := PrincipalForms(light, brdf)]
+        if brdf.isotropic:  # an SHRM knows no tangent
+            held.append(ShrmForms(light, brdf, principal.single))
+        for forms in held:
             known = dict.fromkeys([*_ladder(forms), *_for_goal(forms, goal, most)])
             offers += [_offer(each) for each in known]
     for wanted in others_of(brdf):

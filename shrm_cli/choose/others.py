@@ -63,7 +63,9 @@ def others_of(brdf: Brdf) -> list[Wanted]:
             given = {} if size is None else {"size": size}
             found.append(Wanted({"to": "splitsum", "levels": (own,), **given}))
         found.append(Wanted({"to": "she", "roughness": (own, own)}))
-    return [*found, Wanted({"to": "cabral", "max_size": _CABRAL}, needs_brdf=True)]
+    if brdf.isotropic:
+        found.append(Wanted({"to": "cabral", "max_size": _CABRAL}, needs_brdf=True))
+    return found
 
 
 def made_offer(

@@ -155,13 +155,15 @@ def with_lamps(made: Prefiltered, beside: Beside, brdf: Brdf) -> Prefiltered:
     )  # fmt: skip
 
 
-def small_lamps_share(probe: Probe) -> float:
-    """Return the part of the luminance of a probe's light that small lamps hold.
+def lamps_share(probe: Probe, brdf: Brdf) -> float:
+    """Return the part of the luminance of a probe's light in lamps that are worth taking out.
 
-    Those are small, too, that look as large as pixels are.
+    Those are small ones, which may look as large as pixels are. Of brushed surfaces, in which lamps
+    are long streaks, all lamps are.
     """
     lamps = split_lamps(probe).lamps
-    small = [each.light.flux for each in lamps if each.radius < SMALL or not each.is_resolved]
+    largest = SMALL if brdf.isotropic else np.inf
+    small = [each.light.flux for each in lamps if each.radius < largest or not each.is_resolved]
     mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
     whole = 4 * np.pi * float(mean @ LUMINANCE)
     return sum(float(flux @ LUMINANCE) for flux in small) / whole if whole > 0 else 0.0

@@ -183,6 +183,8 @@ class Candidate(Generic[M]):
         Predicts the share of what is visible whose luminance is wrong, or returns None.
     make : callable
         Makes the map.
+    can_grow : bool
+        Whether maps of more bytes could hold more.
     """
 
     form: str
@@ -191,6 +193,7 @@ class Candidate(Generic[M]):
     total_error: float
     find_wrong_share: Callable[[], float | None] = field(repr=False)
     make: Callable[[], M] = field(repr=False)
+    can_grow: bool = True
 
     @cached_property
     def wrong_share(self) -> float | None:

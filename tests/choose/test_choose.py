@@ -189,3 +189,9 @@ def test_progress_never_falls():
     shrm.choose(light(0, 1), ["lambertian", "oren-nayar"], progress=lambda a, b: told.append(a / b))
     assert told == sorted(told)
     assert told[-1] == 1
+
+
+def test_brushed_materials_are_offered_no_form_without_tangents():
+    (found,) = shrm.choose(light(0, 5), "ggx:roughness=0.8,anisotropy=0.5")
+    assert {offer.form for offer in found.offers} == {"principal"}
+    assert not found.warnings

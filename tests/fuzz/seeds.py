@@ -459,6 +459,9 @@ def _maps(folder: Path) -> list[tuple[str, str]]:
         "principal": (
             "--to", "principal", "--brdf", "ggx:roughness=0.6", "--eps", "0.3", "--size", "4",
         ),
+        "brushed": (
+            "--to", "principal", "--brdf", "ward:ax=0.5,ay=0.3", "--maps", "3", "--size", "4",
+        ),
         "irradiance": ("--to", "irradiance", "--size", "4"),
         "splitsum": ("--to", "splitsum", "--size", "8"),
         "mips": ("--to", "splitsum", "--size", "32", "--levels", "3", "--mips"),

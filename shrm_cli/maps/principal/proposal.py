@@ -97,8 +97,9 @@ class Proposal:
     def candidate(self) -> Candidate[Prefiltered]:
         """Return the map as the search knows it."""
         return Candidate(
-            "principal", self.bytes, self.look_ups, self.total_error, self.wrong_share, self.make
-        )
+            "principal", self.bytes, self.look_ups, self.total_error, self.wrong_share, self.make,
+            any(1 < len(term.planner.choices) > term.form.cubes for term in self.terms),
+        )  # fmt: skip
 
 
 class Proposals:

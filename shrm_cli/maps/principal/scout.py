@@ -46,7 +46,10 @@ def is_out_of_reach(light: Projection, brdf: Brdf, want: Wanted, sampling: Sampl
     form = planner.best_fitting(want.max_size, want.size)
     # What lies at higher degrees is no error of maps that are made of more of them.
     above = energies_beyond(lighting, transfer)[0] * spectrum.visible / max(planner.whole, 1e-300)
-    if form.total_error**2 - above > (_FAR[0] * want.error) ** 2:
+    missed = form.total_error**2 - above
+    if missed <= COARSE:  # in such a map coarse sampling would tell
+        return False
+    if missed > (_FAR[0] * want.error) ** 2:
         return True
     if want.seen is None:
         return False

@@ -37,8 +37,6 @@ _ACCURACY = 1e-4, 1e-3
 """The part of the energy that the sampling of models and of measured BRDFs may miss."""
 _MOST_OCTAVES = 2
 """The most doublings at once for a measured BRDF, whose noise makes the estimate too large."""
-_SHARP = 0.05
-"""The part of a BRDF's energy beyond the first order that makes its lobe a sharp one."""
 _FIRST_Q = 6
 """The largest azimuthal order q that is computed first. Sharp lobes have more at grazing views."""
 _MOST_BRUSHED_Q = 24
@@ -182,9 +180,9 @@ def planner_of(
                 return factorized()
             max_q = most_q
             continue
-        # Sharp lobes need far more, and every try costs the time to sample the BRDF.
-        octaves = 2 if above > _SHARP else 1
+        octaves = 1
         if error is None:
+            # Sharp lobes need far more, and every try costs the time to sample the BRDF.
             octaves = octaves_to_come(transfer, limit)
             if brdf.is_measured:
                 octaves = min(octaves, _MOST_OCTAVES)

@@ -46,6 +46,18 @@ def test_at_its_values_it_is_the_texture_of_that_brdf(made, points, index):
     np.testing.assert_allclose(found, alone.lit(light()).brushed_radiance(*points), atol=1e-9)
 
 
+def test_layered_materials_vary_as_models_do(points):
+    spec = "openpbr:base_metalness=0.5,specular_roughness"
+    made = varying_texture(parse_spec("openpbr:base_metalness=0.5"), "specular_roughness",
+                           (0.4, 0.7), 2, 12).map  # fmt: skip
+    lit = made.lit(light())
+    ends = [lit.varied_radiance(*points, share) for share in (0.0, 1.0)]
+    for value, found in zip((0.4, 0.7), ends, strict=True):
+        alone = product_texture(parse_spec(f"{spec}={value}"), 2, 12).map.lit(light())
+        np.testing.assert_allclose(found, alone.brushed_radiance(*points), atol=1e-9)
+    assert np.abs(ends[0] - ends[1]).max() > 0.01
+
+
 def test_between_them_it_is_linear_and_each_point_has_its_own(made, points):
     lit = made.lit(light())
     low, high = (lit.varied_radiance(*points, share) for share in (1 / 3, 1.0))
