@@ -66,6 +66,10 @@ if TYPE_CHECKING:
     "--into", metavar="MODEL", type=click.Path(),
     help="Put the light into a copy of a glTF file, .glb or .gltf, where the engine reads glTF.",
 )  # fmt: skip
+@click.option(
+    "--firefly-safe", "safe", is_flag=True,
+    help="Spread lamps over discs that the engine's own filter resolves (godot, unity).",
+)  # fmt: skip
 @probe_options
 @report_options
 def export(
@@ -80,6 +84,7 @@ def export(
     window: str | None,
     dfg: bool,
     into: str | None,
+    safe: bool,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -103,7 +108,7 @@ def export(
     reading = make_read_options(values)
     name = source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(size, texels, skybox, window, dfg, is_kept, max_error, into)
+    asked = Asked(size, texels, skybox, window, dfg, is_kept, max_error, into, safe)
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
         conclude(*_exported(sources, names[0], folder, asked, reading, force))
@@ -137,7 +142,7 @@ def _exported(
 
     name = source_stem(sources[0], REPRESENTATIONS)
     chosen = engine_of(engine)
-    with renamed(texels="format"):
+    with renamed(texels="format", safe="firefly_safe"):
         check(chosen, asked)
     source = _source(sources, name, reading)
     check_outputs([str(folder / name) if folder.is_dir() else str(folder)])
