@@ -32,6 +32,7 @@ OPTIONS = (
     Option("skybox", "texels of the sharp cube", "integer", limits=(0, 4096)),
     Option("window", "of the nine coefficients", "text"),
     Option("dfg", "the environment-BRDF table", "switch"),
+    Option("firefly_safe", "lamps that the engine's filter resolves", "switch"),
 )
 DESCRIPTION = Representation(
     EXPORT, "files of engines", frozenset(), OPTIONS, why_no_brdf="exports are of GGX"
@@ -136,13 +137,14 @@ def made(job: Job, probe: Probe, sources: str) -> dict[str, Any]:
 
 def _asked(arguments: Mapping[str, Any], keeps_primaries: bool = False) -> Asked:
     return Asked(
-        arguments.get("size"),
-        arguments.get("format"),
-        arguments.get("skybox"),
-        arguments.get("window"),
-        bool(arguments.get("dfg")),
-        keeps_primaries,
+        size=arguments.get("size"),
+        texels=arguments.get("format"),
+        skybox=arguments.get("skybox"),
+        window=arguments.get("window"),
+        table=bool(arguments.get("dfg")),
+        keeps_primaries=keeps_primaries,
         max_error=arguments.get("max_error"),
+        safe=bool(arguments.get("firefly_safe")),
     )
 
 

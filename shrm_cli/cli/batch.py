@@ -60,7 +60,7 @@ _MOST_REASONS = 5
 _HEADINGS = {
     **MAKING_HEADINGS,
     "What to make": ["brdfs", "to", "engines", "output"],
-    "Files of engines": ["texel_format", "max_error", "skybox", "dfg"],
+    "Files of engines": ["texel_format", "max_error", "skybox", "dfg", "firefly_safe"],
     "How the probes are read": [*READING_NAMES, "probe_sampling"],
     "Where it runs": ["jobs", "scheduler", "commands", "openjd", "chunk", "share"],
     "Coefficients of all probes in one file": ["collect", "collect_order", "collect_what",
@@ -223,7 +223,8 @@ def _entries(probes: tuple[str, ...], values: dict[str, Any], makes_none: bool) 
     brdfs, to, precision = (values.pop(name) for name in ("brdfs", "to", "precision"))
     engines = every_engine(values.pop("engines"))
     values["format"] = values.pop("texel_format")
-    values["dfg"] = values["dfg"] or None
+    for switch in ("dfg", "firefly_safe"):
+        values[switch] = values[switch] or None
     if engines and "to" not in given:
         to = (EXPORT,)
     output = values.pop("output") or DEFAULT_OUTPUT

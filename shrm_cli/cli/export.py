@@ -45,6 +45,10 @@ texel_options = (
     click.option(
         "--dfg", is_flag=True, help="The environment-BRDF table, where the engine takes it."
     ),
+    click.option(
+        "--firefly-safe", is_flag=True,
+        help="Spread lamps over discs that the engine's own filter resolves (godot, unity).",
+    ),
 )  # fmt: skip
 """How the files of engines are packed, and what comes with them."""
 
@@ -89,6 +93,7 @@ def export(
     window: str | None,
     dfg: bool,
     into: str | None,
+    firefly_safe: bool,
     **values: Any,
 ) -> None:
     """Make the files that an engine loads, and a README with the code that loads them.
@@ -112,7 +117,7 @@ def export(
     reading = make_read_options(values)
     name = source_stem(sources[0], REPRESENTATIONS)
     is_kept = reading.working is not None
-    asked = Asked(size, texel_format, skybox, window, dfg, is_kept, max_error, into)
+    asked = Asked(size, texel_format, skybox, window, dfg, is_kept, max_error, into, firefly_safe)
     if len(names) == 1:
         folder = Path(output) if output else Path(f"{name}.{names[0]}")
         conclude(*_exported(sources, names[0], folder, asked, reading, force))
@@ -146,7 +151,7 @@ def _exported(
 
     name = source_stem(sources[0], REPRESENTATIONS)
     chosen = engine_of(engine)
-    with renamed(texels="format"):
+    with renamed(texels="format", safe="firefly_safe"):
         check(chosen, asked)
     source = _source(sources, name, reading)
     check_outputs([str(folder / name) if folder.is_dir() else str(folder)])

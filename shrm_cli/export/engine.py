@@ -17,6 +17,7 @@ from shrm_cli.export.asset import Asset
 from shrm_cli.export.loss import Loss, sentence
 from shrm_cli.export.pixels import Clipped, TexelFormat, clip_warning
 from shrm_cli.export.quoting import comment
+from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.splitsum.roughness import level_roughnesses
@@ -161,6 +162,8 @@ class Engine(ABC):
         Texels along an edge of the sharp cube that it is given by default, at most; 0 for none.
     takes_skybox, takes_table, takes_asset : bool
         Whether ``--skybox``, ``--dfg`` and ``--into`` apply.
+    sampler : Sampler, optional
+        How it filters a panorama, where that is known; ``--firefly-safe`` applies then.
     """
 
     name: ClassVar[str]
@@ -179,6 +182,7 @@ class Engine(ABC):
     takes_skybox: ClassVar[bool] = False
     takes_table: ClassVar[bool] = False
     takes_asset: ClassVar[bool] = False
+    sampler: ClassVar[Sampler | None] = None
 
     def sizes(self, size: int) -> tuple[int, ...]:
         """Return the texels along an edge of each level, for a level 0 of `size`.

@@ -18,6 +18,7 @@ from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.levels import levels_of_map, levels_of_probe
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.quoting import code_span, markdown
+from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import keeping, together
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
@@ -153,6 +154,8 @@ class Asked:
         Whether numbers stay in the primaries of the source; engines have those of Rec.709.
     into : str, optional
         The path of a glTF file that the light is put into.
+    safe : bool
+        Whether lamps of a panorama are spread over discs that the engine's filter resolves.
     """
 
     size: int | None = None
@@ -163,6 +166,7 @@ class Asked:
     keeps_primaries: bool = False
     max_error: float | None = None
     into: str | None = None
+    safe: bool = False
 
 
 def export(
@@ -245,6 +249,8 @@ def check(engine: Engine, asked: Asked) -> None:
         raise ArgumentError("window", f"does not apply; {engine.title} gets no coefficients")
     if asked.table and not engine.takes_table:
         raise ArgumentError("dfg", f"does not apply; {engine.title} has a table of its own")
+    if asked.safe and engine.sampler is None:
+        raise ArgumentError("safe", f"does not apply; {engine.title} has no sampler that is known")
     if asked.into is not None and not engine.takes_asset:
         raise ArgumentError("into", f"does not apply; {engine.title} gets files of its own")
     if asked.size is not None and engine.wants_levels:
@@ -289,6 +295,10 @@ def gather(source: Source, engine: Engine, asked: Asked) -> tuple[Light, list[st
         told = [*told, *([] if irradiance is None else _windowed(irradiance.window))]
     if itself is not None:
         light = _with_images(light, itself, engine, asked)
+    if asked.safe and engine.sampler is not None and light.latlong is not None:
+        image, line = tamed(light.latlong, engine.sampler)
+        light = replace(light, latlong=image)
+        told = [*told, line, engine.sampler.told()]
     if asked.table:
         light = replace(light, table=environment_table(TABLE_SIZE))
     return light, [*colors, *told], warnings
@@ -343,6 +353,8 @@ def _with_images(light: Light, probe: Probe, engine: Engine, asked: Asked) -> Li
         # Where there are levels, the size is theirs, and the lat-long is as fine as the light.
         rows = 0 if engine.wants_levels else asked.size or engine.default_size
         rows = rows or default_size(probe, LatLong)
+        if asked.safe and engine.sampler is not None and asked.size is None:
+            rows = min(rows, engine.sampler.rows)
         light = replace(light, latlong=to_grid(probe, LatLong(rows)))
     return light
 

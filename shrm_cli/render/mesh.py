@@ -276,8 +276,8 @@ class MeshSubject:
                         picked = hits.faces[part], hits.weights[part]
                         shares = reflector.variation.shares(self.stage.mesh, *picked)
                     if reflector.paint is not None:
-                        place = self._points_at(viewer, _picked(hits, part))
-                        painted = reflector.paint.at(place)
+                        seen = self._points_at(viewer, _picked(hits, part))
+                        painted = reflector.paint.at(seen)
                     given = normals[part], views[part], brushed, shares, painted
                     result[part] = reflector.radiance(*given)
         return result

@@ -59,9 +59,9 @@ def test_a_second_run_in_the_folder_of_the_probes_makes_nothing(folder):
     assert again.err == (
         "4 files that shrm made of probes, such as p0.irradiance.exr: left out of the patterns\n"
     )
-    named = run("batch", "p0.irradiance.exr", *IRRADIANCE)
+    named = run("batch", "p0.phong.shrm.exr", *IRRADIANCE)
     assert named.code == 1
-    assert "p0.irradiance.exr: " in named.err
+    assert "p0.phong.shrm.exr: " in named.err
 
 
 def test_patterns_that_match_outputs_alone_are_refused(folder):

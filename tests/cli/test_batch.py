@@ -198,7 +198,7 @@ def test_a_second_run_beside_its_own_outputs(folder, here, monkeypatch):
     assert run("batch", "p0*", "--collect", "l.npz").out.startswith("l.npz: radiance of 1 probes")
     both = run("batch", "p0.exr", "p0.irradiance.exr", "--to", "irradiance")
     assert_refused(both, 1, "p0.irradiance.exr: shrm made it", "leave it out")
-    named = run("batch", "p0.irradiance.exr", "--to", "irradiance", "-o", "x.exr")
+    named = run("batch", "p0.she.exr", "--to", "irradiance", "-o", "x.exr")
     assert named.code == 1
     assert "a map that shrm made, not a light probe" in named.err
     assert_refused(run("batch", "*.irradiance.exr", "--to", "she"), 1, "no probe, only 5 files")

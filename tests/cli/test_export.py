@@ -65,6 +65,14 @@ def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):
     assert (folder / "ball.glb").read_bytes() == before
 
 
+def test_lamps_are_spread_where_the_engine_filters(folder):
+    out = done("export", "sky.exr", "--for", "godot", "--firefly-safe")
+    assert "spread over a radius of" in out
+    assert "% RMS from GGX's lobe at roughness 0.14" in out
+    refused = run("export", "sky.exr", "--for", "unreal", "--firefly-safe")
+    assert_refused(refused, 2, "--firefly-safe does not apply; Unreal has no sampler that is known")
+
+
 def test_several_engines_get_what_each_gets_alone(folder):
     out = done("export", "sky.exr", "--for", "json", "--for", "godot", "-o", "assets")
     assert "assets/json: JSON" in out

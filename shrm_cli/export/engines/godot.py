@@ -1,17 +1,20 @@
 """Godot filters a panorama itself, and its panoramas are ours.
 
 Its sky looks up ``atan(x, -z) / 2 pi`` from the left edge: +Z is in the centre, and +X in the left
-quarter.
+quarter. It is drawn into a cube of 256 texels, of which 7 rougher ones are made: by 32 half vectors
+for each texel.
 
 References
 ----------
-Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl.
+Godot 4, servers/rendering/renderer_rd/shaders/environment/sky.glsl and effects/
+cubemap_roughness.glsl; the project settings of rendering/reflections/sky_reflections.
 """
 
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.latlong import add_exr
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import string
+from shrm_cli.export.tamed import Sampler
 
 
 class Godot(Engine):
@@ -23,6 +26,13 @@ class Godot(Engine):
     wants_levels = False
     wants_irradiance = False
     wants_latlong = True
+    sampler = Sampler(
+        edge=256,
+        radius=1.0,
+        roughness=(1 / 7, 2 / 7, 3 / 7, 4 / 7, 5 / 7, 6 / 7, 1.0),
+        bare=(0.37, 0.38, 0.39, 0.46, 0.47, 0.50, 0.49),
+        spread=(0.08, 0.28, 0.34, 0.43, 0.46, 0.48, 0.49),
+    )
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

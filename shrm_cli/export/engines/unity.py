@@ -1,11 +1,14 @@
 """Unity filters a lat-long on import; the nine coefficients are ready for its ambient probe.
 
 Unity's axes are left-handed: its importers of glTF take our x for -x. A lat-long that is imported
-as a cube has +Z in its centre and Unity's +X in the right quarter, which is our lat-long.
+as a cube has +Z in its centre and Unity's +X in the right quarter, which is our lat-long. How its
+import filters is not public; its high definition pipeline filters skies, cubes of 256 texels, with
+21 to 89 half vectors for a texel.
 
 References
 ----------
-`SHCoefficients` of Unity's package com.unity.render-pipelines.core; Skybox-Panoramic.shader.
+`SHCoefficients` and ImageBasedLighting.hlsl (`IntegrateLD`) of Unity's package
+com.unity.render-pipelines.core; Skybox-Panoramic.shader.
 """
 
 from shrm_cli.export.cubes import mirrored
@@ -15,6 +18,7 @@ from shrm_cli.export.harmonics import in_axes, unity
 from shrm_cli.export.latlong import add_exr
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.export.quoting import comment
+from shrm_cli.export.tamed import Sampler
 
 _AXES = mirrored(-1, 1, 1)
 
@@ -27,6 +31,13 @@ class Unity(Engine):
     default_size = 0
     wants_levels = False
     wants_latlong = True
+    sampler = Sampler(
+        edge=256,
+        radius=0.5,
+        roughness=(0.1024, 0.2151, 0.3424, 0.4917, 0.6814, 1.0),
+        bare=(0.32, 0.26, 0.22, 0.17, 0.19, 0.37),
+        spread=(0.13, 0.18, 0.19, 0.16, 0.18, 0.37),
+    )
 
     def pack(self, light: Light, texels: TexelFormat) -> Package:
         made = Package()

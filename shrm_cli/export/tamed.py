@@ -1,0 +1,102 @@
+"""Lamps of a panorama, spread over discs that an engine's own filter finds again.
+
+Engines that filter a panorama themselves look it up at some dozens of places for each texel of a
+level, and meet a lamp of a few pixels too often or not at all: sparks and dark holes. The light of
+a lamp is kept when it is spread, so that rough surfaces get what they got; a mirror shows a disc.
+"""
+
+import numpy as np
+
+from shrm_cli.arrays import Array
+from shrm_cli.lights.pixels import SpherePixels
+from shrm_cli.lights.search import brightness_of, find_regions
+from shrm_cli.records import record
+from shrm_cli.sphere.directions import normalize
+from shrm_cli.sphere.grid.latlong import LatLong
+
+_LEAST = 0.01
+"""The least irradiance of a lamp, as a part of that of a surface under the mean of the light."""
+
+
+@record
+class Sampler:
+    """How an engine filters a panorama.
+
+    Attributes
+    ----------
+    edge : int
+        Texels along an edge of the cube that it makes of the panorama.
+    radius : float
+        Of the discs, in degrees: what its sharpest level resolves.
+    roughness : tuple of float
+        The perceptual roughness of its levels.
+    bare, spread : tuple of float
+        How much of its reflection a level is off by under one lamp alone, of a pixel, and spread
+        over a disc: the RMS of the differences to GGX's lobe, relative to that of the lobe.
+        `tests/export/test_tamed.py` runs the filter, written out again.
+    """
+
+    edge: int
+    radius: float
+    roughness: tuple[float, ...]
+    bare: tuple[float, ...]
+    spread: tuple[float, ...]
+
+    @property
+    def rows(self) -> int:
+        """The most rows of a panorama of which it skips no pixel."""
+        return 2 * self.edge
+
+    def told(self) -> str:
+        """Return a sentence about what a lamp alone looks like."""
+        rough, off, before = (
+            ", ".join(f"{scale * each:{form}}" for each in values)
+            for scale, form, values in (
+                (1, ".2g", self.roughness), (100, ".0f", self.spread), (100, ".0f", self.bare)
+            )
+        )  # fmt: skip
+        return (
+            f"a lamp alone, as the engine filters it: {off} % RMS from GGX's lobe at roughness "
+            f"{rough}; as a pixel {before} %"
+        )
+
+
+def tamed(image: Array, sampler: Sampler) -> tuple[Array, str]:
+    """Spread the lamps of a panorama that are smaller than the discs of a sampler.
+
+    Parameters
+    ----------
+    image : ndarray, shape (N, 2 N, 3)
+    sampler : Sampler
+
+    Returns
+    -------
+    image : ndarray
+        The same light, with the same sum over solid angles.
+    told : str
+        How many lamps were spread, and what part of the light they are.
+    """
+    pixels = SpherePixels(LatLong(image.shape[0]))
+    flat = np.array(image, dtype=float).reshape(-1, 3)
+    areas = pixels.areas(np.arange(len(flat)))
+    light = float(areas @ brightness_of(flat))
+    radius = max(float(np.radians(sampler.radius)), pixels.pitch)  # some pixel is in the disc
+    count, moved = 0, 0.0
+    for region in find_regions(image, pixels, _LEAST * light / 4):
+        own = areas[region.numbers]
+        if own.sum() >= 2 * np.pi * (1 - np.cos(radius)):
+            continue
+        values = flat[region.numbers]
+        bright = brightness_of(values)
+        excess = values * np.maximum(1 - region.level / bright, 0)[:, None]
+        weights = own * brightness_of(excess)
+        axis = normalize(weights @ pixels.directions(region.numbers))
+        disc = pixels.within(axis, radius)
+        flat[region.numbers] -= excess
+        flat[disc] += own @ excess / areas[disc].sum()
+        count += 1
+        moved += weights.sum() / light
+    lamps = "1 lamp is" if count == 1 else f"{count} lamps are"
+    told = f"{lamps} spread over a radius of {np.degrees(radius):.2g} degrees: "
+    told += f"{moved:.1%} of the light"
+    return flat.reshape(image.shape), told
