@@ -56,7 +56,8 @@ def lettered_probe(rows=128):
 def seen_around(browser, folder, address, name, probe, size=64, pixels=_SIDE):
     """The light along each of `AROUND` in an engine, and mostly a mirror ball: pictures by name."""
     if name in others.NAMES:
-        opened = others.Opened(browser, folder, address, name, probe, max(size, 256), 4 * pixels)
+        fine = max(size, 1024 if name == "model-viewer" else 256)
+        opened = others.Opened(browser, folder, address, name, probe, fine, 4 * pixels)
         found = {each: opened.ahead(to)[2::4, 2::4] for each, to in AROUND.items()}
         opened.page.close()
         return found
