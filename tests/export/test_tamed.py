@@ -59,6 +59,7 @@ def test_light_without_lamps_stays(rng):
     assert told.startswith("0 lamps")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_told_of_a_lamp_is_what_the_filter_makes(name):
     sampler = engines.engine(name).sampler

@@ -393,6 +393,7 @@ JUDGED = {
 }  # fmt: skip
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("form", JUDGED)
 def test_a_textured_body_looks_as_in_mitsuba(mitsuba, tmp_path, form):

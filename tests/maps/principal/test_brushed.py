@@ -100,6 +100,7 @@ def test_the_predicted_error_is_that_of_any_tangents(room, brdf, options):
     assert 0.8 < error / predicted < 1.25
 
 
+@pytest.mark.proof
 def test_files_hold_lobes_with_and_without_brush_marks(room, tmp_path):
     made = prefilter(room, SUM, to="principal", maps=12)
     save(tmp_path / "sum.exr", made, "float")

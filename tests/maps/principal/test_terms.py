@@ -57,6 +57,7 @@ def test_a_tenth_of_that_may_lie_in_higher_azimuthal_orders(light):
     assert planned(light, "ggx:roughness=0.6", eps=0.8 * 50 * aside).max_q == 12
 
 
+@pytest.mark.proof
 def test_a_coarse_look_tells_what_no_map_keeps(light):
     """It is sure only where the best map misses by far, and tells nothing of isotropic ones."""
     brdf = parse_spec(BRUSHED)
@@ -79,6 +80,7 @@ def test_a_coarse_look_tells_what_no_map_keeps(light):
     assert not is_out_of_reach(light, brdf, best, "center")
 
 
+@pytest.mark.proof
 def test_what_no_map_keeps_is_sampled_coarsely_and_once(light, monkeypatch):
     asked = []
 
@@ -106,6 +108,7 @@ def test_more_bytes_are_advised_where_they_would_hold_more(can_grow):
     assert "50% RMS error" in line
 
 
+@pytest.mark.proof
 def test_a_map_of_all_cubes_cannot_grow(light):
     given = {"brdf": parse_spec(BRUSHED), "error": 1e-3, "size": 12}
     proposals = Proposals(light, Request.of("principal", given, light.probe))
