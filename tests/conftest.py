@@ -1,5 +1,6 @@
 """Fixtures that tests share: reproducible random numbers, a cache of their own and sample files."""
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,9 +15,18 @@ settings.load_profile("shrm")
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory) -> Iterator[None]:
-    """Give this process, and those that it starts, a cache of coefficients of their own."""
+    """Give this run, and the processes that it starts, a cache of coefficients of its own.
+
+    Workers that share a run share its cache as users' processes do, so that what takes seconds to
+    compute is computed once.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    cache = folder / "cache"
+    cache.mkdir(mode=0o700, exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SHRM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("SHRM_CACHE_DIR", str(cache))
         yield
 
 

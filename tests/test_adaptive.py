@@ -82,6 +82,7 @@ def errors_of(probe, brdf, pairs, rows=None, whole=None):
     return np.abs(found - expected) / np.maximum(expected, least), adaptive.error
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", ANALYTIC)
 @pytest.mark.parametrize("name", PROBES)
 def test_adaptive_sums_are_within_a_percent(made, pairs, name, spec):
@@ -103,6 +104,7 @@ def test_pixels_that_are_large_beside_a_lobe_are_cut(made, pairs, name, spec):
     assert 1e-3 < stated < 0.03
 
 
+@pytest.mark.proof
 def test_a_pixel_alone_in_the_dark_is_no_point():
     """A lobe of twice its size sees it as it is, about the mirror direction and beside it."""
     image = np.zeros((ROWS, 2 * ROWS, 3), np.float32)

@@ -251,6 +251,7 @@ def test_an_old_python_is_refused_with_what_to_do(project):
     assert not (project.folder / ".venv").exists()
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_demo_and_batch_with_the_real_command(project):
     project.install(REAL)

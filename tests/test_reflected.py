@@ -121,6 +121,7 @@ def test_light_that_ends_is_met_by_few_of_the_unknown_degrees(spec, order, exten
     assert 0.8 < np.sqrt(found / expected) < 1.45
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("spec", ["ggx:roughness=0.5", "ggx:roughness=0.5,f0=0.04"])
 @pytest.mark.parametrize("fall", [0, 1])

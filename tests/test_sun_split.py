@@ -57,6 +57,7 @@ def points():
     return normals / np.linalg.norm(normals, axis=1, keepdims=True), views
 
 
+@pytest.mark.proof
 def test_brute_force(points):
     """In the highlight and beside it, in a hundredth of the bytes."""
     expected = truth(0.2, *points, 0.04)

@@ -40,6 +40,7 @@ def probe():
     return Probe.from_array(np.ones((8, 16, 3), np.float32))
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_process_takes_no_more_than_estimated():
     """Linux counts the peak in units of 1024 bytes."""

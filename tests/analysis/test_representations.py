@@ -151,6 +151,7 @@ def test_errors_are_those_of_brute_force(probe, table, small_table, truth, name)
     assert min(expected) > 0.01
 
 
+@pytest.mark.proof
 def test_the_exponential_is_near_the_truth(table):
     (result,) = (each for each in table.results if each.representation.name == "she")
     assert 0 < result.error < 0.3

@@ -40,6 +40,7 @@ def test_phong_coefficients_against_adaptive_quadrature(exponent):
     np.testing.assert_allclose(coefficients.total_energy, energy, rtol=1e-10)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.3, 0.8])
 def test_microfacet_coefficients_against_monte_carlo_free_brute_force(sigma):

@@ -135,6 +135,7 @@ def test_arguments_make_what_is_offered():
             assert made.cube_count == each.look_ups
 
 
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore::shrm_cli.errors.ShrmWarning")
 def test_errors_are_those_beside_the_truth():
     """At other points than those of `choose`; predictions and measurements alike."""
@@ -191,6 +192,7 @@ def test_progress_never_falls():
     assert told[-1] == 1
 
 
+@pytest.mark.proof
 def test_brushed_materials_are_offered_no_form_without_tangents():
     (found,) = shrm.choose(light(0, 5), "ggx:roughness=0.8,anisotropy=0.5")
     assert {offer.form for offer in found.offers} == {"principal"}

@@ -122,6 +122,7 @@ def as_cpp(code):
     )
 
 
+@pytest.mark.proof
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler of C++")
 def test_costs_are_those_of_the_code(tmp_path):
     parts, calls = [HEAD], []

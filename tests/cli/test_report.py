@@ -200,6 +200,7 @@ def test_product_textures_are_reported(folder):
     assert "shrm_lighting" in frame["srcdoc"]
 
 
+@pytest.mark.proof
 def test_views_of_small_pages_have_smaller_maps(folder):
     forms = ["--to", "principal", "--to", "splitsum", "--size", "128"]
     common = ["report", "probe.exr", "--brdf", "ggx:roughness=0.6", *forms, *SMALL, "--no-flip"]

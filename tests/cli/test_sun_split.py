@@ -36,6 +36,7 @@ def test_it_says_what_there_is():
     assert values["probe"] == "sky.exr"
 
 
+@pytest.mark.proof
 def test_it_is_compared_with_its_probe():
     """More light than the map without its sun, and about as much as the truth."""
     done("prefilter", "sky.exr", "--brdf", "ggx:roughness=.5", "-o", "plain.exr")

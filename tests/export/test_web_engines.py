@@ -64,6 +64,7 @@ def rough(level):
     return 0, 1 - part, part, part / 2
 
 
+@pytest.mark.proof
 def test_playcanvas_levels(atlas, samples, rng):
     for level in range(1, 6):
         for direction in unit(rng, 12):

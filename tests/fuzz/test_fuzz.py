@@ -52,6 +52,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_what_goes_wrong_is_found(tmp_path):
     """The command `info` is replaced by each of the faults in turn."""

@@ -33,6 +33,7 @@ def made(light, to, brdf, **given):
     return prefilter_with_facts(light, to, {"brdf": brdf, **few, **given})
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("to", "brdf", "error"), CASES)
 def test_the_coarsest_settings_that_keep_the_error_are_taken(light, to, brdf, error):
     found = made(light, to, brdf, error=error)
@@ -44,6 +45,7 @@ def test_the_coarsest_settings_that_keep_the_error_are_taken(light, to, brdf, er
     assert known_error(found) == errors[first]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("to", "brdf", "error"), CASES)
 def test_where_none_keeps_it_the_best_is_made_and_says_so(light, to, brdf, error):
     found = made(light, to, brdf, error=1e-4)

@@ -88,6 +88,7 @@ def test_the_maps_as_they_were_miss_them_at_the_same_bytes(rows):
     assert phong.negative > 0
 
 
+@pytest.mark.proof
 def test_principal_maps_have_as_many_bytes(rows):
     after, other, best = (
         seen.find(rows, SPECS[1], "sun", way)

@@ -121,6 +121,7 @@ def test_the_survey_marks_what_takes_too_much_and_what_is_refused():
     assert "| slow (principal), large (principal) |" in page
 
 
+@pytest.mark.proof
 def test_the_survey_goes_on_after_a_brdf_that_cannot_be_prefiltered():
     (probe,) = equal_probes(probe_files(ROOT / "none", ("studio",)), 16)
     specs = ("poulin-fournier", "lambertian")

@@ -90,6 +90,7 @@ def test_a_new_grid_is_read_and_written(tmp_path, shrm):
     np.testing.assert_allclose(pixels, octahedral(32), rtol=0.08)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_light_on_a_new_grid_is_reflected(tmp_path, shrm):
     """In the frequency domain and by brute force: the mean of both spheres is as of a lat-long."""
@@ -109,6 +110,7 @@ def test_light_on_a_new_grid_is_reflected(tmp_path, shrm):
     np.testing.assert_allclose(means[0][0], means[0][1], rtol=0.02)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_new_arrangement_of_a_cube(tmp_path, shrm):
     """It is listed, detected, read and written, for probes and for maps."""

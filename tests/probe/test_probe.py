@@ -446,6 +446,7 @@ def in_a_process(program, *arguments):
     return result.stdout.splitlines()
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory: needs /proc")
 @pytest.mark.parametrize(

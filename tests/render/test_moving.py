@@ -46,6 +46,7 @@ CASES = [
 ]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("turn", ["yaw", "pitch", "roll"])
 @pytest.mark.parametrize(("asked", "most"), CASES)
 def test_a_turned_light_is_the_turned_probe(asked, most, turn):
@@ -69,6 +70,7 @@ def test_exponentials_turn_as_their_coefficients_do():
     assert wrong(found, render_sphere(turned, VIEW, 48)) < 1e-6
 
 
+@pytest.mark.proof
 def test_brushed_maps_keep_their_tangents_while_the_light_turns():
     brdf = "ggx:roughness=.6,anisotropy=.8"
     at_rest = shrm_cli.prefilter(room({}), brdf=brdf, to="principal", error=0.03)

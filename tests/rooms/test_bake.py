@@ -122,6 +122,7 @@ def test_the_sky_comes_through_an_opening(rng):
     np.testing.assert_allclose(direct, np.tile(sun.irradiance, (60, 1)), rtol=1e-3)
 
 
+@pytest.mark.proof
 def test_light_does_not_leak_through_a_thin_wall(rng):
     """One room is dark: no point in it has a twentieth of the other room's light."""
     room = shapes.two_rooms(dim=0.0)
@@ -140,6 +141,7 @@ def test_light_does_not_leak_through_a_thin_wall(rng):
     assert inside.any()
 
 
+@pytest.mark.proof
 def test_stated_errors_are_those_at_other_points(rng):
     room = shapes.two_rooms()
     grid = bake(room, Lattice(*room.mesh.bounds, (10, 4, 5)), 2, samples=256)

@@ -19,6 +19,7 @@ def summed(alphas, cosine, azimuth):
     return value.sum() * part, value @ tail * part
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("azimuth", [0.0, 0.7, 1.9, 4.4])
 @pytest.mark.parametrize("alphas", [(0.52, 0.25), (0.9, 0.12), (0.2, 0.7)])
 def test_totals_are_those_of_the_lobe(alphas, azimuth):

@@ -43,6 +43,7 @@ def brute_force(roughness, cosine, polar=800, azimuths=1400):
     return float(np.sum(value * (1 - tail))), float(np.sum(value * tail))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("roughness", [0.05, 0.1, 0.3, 0.6, 1.0])
 @pytest.mark.slow
 def test_it_is_a_sum_of_a_million_samples(roughness):

@@ -26,6 +26,7 @@ def relative(found, expected):
     return np.sqrt(error / np.sum(weights * expected.images**2))
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("representation", VIEWS)
 @pytest.mark.parametrize("spec", ["microfacet:sigma=0.3", "phong:exponent=8", "lambertian"])

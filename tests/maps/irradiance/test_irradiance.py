@@ -255,6 +255,7 @@ def test_the_error_falls_with_the_order_to_the_last(tmp_path):
         assert error == pytest.approx(math.sqrt(1 - kept / (2 * np.pi / 3)), rel=0.3)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(4, 8), (16, 32), (128, 256)])
 def test_constant_light_lacks_nothing(tmp_path, size):

@@ -144,12 +144,14 @@ def test_damaged_files_are_refused(tmp_path):
     survives_flipped_bits(path, 150)
 
 
+@pytest.mark.proof
 def test_half_keeps_dim_light(room, tmp_path):
     dim = Probe.from_array(lit_room() * np.float32(1e-8))
     made = prefilter(dim, GGX, to="principal", maps=4)
     assert save(tmp_path / "dim.exr", made) == "float"
 
 
+@pytest.mark.proof
 def test_waves_hold_the_energy_of_all_azimuths():
     for brdf, quarters in ((parse_spec(GGX), 1), (Skewed(), 2), (Napped(), 4)):
         found = compute_brushed_transfer(brdf, 16, 4, 1e-3)

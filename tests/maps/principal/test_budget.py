@@ -26,6 +26,7 @@ def error_of(made):
     return total_error(made.info.predicted_error, made.info.filter_error)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "spec",
     [

@@ -73,6 +73,7 @@ def brushed(path, face, row, column, view, tangent):
     return light
 
 
+@pytest.mark.proof
 def test_the_page_alone_decodes_a_brushed_map(tmp_path, monkeypatch):
     from shrm_cli.maps.file import open_map
 

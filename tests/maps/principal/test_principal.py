@@ -121,6 +121,7 @@ def test_measured_error_is_the_predicted_one(room, name, divide):
         assert measured == pytest.approx(made.info.predicted_error, rel=0.1)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", SPECS)
 def test_a_tolerance_is_kept_where_the_albedo_is_divided_by(room, name):
     """The tolerance is a part of the energy of the quotient, which views share more evenly."""
@@ -195,6 +196,7 @@ def test_dark_views_get_more_than_their_share(room, monkeypatch):
     assert predicted[0] < predicted[1] < 1.02 * predicted[0]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", ["phong:exponent=512", "microfacet:sigma=0.05"])
 @pytest.mark.slow
 def test_light_is_carried_as_far_as_in_an_shrm_of_its_size(spec):
@@ -435,6 +437,7 @@ def test_resampled_maps_say_what_it_costs(stored):
     assert 0 < small.info.added_error < 1
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("size", [8, 12])
 def test_a_resampled_sum_says_what_each_lobe_loses(room, size):
     """Its first lobe is diffuse and loses next to nothing, and the other one is sharp."""

@@ -52,6 +52,7 @@ def fewest(path, spec, errors):
             yield found.bytes, sizes[known <= error].min()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", [*UNEVEN, "ggx:roughness=0.6"])
 @pytest.mark.parametrize("name", ["studio", "sky"])
 def test_no_form_of_fewer_bytes_keeps_an_error(name, spec):

@@ -25,6 +25,7 @@ def room():
     return Probe.from_array(lit_room())
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("name", "eps"), [("microfacet", 0.05), ("metal", 0.1)])
 def test_a_tolerance_makes_the_best_of_the_bytes_that_it_asks_for(room, name, eps):
     """The fewest functions that keep it leave room for many more where texels are fewer."""

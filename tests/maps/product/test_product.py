@@ -110,6 +110,7 @@ def test_shading_is_the_integral_under_band_limited_light(made, light, frames, h
     assert relative_rms(turned, expected) > 0.05
 
 
+@pytest.mark.proof
 def test_bilinear_look_ups_keep_their_stated_error(made):
     """Over views spread evenly more than a degree above the horizon, against exact integrals."""
     spec, texture = made

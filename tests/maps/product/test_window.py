@@ -65,6 +65,7 @@ def errors(found, expected):
     )
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("lamp", [2, 50, 200, 2000])
 def test_it_blurs_no_more_than_leaves_no_black_spots(texture, points, lamp):
     pixels = sky(lamp)

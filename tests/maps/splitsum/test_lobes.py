@@ -100,6 +100,7 @@ def at_random(size, count=24):
     return texels, cube_directions(size).reshape(-1, 3)[texels]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", LOBES)
 def test_levels_are_sums_over_the_pixels_by_the_lobe(name):
     image = lit(256)
@@ -135,6 +136,7 @@ def test_sharp_lobes_are_integrated_by_their_core(name):
         np.testing.assert_allclose(made.levels[0].reshape(-1, 3)[texel], expected, rtol=1e-3)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", LOBES)
 def test_uniform_light_stays_as_it_is_and_is_reflected_by_the_albedo(name):
     white = Probe.from_array(np.full((16, 32, 3), 0.75))
