@@ -6,7 +6,7 @@ the light of each disc is spread over the pixels that it covers.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.blocks import Block
 from shrm_cli.probe.disc import Disc, disc_rows
@@ -109,6 +110,22 @@ class SumImage:
             for image in term.probe.images:
                 yield from image.contents()
 
+    def converted(self, matrix: Array, primaries: tuple[float, ...] | None) -> "SumImage":
+        """The sum whose colors are the products of a matrix, shape (3, 3), and those of this one.
+
+        A probe's scale multiplies its own colors, so that it becomes part of the probe's matrix.
+        """
+        terms = tuple(
+            Term(term.probe.multiplied(matrix * term.scale, primaries), np.ones(3))
+            for term in self.terms
+        )
+        discs = tuple(
+            replace(disc, radiance=np.maximum(matrix @ disc.radiance, 0)) for disc in self.discs
+        )
+        series = None if self.series is None else self.series @ matrix.T
+        recipe = self.recipe + np.asarray(matrix, dtype=float).tobytes()
+        return replace(self, recipe=recipe, terms=terms, discs=discs, series=series)
+
     def read(self, start: int, stop: int) -> Array:
         """Rows `start` .. `stop` - 1, a new float32 array of shape (rows, width, 3)."""
         return self._pixels_and_overlaps[0][start:stop].copy()
@@ -184,6 +201,16 @@ class LightSum(Probe):
             image.name, LatLong(image.height), "latlong", None, matrix, PixelPolicy(),
             chromaticities, (image,), PixelReport(notes=image.notes), colors or {},
             image_of_sum=image,
+        )  # fmt: skip
+
+    def in_primaries(self, primaries: tuple[float, ...] | None) -> "LightSum":
+        """The same sum, its probes, discs and coefficients in other primaries; None is Rec.709."""
+        matrix = conversion(self.chromaticities, primaries)
+        if matrix is None:
+            return self
+        image = self.image_of_sum.converted(matrix, primaries)
+        return replace(
+            self, image_of_sum=image, images=(image,), chromaticities=primaries,
         )  # fmt: skip
 
     @property

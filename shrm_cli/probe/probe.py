@@ -204,13 +204,12 @@ class Probe:
             yield start, self.policy.apply(pixels, weights, self.report), weights
 
     def in_primaries(self, primaries: tuple[float, ...] | None) -> Probe:
-        """The same probe, its pixels in other primaries; None is Rec.709.
-
-        Of a sum of lights the pixels are converted alone, and not its lights.
-        """
+        """The same probe in other primaries; None is Rec.709."""
         matrix = conversion(self.chromaticities, primaries)
-        if matrix is None:
-            return self
+        return self if matrix is None else self.multiplied(matrix, primaries)
+
+    def multiplied(self, matrix: Array, primaries: tuple[float, ...] | None) -> Probe:
+        """The probe of pixels multiplied by a matrix, shape (3, 3), which has these primaries."""
         images = tuple(ConvertedImage(image, matrix) for image in self.images)
         return replace(self, images=images, chromaticities=primaries)
 

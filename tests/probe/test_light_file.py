@@ -325,3 +325,26 @@ def test_energies_of_lights_that_do_not_overlap(folder):
     expected = areas[0] * 9 + areas[1] * np.array([81, 25, 4])
     np.testing.assert_allclose(light.energy, expected, rtol=1e-12)
     assert latlong_solid_angles(512).max() > areas[1]
+
+
+def test_all_lights_of_a_sum_are_converted(folder):
+    path = lights(folder, """
+        [[probe]]
+        file = "a.exr"
+        scale = [1, 0.5, 0.25]
+        [[disc]]
+        azimuth = 40
+        elevation = 30
+        radius = 20
+        radiance = [3, 2, 1]
+        [[sh]]
+        coefficients = [[2, 2, 2], [0.1, 0.2, 0], [0, 0.1, 0.3], [0.2, 0, 0.1]]
+    """)  # fmt: skip
+    source = open_probe(path)
+    expected = project(source, ORDER).coefficients @ conversion(None, PRIMARIES["acescg"]).T
+    converted = source.in_primaries(PRIMARIES["acescg"])
+    np.testing.assert_allclose(
+        project(converted, ORDER).coefficients, expected, rtol=0, atol=1e-6
+    )  # fmt: skip
+    assert converted.digest() != source.digest()
+    assert converted.in_primaries(PRIMARIES["acescg"]) is converted
