@@ -222,6 +222,7 @@ def test_the_command_names_files_by_what_it_made(folder, monkeypatch):
     assert "--max-size 2000000 there, 32000000 here" in refused.err
 
 
+@pytest.mark.proof
 def test_batches_choose_too_and_know_what_they_chose(folder):
     command = "batch", "probe.exr", "--brdf", "lambertian", "--brdf", SKIN
     assert run(*command, "--max-size", "500kB").code == 0

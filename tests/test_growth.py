@@ -225,6 +225,7 @@ def test_an_explicit_map_is_a_file_and_a_row(copy):
     )
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_map_for_engines_is_a_folder_and_a_row(copy):
     for name, text in AMBIENT.items():

@@ -92,6 +92,7 @@ def test_a_killed_worker_loses_nothing(two, tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_task_that_always_kills_its_worker_is_told_as_lost(two, capfd):
     fatal = two.submit(die)
@@ -208,6 +209,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_scheduler_that_goes_away_is_told_in_one_line(tmp_path):
     script, address = tmp_path / "run.py", tmp_path / "address"
@@ -279,6 +281,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_ctrl_c_ends_a_local_cluster_without_a_word(tmp_path):
     """A terminal sends it to all processes of the group."""

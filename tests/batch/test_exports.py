@@ -49,6 +49,7 @@ def test_a_batch_makes_what_shrm_export_makes(folder):
     assert all(each["bytes"] > 1000 for each in records(folder))
 
 
+@pytest.mark.proof
 def test_what_is_there_and_whole_is_kept(folder):
     done(*BOTH)
     before = {each: each.stat().st_mtime_ns for each in folder.rglob("*.ktx2")}
@@ -95,6 +96,7 @@ def test_files_that_no_longer_belong_there_go_and_others_stay(folder):
     assert after - {"mine.txt"} < before
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("change", ["edited", "foreign", "file", "record"])
 def test_what_others_made_is_not_replaced(folder, change):
     done(*BOTH)
@@ -121,6 +123,7 @@ def test_what_others_made_is_not_replaced(folder, change):
         assert set(found.values()) == {"made"}
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"files": {"../x": [1, "0"]}}', "9" * 2**21])
 def test_damaged_records_are_made_anew(folder, text):
     done("batch", "a.exr", "--for", "cesium", "--size", "16")

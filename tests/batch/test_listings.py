@@ -151,6 +151,7 @@ def signed(tmp_path, monkeypatch):
         }
 
 
+@pytest.mark.proof
 def test_no_secret_of_an_address_is_told_or_kept(signed, tmp_path):
     """In no output of a command, and in no file that it writes."""
     told = []

@@ -182,6 +182,7 @@ def finish(folder):
     return log_lines(log)[before:]
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.isdir("/proc"), reason="ps of Linux")
 def test_a_worker_that_is_killed_loses_nothing(folder):
@@ -195,6 +196,7 @@ def test_a_worker_that_is_killed_loses_nothing(folder):
     assert rest(folder) == []
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.isdir("/proc"), reason="ps of Linux")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

@@ -107,6 +107,7 @@ def test_a_film_turns_the_color_of_ggx_with_the_angle(rng):
     assert np.ptp(fresnel[:, 0] / fresnel.sum(axis=1)) > 0.2
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "spec",
     [

@@ -52,6 +52,7 @@ def lobe_around_mirror(roughness, theta_o, wanted):
     return found, energy
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("roughness", "order"), [(0.5, 60), (0.2, 250), (0.1, 250)])
 @pytest.mark.slow
 def test_lobes_of_generic_views(roughness, order):

@@ -182,6 +182,7 @@ def test_black_probe(folder):
     assert all(row["predicted_error"] == 0 for row in result["pictures"]["orders"])
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_fine_probes_are_averaged_for_the_exact_pictures(folder):
     write_exr(folder / "fine.exr", noise(160, 320))

@@ -107,6 +107,7 @@ def test_json(folder):
     assert len({len(line) for line in lines[1:7]}) == 1  # the columns are flush
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize(("eps", "low"), [(0.1, 0.6), (0.03, 1)])
 def test_storage_is_that_of_the_files_that_shrm_prefilter_writes(folder, eps, low):

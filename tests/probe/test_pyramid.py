@@ -16,6 +16,7 @@ def directions_of(shape):
     return brute_force.latlong_samples(100)[0].reshape(100, 200, 3)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("shape", ["latlong", "cube"])
 def test_cells_hold_the_light_of_their_pixels(shape):
     """Their centroids, spreads and radii too; 100 rows are no multiple of a cell."""

@@ -102,6 +102,7 @@ def pixels_of(probe):
     return np.concatenate([block for _, block, _ in probe.blocks()])
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize(("spec", "bsdf"), [LAMBERTIAN, GGX], ids=["lambertian", "ggx"])
 def test_a_convex_body_looks_as_in_mitsuba(mitsuba, tmp_path, spec, bsdf):

@@ -249,6 +249,7 @@ def test_vertex_colours_of_ply_are_srgb(tmp_path):
     np.testing.assert_allclose(plain[20, 20], [1, 1, 1], atol=1e-6)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("form", ["splitsum", "she"])
 def test_surfaces_that_vary_lie_between_those_that_do_not(form, rng):
     light = prefilter(Probe.from_array(soft_sky(32), layout="latlong"), None, to=form)

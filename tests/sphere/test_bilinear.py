@@ -11,6 +11,7 @@ from tests.oracles import real_harmonics
 DIRECTIONS = 20000
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("degree", "size", "sampling"),
     [(2, 8, "center"), (6, 8, "center"), (12, 8, "center"), (10, 32, "center"), (6, 9, "border")],

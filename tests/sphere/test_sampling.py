@@ -66,6 +66,7 @@ def places(rng):
     return result
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.slow
@@ -129,6 +130,7 @@ PATHS = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("sampling", SAMPLINGS)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.slow

@@ -133,6 +133,7 @@ def test_a_coat_of_air_is_none(rng, base):
     np.testing.assert_allclose(found.transfer(light, view), expected, rtol=2e-3, atol=1e-6)
 
 
+@pytest.mark.proof
 def test_a_part_of_the_surface_may_be_coated(rng):
     light, view = upper(rng, 60), upper(rng, 60)
     part, whole = (parse_spec(f"coated:weight={w},base=({PAINT})") for w in (0.3, 1))
@@ -140,6 +141,7 @@ def test_a_part_of_the_surface_may_be_coated(rng):
     np.testing.assert_allclose(part.evaluate(light, view), mixed, rtol=1e-9)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", [f"coated:base=({PAINT})", f"fuzzy:base=(coated:base=({GOLD}))"])
 def test_light_and_view_may_be_exchanged(rng, spec):
     brdf, light, view = parse_spec(spec), upper(rng, 100), upper(rng, 100)
@@ -165,6 +167,7 @@ def test_slopes_of_facets_are_added_under_a_rough_coat(base, coat):
     assert 1 / np.sqrt(found) == pytest.approx(1 / np.sqrt(peak), rel=0.035)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("base", ["40*ggx", "40*lambertian", "9*lambertian+9*phong"])
 def test_a_base_that_glows_stays_finite(rng, base):
     """The light between the coat and such a base would grow without an end."""

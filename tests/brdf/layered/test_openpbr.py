@@ -109,6 +109,7 @@ def test_the_weight_of_a_border_is_that_of_its_reflectance_along_the_normal(weig
 METAL = "base_metalness=1,base_color=0.9/0.6/0.3"
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("spec", "same"),
     [
@@ -133,6 +134,7 @@ def test_layers_are_those_that_have_a_name(rng, spec, same):
     np.testing.assert_allclose(found, parse_spec(same).evaluate(light, view), rtol=1e-9)
 
 
+@pytest.mark.proof
 def test_a_dielectric_in_a_coat_reflects_by_the_ratio_of_their_indices():
     """Along the normal and through a nearly smooth coat; 1.5 in 1.6 is as 1.6 in 1.5."""
     up, rough = seen(0), 0.9

@@ -39,6 +39,7 @@ def test_a_smooth_border_is_fresnels(rng):
     assert np.percentile(turned, 99) < 2e-3  # GGX has long tails
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("alpha", [0.04, 0.36, 1.0])
 def test_as_much_passes_a_border_from_inside_as_from_outside(rng, alpha):
     """Reciprocity: even light that passes from outside is n^2 times that from inside, and the
@@ -90,6 +91,7 @@ def test_a_diffuse_base_under_a_smooth_coat(rng):
     assert error[0, 0] < 0.005 * expected
 
 
+@pytest.mark.proof
 def test_the_fast_form_is_compared_with_it():
     brdf = parse_spec("coated:roughness=0.15,base=(lambertian:albedo=0.8/0.4/0.1)")
     found = walk.compared(brdf, 64)

@@ -66,6 +66,7 @@ def krylon(shared):
     return shared / "brdf" / "cornell" / "krylon_blue.brdf"
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_ggx_comes_back(rng, rough):
     """Measured at the default directions, alpha 0.4: 0.5 % within them, 2.1 % over all."""

@@ -178,6 +178,7 @@ def moments(brdf, light, weights, view):
     )
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_the_warp_is_the_integral_of_the_density(rng):
     density = rng.uniform(0, 1, (2, 5, 6))
@@ -364,6 +365,7 @@ def test_truncated_files_are_refused(made, made_brushed, kind):
             Rgl.open(path)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("kind", ["isotropic", "brushed"])
 @pytest.mark.slow
 def test_flipped_bytes_are_refused_or_harmless(made, made_brushed, rng, kind):

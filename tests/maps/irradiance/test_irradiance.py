@@ -273,6 +273,7 @@ def test_energies_sum_to_the_integral_of_the_square():
     np.testing.assert_allclose(irradiance_energies(power).sum(axis=0), square, rtol=1e-12)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_the_captured_energy_is_that_of_the_clamped_cosine(tmp_path):
     whole = 2 * np.pi * quad(lambda z: z**2, 0, 1)[0]

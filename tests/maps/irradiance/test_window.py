@@ -289,6 +289,7 @@ def test_the_engineers_numbers(tmp_path):
     assert abs(0.25 + x * c / 2 + 5 / 16 * y * (1.5 * c**2 - 0.5)) < 1e-5
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("order", "seed"), [(6, 8), (6, 38), (9, 18), (9, 29)])
 @pytest.mark.slow
 def test_narrow_valleys_are_found(order, seed):
@@ -305,6 +306,7 @@ def test_narrow_valleys_are_found(order, seed):
     assert (samples >= found - 1e-12 * series[0]).all()
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [9, 24])
 def test_higher_orders(rng, order):

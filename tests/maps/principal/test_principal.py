@@ -247,6 +247,7 @@ def test_the_view_is_read_without_a_pole(room):
             assert np.ptp(light, axis=0).max() < 0.01 * light.max()
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_terms_have_centers_of_their_own(room):
     spec = "0.5*lambertian+0.5*ggx:roughness=0.4,f0=0.04"
@@ -331,6 +332,7 @@ def test_no_degrees_are_computed_for_cubes_that_the_bytes_rule_out(room, monkeyp
     assert np.linalg.norm(radiance[0] - radiance[1]) < 0.01 * np.linalg.norm(radiance[1])
 
 
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore:.*1.2 MB before packing hold:shrm_cli.errors.ShrmWarning")
 def test_all_azimuthal_orders_are_known_where_bytes_bound_a_map(room, monkeypatch):
     """Plastic at grazing views has more of them than are computed first, and they are an error."""

@@ -76,6 +76,7 @@ def test_more_degrees_are_computed_where_larger_cubes_might_be_better(best, fill
     assert _fills_budget(Full(best), Wanted(0.01, None, None, 10**6, None)) == fills
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("spec", ["charlie:roughness=0.3", "ggx:roughness=1,f0=1"])
 def test_rough_surfaces_are_about_the_normal(room, spec):
     """On spheres their maps are better there than about the mirror direction."""

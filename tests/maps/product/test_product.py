@@ -312,6 +312,7 @@ def test_the_predicted_error_is_that_of_all_orientations():
     assert texture.info.predicted_error == pytest.approx(np.sqrt(lost / whole), rel=0.15)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_a_window_leaves_no_black_spots():
     image = np.full((32, 64, 3), 0.05, dtype=np.float32)

@@ -103,6 +103,7 @@ def folder(tmp_path, monkeypatch):
 WARD = ("product", "ward:ax=0.5", "--size", "8", "--order", "2")
 
 
+@pytest.mark.proof
 def test_the_file_and_the_report_tell_the_error(folder):
     out = done(*WARD, "--vary", "ay=0.1..0.5", "-o", "x.exr")
     made = open_map("x.exr")

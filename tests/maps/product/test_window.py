@@ -143,6 +143,7 @@ def test_what_it_costs_is_measured(texture, points):
     assert product_window("none", texture, series).change == 0
 
 
+@pytest.mark.proof
 def test_all_values_of_a_parameter_are_looked_at():
     made = varying_texture(parse_spec("ward:ax=0.9"), "ay", (0.1, 0.9), ORDER, 24).map
     series = project(Probe.from_array(sky(2000), layout="latlong"), ORDER).coefficients
@@ -154,6 +155,7 @@ def test_all_values_of_a_parameter_are_looked_at():
     )
 
 
+@pytest.mark.proof
 def test_prefilter_states_the_change_as_an_error_that_is_added():
     brdf = parse_spec(f"ward:ax={SURFACE[0]},ay={SURFACE[1]}")
     made = prefilter(Probe.from_array(sky(2000), layout="latlong"), brdf, ORDER, 24)

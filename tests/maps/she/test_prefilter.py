@@ -289,6 +289,7 @@ def test_two_runs_are_the_same(smooth):
         assert one.info == other.info
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 def test_threads_change_nothing_but_rounding(smooth):
     """In processes of their own: a pool's size is set when numpy is loaded."""

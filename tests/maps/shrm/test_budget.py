@@ -108,6 +108,7 @@ def every_map(probe, brdf, most):
     return [error_of(make(probe, brdf=brdf, size=n, order_p=p)) for n, p in pairs]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("brdf", "error", "order_p"), [
     ("phong:exponent=30", 0.01, 0), ("microfacet:sigma=0.3", 0.03, 3),
     ("microfacet:sigma=0.15", 0.1, 2), ("microfacet:sigma=0.3", 0.01, 8),

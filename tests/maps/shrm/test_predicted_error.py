@@ -44,6 +44,7 @@ def test_measured_error_is_the_predicted_one(real_probes, tmp_path, height, name
     assert measured < bound
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("name", "sigma"), [("studio", 0.5), ("sky", 0.2)])
 def test_measured_error_is_the_predicted_one_on_shipped_probes(tmp_path, name, sigma):
     """On a clean clone too, at 64 x 32: soft boxes, and a bare sun."""

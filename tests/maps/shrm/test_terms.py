@@ -164,6 +164,7 @@ def test_a_smaller_sum_says_what_all_its_terms_lost(tmp_path, smooth, sizes):
     assert found.info.added_error == pytest.approx(measured, rel=0.15)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize("representation", ["cabral", "kautz-mccool", "lightfield"])
 def test_a_sum_as_an_explicit_map(smooth, representation):

@@ -38,6 +38,7 @@ def same(one, other):
     return one.keys() == other.keys() and all(np.array_equal(one[k], other[k]) for k in one)
 
 
+@pytest.mark.proof
 @pytest.mark.slow
 @pytest.mark.parametrize(("to", "given"), FORMS)
 def test_what_is_kept_changes_no_map(rng, to, given):
