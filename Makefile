@@ -37,13 +37,14 @@ LACQUER := 0.9*lambertian:albedo=0.8/0.1/0.05+0.1*phong:exponent=64
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test prove web .web-setup engines fuzz mutants bench tables survey scale taps probes batch clean distclean
+.PHONY: help install demo test prove web .web-setup engines browser fuzz mutants bench tables survey scale taps probes batch clean distclean
 
 help:
 	@echo 'make demo      prefilter a sky with a sun, and show it beside the truth'
 	@echo 'make test      lint, type-check and test'
 	@echo 'make prove     the proofs that take long, which make test leaves out'
 	@echo 'make web       test pages and exports in Chromium and in engines, all of which it sets up'
+	@echo 'make browser   a page that prefilters a panorama without a server, in build/browser'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
 	@echo 'make mutants   change the planner in a hundred ways, and tell which ones no test notices'
@@ -118,6 +119,10 @@ web: .web-setup $(VENV)/.web
 
 engines: .web-setup $(VENV)/.web
 	$(BIN)/python -m tests.web.table $(if $(PROBE),'$(PROBE)') -o build/engines
+
+# examples/browser with all that it needs, for any web server.
+browser: .web-setup
+	$(BIN)/python examples/browser/build.py tests/web/node_modules build/browser
 
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)

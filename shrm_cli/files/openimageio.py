@@ -14,7 +14,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import NoReturn, ParamSpec, TypeVar
+
+from shrm_cli.errors import ShrmError
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -129,7 +131,17 @@ def undisturbed() -> Iterator[None]:
             signal.raise_signal(number)
 
 
-with undisturbed():
-    import OpenImageIO as oiio
+class _Absent:
+    """Stands for OpenImageIO where there is none, as in browsers: what needs it is refused."""
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise ShrmError("image files need OpenImageIO, which is not installed; give arrays instead")
+
+
+try:
+    with undisturbed():
+        import OpenImageIO as oiio
+except ModuleNotFoundError:
+    oiio = _Absent()  # type: ignore[assignment]
 
 __all__ = ["oiio", "undisturbed"]
