@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -48,6 +48,11 @@ _MOST_SAMPLES = 2**16
     "--samples", type=click.IntRange(1, _MOST_SAMPLES), default=1024, show_default=True,
     help="Rays of each vertex and bounce.",
 )  # fmt: skip
+@click.option(
+    "--brdf", metavar="SPEC",
+    help="What the mesh reflects in bounces in place of --albedo, glossy or not; bakes matrices, "
+    "which are for this BRDF then.",
+)  # fmt: skip
 @click.option("--matrices", is_flag=True, help="Bake matrices too, for glossy surfaces.")
 @click.option(
     "--brush", type=BRUSH,
@@ -63,6 +68,7 @@ def transfer(
     bounces: int,
     albedo: str | tuple[float, ...],
     samples: int,
+    brdf: str | None,
     matrices: bool,
     brush: str | tuple[float, float, float] | None,
     force: bool,
@@ -79,15 +85,24 @@ def transfer(
     \b
       shrm transfer bunny.obj --bounces 1 --albedo 0.8
       shrm transfer bunny.obj --matrices -o glossy.npz
+      shrm transfer bunny.obj --bounces 1 --brdf ggx:roughness=0.5,f0=gold
       shrm transfer bunny.obj --order 2 -o bounce0.txt
     """
+    from shrm_cli.brdf.spec import parse_spec
     from shrm_cli.errors import OutputError
     from shrm_cli.geometry.load import load_mesh
+    from shrm_cli.maps.product.prefilter import product_texture
+    from shrm_cli.maps.product.product import ProductTexture
     from shrm_cli.transfer.bake import Plan, bake
     from shrm_cli.transfer.export import FACES, WRITERS
     from shrm_cli.transfer.file import write_transfer
 
-    refuse_inapplicable({"brush": Applies(matrices, "with --matrices")})
+    matrices = matrices or brdf is not None
+    refuse_inapplicable({
+        "brush": Applies(matrices, "with --matrices"),
+        "brdf": Applies(bounces > 0, "with --bounces; shadows alone are the same for all"),
+        "albedo": Applies(brdf is None, "without --brdf"),
+    })  # fmt: skip
     target = output or f"{Path(mesh).stem}.transfer.npz"
     suffix = Path(target).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -97,9 +112,13 @@ def transfer(
     beside = [str(Path(target).with_name(FACES))] if suffix == ".txt" else []
     check_outputs([target, *beside], files=[mesh])
     found = load_mesh(mesh)
+    product = None
+    if brdf is not None:
+        product = cast(ProductTexture, product_texture(parse_spec(brdf), order).map)
     plan = Plan(
-        found, order, bounces, samples, _albedo(found, albedo), matrices, _tangents(found, brush)
-    )
+        found, order, bounces, samples, _albedo(found, albedo), matrices, _tangents(found, brush),
+        product,
+    )  # fmt: skip
     announce([
         f"{mesh}: {len(found.vertices):,} vertices, order {order}; {plan.size():,} bytes beside "
         "the output while it works"

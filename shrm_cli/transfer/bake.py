@@ -15,17 +15,20 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.provenance import spec_of
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.transfer.gather import Gathering, Rays
+from shrm_cli.transfer.sent import DiffuseLight, GlossyLight, Sent
 from shrm_cli.transfer.transfer import Facts, Transfer
 from shrm_cli.transfer.work import Work, unfinished
 from shrm_cli.vocabulary import MAX_TRANSFER_ORDER
 
 if TYPE_CHECKING:
     from shrm_cli.geometry.mesh import Mesh
+    from shrm_cli.maps.product.product import ProductTexture
 
 _RAYS_AT_ONCE = 2**16
 """Rays of the vertices that a thread takes at a time."""
@@ -51,6 +54,9 @@ class Plan:
     albedo : array_like
         What the mesh reflects of its irradiance, for bounces and for pictures: a number, three for
         R, G and B, or an array of shape (v, 1 or 3).
+    product : ProductTexture, optional
+        The product function of what the mesh reflects in bounces in place of `albedo`. Its order is
+        at least `order`, and matrices are needed.
     glossy : bool
         Whether matrices are baked besides the vectors.
     tangents : ndarray, shape (v, 3), optional
@@ -70,6 +76,7 @@ class Plan:
     albedo: ArrayLike = 0.5
     glossy: bool = False
     tangents: Array | None = None
+    product: "ProductTexture | None" = None
 
     def __post_init__(self) -> None:
         limits = {
@@ -82,6 +89,8 @@ class Plan:
             if not low <= value <= high:
                 raise ArgumentError(name, f"is {value}, but must be {low} .. {high}")
         self.reflected()
+        if self.product is not None and not (self.glossy and self.product.order >= self.order):
+            raise ArgumentError("product", "needs matrices, and a product function of their order")
 
     def reflected(self) -> Array:
         """The albedo as an array of shape (1 or v, channels).
@@ -102,7 +111,12 @@ class Plan:
     @property
     def channels(self) -> int:
         """Channels of the transfer: colours matter only where light is reflected."""
-        return self.reflected().shape[1] if self.bounces else 1
+        return self._channels(self.bounces)
+
+    def _channels(self, bounce: int) -> int:
+        if not bounce:
+            return 1
+        return self.reflected().shape[1] if self.product is None else self.product.channels
 
     @property
     def step(self) -> int:
@@ -118,13 +132,16 @@ class Plan:
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the arrays that are filled, in the order of the work."""
         vertices, count = len(self.mesh.vertices), (self.order + 1) ** 2
-        channels = self.channels
-        found: dict[str, tuple[int, ...]] = {_stage(0): (vertices, count, 1)}
-        for bounce in range(1, self.bounces + 1):
-            found[_stage(bounce)] = (vertices, count, channels)
-        if self.glossy:
-            found["matrices"] = (vertices, count, count, channels)
+        found: dict[str, tuple[int, ...]] = {}
+        for bounce in range(self.bounces + 1):
+            found[_stage(bounce)] = (vertices, count, self._channels(bounce))
+            if self.has_matrices(bounce):
+                found[_matrices(bounce)] = (vertices, count, count, self._channels(bounce))
         return found
+
+    def has_matrices(self, bounce: int) -> bool:
+        """Whether matrices are baked after so many bounces: glossy bounces need those before."""
+        return self.glossy and (bounce == self.bounces or self.product is not None)
 
     def size(self) -> int:
         """The bytes of all arrays together, which are on disk where there is an output."""
@@ -132,10 +149,11 @@ class Plan:
 
     def facts(self) -> Facts:
         """What the transfer's file says of it."""
-        mesh = self.mesh
+        mesh, product = self.mesh, self.product
         return Facts(
-            Path(mesh.name).name, mesh_digest(mesh.vertices, mesh.faces), self.bounces, self.samples
-        )
+            Path(mesh.name).name, mesh_digest(mesh.vertices, mesh.faces), self.bounces,
+            self.samples, "" if product is None else spec_of(product.info.brdf),
+        )  # fmt: skip
 
     def key(self) -> str:
         """A digest of everything that the arrays depend on, the program included."""
@@ -143,7 +161,8 @@ class Plan:
         options = json.dumps([self.order, self.bounces, self.samples, self.glossy, program])
         digest = hashlib.sha256(options.encode())
         mesh = self.mesh
-        for array in (mesh.vertices, mesh.faces, mesh.normals, self.frames(), self.reflected()):
+        arrays = [mesh.vertices, mesh.faces, mesh.normals, self.frames(), self.reflected()]
+        for array in [*arrays, *([] if self.product is None else [self.product.table])]:
             digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
 
@@ -201,7 +220,8 @@ def bake(
     )
     with place as work:
         _fill(work, plan, rays, progress)
-        vectors, matrices = work.arrays[_stage(plan.bounces)], work.arrays.get("matrices")
+        vectors = work.arrays[_stage(plan.bounces)]
+        matrices = work.arrays.get(_matrices(plan.bounces))
         frames = plan.frames() if plan.glossy else None
         direct = work.arrays[_stage(0)] if plan.bounces else None
         return use(Transfer(vectors, plan.reflected(), plan.facts(), matrices, frames, direct))
@@ -212,20 +232,17 @@ def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None
     gathering = Gathering(
         mesh.vertices, mesh.normals, mesh.faces, plan.frames(), rays, plan.order, plan.samples
     )
-    albedo = plan.reflected()[:, None]
     total = (plan.bounces + 1) * -(-len(mesh.vertices) // plan.step)
     for bounce in range(plan.bounces + 1):
-        glossy = plan.glossy and bounce == plan.bounces
-        sent = None
-        if bounce:
-            sent = (albedo / np.pi * work.arrays[_stage(bounce - 1)]).astype(np.float32)
+        glossy = plan.has_matrices(bounce)
+        sent = _sent(work, plan, bounce) if bounce else None
         pending = _pending(work, bounce, glossy)
         finished = (bounce + 1) * total // (plan.bounces + 1) - len(pending)
 
         def one(part: slice, sent: Any = sent, glossy: bool = glossy, bounce: int = bounce) -> None:
             vectors, matrices = gathering.transfer(part, sent, glossy)
             if matrices is not None:
-                work.put("matrices", part, matrices)
+                work.put(_matrices(bounce), part, matrices)
             work.put(_stage(bounce), part, vectors.astype(np.float32))
 
         for done, _ in enumerate(_in_threads(one, pending), start=1):
@@ -233,9 +250,18 @@ def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None
                 progress(finished + done, total)
 
 
+def _sent(work: Work, plan: Plan, bounce: int) -> Sent:
+    """What the vertices send that is to be gathered as light of a bounce."""
+    if plan.product is None:
+        vectors = work.arrays[_stage(bounce - 1)]
+        return DiffuseLight((plan.reflected()[:, None] / np.pi * vectors).astype(np.float32))
+    matrices = work.arrays[_matrices(bounce - 1)]
+    return GlossyLight(matrices, plan.frames(), plan.product, plan.product.channels)
+
+
 def _pending(work: Work, bounce: int, glossy: bool) -> list[slice]:
     """The blocks of a bounce that are not done: the matrices of a block come before its vectors."""
-    names = ["matrices", _stage(bounce)] if glossy else [_stage(bounce)]
+    names = [_matrices(bounce), _stage(bounce)] if glossy else [_stage(bounce)]
     starts = {part.start: part for name in names for part in work.blocks(name)}
     return [starts[start] for start in sorted(starts)]
 
@@ -257,3 +283,8 @@ def _in_threads(work: Callable[[slice], None], parts: list[slice]) -> Iterator[N
 def _stage(bounce: int) -> str:
     """The name of the array of transfer vectors after so many bounces."""
     return f"bounce{bounce}"
+
+
+def _matrices(bounce: int) -> str:
+    """The name of the array of transfer matrices after so many bounces."""
+    return f"matrices{bounce}"

@@ -150,8 +150,9 @@ def _facts(held: Any) -> Facts:
     if isinstance(version, int) and version > _VERSION:
         raise ValueError(f"written by a newer shrm (transfer format {version})")
     texts = [held.get(name) for name in ("mesh", "mesh_sha256")]
+    brdf = held.get("brdf", "")
     numbers = [held.get(name) for name in ("bounces", "samples")]
-    sound = all(isinstance(text, str) for text in texts)
+    sound = all(isinstance(text, str) for text in (*texts, brdf))
     if not sound or not all(type(number) is int and number >= 0 for number in numbers):
         raise ValueError(f"its settings are wrong: {json.dumps(held)[:80]}")
-    return Facts(*texts, *numbers)  # type: ignore[arg-type]
+    return Facts(*texts, *numbers, brdf=brdf)  # type: ignore[arg-type]

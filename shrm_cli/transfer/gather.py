@@ -22,10 +22,9 @@ Below the horizon V counts as 1: a BRDF's product function with the cosine is 0 
 value depends on it. This choice makes an unshadowed vertex exact, whereas a function that is cut
 off at the horizon has no short expansion.
 
-A direction that is blocked brings the light that the point in the way reflects. All surfaces count
-as diffuse for this, so that point sends ``albedo / pi`` times its own irradiance, which is
-interpolated between the three vertices of its triangle. A triangle that is met from behind blocks
-light, and sends none.
+A direction that is blocked brings the light that the point in the way reflects: what the three
+vertices of its triangle send back along the ray (`transfer.sent`), interpolated between them. A
+triangle that is met from behind blocks light, and sends none.
 
 All vertices use the same directions of their own frames. With these the sums over the directions
 are products of matrices, and neighbours on a smooth surface share their errors, which are not seen
@@ -49,6 +48,7 @@ from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.sphere.harmonics import degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
+from shrm_cli.transfer.sent import Sent
 
 Both = tuple[Array, Array | None]
 """Transfer vectors and matrices of some vertices."""
@@ -136,16 +136,15 @@ class Gathering:
         every = np.eye((self.order + 1) ** 2)
         return np.moveaxis(rotate_into_frames(every, self._frames[part]), -1, 0)
 
-    def transfer(self, part: slice, sent: Array | None = None, glossy: bool = False) -> Both:
+    def transfer(self, part: slice, sent: Sent | None = None, glossy: bool = False) -> Both:
         """Transfer vectors of some vertices, and their matrices if these are asked for.
 
         Parameters
         ----------
         part : slice
             Which vertices, k in number.
-        sent : ndarray of float32, shape (v, n, channels), optional
-            What each vertex of the mesh sends: coefficients of a radiance, which is ``albedo / pi``
-            times a transfer vector. By default the mesh blocks light and sends none.
+        sent : Sent, optional
+            What each vertex of the mesh sends. By default the mesh blocks light and sends none.
         glossy : bool
             Whether to return matrices.
 
@@ -163,8 +162,8 @@ class Gathering:
         vectors = (self.unshadowed(part) - shadow)[..., None]
         matrices = self._free(blocked, rotations)[..., None] if glossy else None
         if sent is not None:
-            shape = len(vectors), -1, *sent.shape[1:]
-            vectors = vectors + (self._cosines @ seen).reshape(len(vectors), *sent.shape[1:])
+            shape = len(vectors), -1, *sent.shape
+            vectors = vectors + (self._cosines @ seen).reshape(len(vectors), *sent.shape)
             if matrices is not None:
                 matrices = matrices + (self._harmonics.T @ seen).reshape(shape)
         return vectors, matrices
@@ -178,7 +177,7 @@ class Gathering:
         free[:, range(count), range(count)] += 1
         return free @ rotations.astype(np.float32)
 
-    def _look(self, part: slice, sent: Array | None) -> tuple[Array, Array]:
+    def _look(self, part: slice, sent: Sent | None) -> tuple[Array, Array]:
         """What is in the way of the rays of some vertices, and what it sends.
 
         Returns
@@ -197,10 +196,12 @@ class Gathering:
         rays = np.flatnonzero(faces >= 0)
         rays = rays[np.einsum("ij,ij->i", self._sides[faces[rays]], directions[rays]) < 0]
         corners, shares = self._faces[faces[rays]], inside[rays].astype(np.float32)
-        flat = sent.reshape(len(sent), -1)
-        seen = np.zeros((len(faces), flat.shape[1]), np.float32)
-        seen[rays] = sum(shares[:, each, None] * flat[corners[:, each]] for each in range(3))
-        return blocked, seen.reshape(-1, self.samples, flat.shape[1])
+        back = -directions[rays]
+        seen = np.zeros((len(faces), np.prod(sent.shape)), np.float32)
+        seen[rays] = sum(
+            shares[:, each, None] * sent.towards(corners[:, each], back) for each in range(3)
+        )
+        return blocked, seen.reshape(-1, self.samples, seen.shape[1])
 
     def _bundle(self, part: slice) -> tuple[Array, Array]:
         """Origins and directions of the rays of some vertices, shapes (k * samples, 3)."""

@@ -23,12 +23,16 @@ class Facts:
         How often light is reflected within the mesh.
     samples : int
         Rays of each vertex and bounce.
+    brdf : str
+        What the mesh reflects in bounces, as `brdf.spec.parse_spec` reads it; empty where that is
+        the albedo.
     """
 
     mesh: str
     mesh_sha256: str
     bounces: int
     samples: int
+    brdf: str = ""
 
 
 @record(eq=False)

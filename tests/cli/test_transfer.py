@@ -74,6 +74,8 @@ def test_other_formats(folder, name):
         (("--albedo", "vertex"), 2, ["--albedo", "no vertex colours"]),
         (("--brush", "1,0,0"), 2, ["--brush", "with --matrices"]),
         (("--brush", "uv", "--matrices"), 2, ["--brush", "no texture coordinates"]),
+        (("--brdf", "ggx"), 2, ["--brdf", "with --bounces"]),
+        (("--brdf", "ggx", "--bounces", "1", "--albedo", "0.3"), 2, ["--albedo", "without --brdf"]),
         (("-o", "a.exr"), 1, ["a.exr", ".npz"]),
         (("-o", "a.ply", "--matrices"), 1, ["a.ply", ".npz only"]),
         (("-o", "bounce0.txt", "--order", "1"), 1, ["order 2"]),
@@ -210,3 +212,15 @@ def test_lamps_turn_with_their_light(folder):
     turned, read, still = (pixels(name) for name in ("a.exr", "b.exr", "c.exr"))
     assert np.abs(turned - read).mean() < 0.02 * read.mean()
     assert np.abs(turned - still).mean() > 0.1 * read.mean()
+
+
+def test_glossy_bounces_are_those_of_a_brdf(folder):
+    said = json.loads(done(
+        "transfer", "bumps.obj", "--bounces", "1", "--brdf", "ggx:roughness=0.6,f0=gold",
+        "--samples", "32", "--order", "2", "-o", "gold.npz", "--json",
+    ))  # fmt: skip
+    assert (said["matrices"], said["channels"]) == (True, 3)
+    assert said["brdf"].startswith("ggx:")
+    held = read_transfer("gold.npz")
+    assert held.facts.brdf == said["brdf"]
+    assert held.matrices is not None

@@ -94,7 +94,7 @@ def test_damaged_work_is_done_again(tmp_path, small_blocks, plan, damage):
         baked_file(plan, path, Tripping(plan.mesh, 13))
     data = bytearray(part.read_bytes())
     if damage == "values":
-        data[-plan.shapes()["matrices"][0] * 9 * 9 * 4 - 40] ^= 1  # of the last bounce's vectors
+        data[-plan.shapes()["matrices1"][0] * 9 * 9 * 4 - 40] ^= 1  # of the last bounce's vectors
         data[128 + 9 * 8 + 20] ^= 255  # and a mark
     elif damage == "length":
         data = data[:-1]

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.rays import Rays
+from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.transfer.bake import Plan, bake
 from shrm_cli.transfer.gather import Gathering
+from shrm_cli.transfer.sent import DiffuseLight
 from tests.oracles import real_harmonics as harmonics
 from tests.transfer import meshes
 
@@ -91,7 +94,7 @@ def test_white_boxes_are_furnaces():
     albedo, emitted = 0.5, 2.0
     total = np.full((len(mesh.vertices), 1, 1), emitted, np.float32)
     for bounces in range(1, 15):
-        arrived, _ = gathering.transfer(everything, albedo / np.pi * total)
+        arrived, _ = gathering.transfer(everything, DiffuseLight(albedo / np.pi * total))
         total = (emitted + arrived).astype(np.float32)
         series = emitted * (1 - albedo ** (bounces + 1)) / (1 - albedo)
         np.testing.assert_allclose(total, series, rtol=1e-4)
@@ -181,3 +184,52 @@ def test_triangles_may_be_wound_either_way():
         np.testing.assert_allclose(
             baked(one, **options).vectors, baked(other, **options).vectors, atol=1e-6
         )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "spec", ["lambertian:albedo=0.9/0.5/0.2", "ggx:roughness=0.6,f0=gold", "ward:ax=0.3,ay=0.7"]
+)
+def test_a_glossy_wall_lights_the_ground(spec):
+    """What it sends in each direction is the integral of its BRDF over the hemisphere before it.
+
+    The light is of the order of the product function, and nothing shadows the wall, so that
+    nothing is lost by the order.
+    """
+    angle = np.radians(60)
+    mesh, brdf = meshes.wall(angle), parse_spec(spec)
+    light = np.random.default_rng(8).standard_normal((25, 3))
+    product = product_texture(brdf, 4, 128).map
+    kinds = {"samples": 8192, "glossy": True}
+    found = baked(mesh, bounces=1, product=product, **kinds)
+    direct = baked(mesh, **kinds)
+    gained = found.vectors[0] - direct.vectors[0]
+    frame = found.frames[-1]
+    np.testing.assert_allclose(frame[2], [-1, 0, 0], atol=1e-12)
+
+    directions, areas = meshes.whole_sphere(120)
+    local = directions @ frame.T
+    above = local[:, 2] > 0
+    arriving = (harmonics(4, directions) @ light)[above]
+    t, weights = np.polynomial.legendre.leggauss(24)
+    polar, around = np.pi * (t + 1) / 2, angle * (t + 1) / 2
+    expected_vector, expected_matrix = np.zeros(3), np.zeros((25, 3))
+    for polar_angle, one in zip(polar, weights * np.pi / 2, strict=True):
+        for azimuth, other in zip(around, weights * angle / 2, strict=True):
+            ray = np.array([
+                np.sin(polar_angle) * np.cos(azimuth),
+                np.cos(polar_angle),
+                np.sin(polar_angle) * np.sin(azimuth),
+            ])  # fmt: skip
+            values = brdf.transfer(local[above], -ray @ frame.T)
+            sent = np.einsum("kc,kc,k->c", values, arriving, areas[above])
+            share = one * other * np.sin(polar_angle) * sent
+            expected_vector += ray[2] * share
+            expected_matrix += harmonics(4, ray @ found.frames[0].T)[:, None] * share
+    gained = np.einsum("jc,jc->c", np.broadcast_to(gained, (25, 3)), light)
+    scale = np.abs(expected_vector).max()
+    np.testing.assert_allclose(gained, expected_vector, atol=0.01 * scale)
+    brought = found.matrices[0] - direct.matrices[0]
+    brought = np.einsum("ijc,jc->ic", np.broadcast_to(brought, (25, 25, 3)), light)
+    scale = np.abs(expected_matrix).max()
+    np.testing.assert_allclose(brought, expected_matrix, atol=0.01 * scale)

@@ -7,7 +7,9 @@ it with a constant added, and the constant alone along the same paths, and the d
 import numpy as np
 import pytest
 
+from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.geometry.load import load_mesh
+from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.transfer.bake import Plan, bake
 from tests.oracles import real_harmonics as harmonics
 from tests.transfer import meshes
@@ -44,11 +46,14 @@ def environment(mitsuba, radiance, height=256):
     return mitsuba.load_dict({"type": "envmap", "bitmap": mitsuba.Bitmap(pixels)})
 
 
-def shape_of(mitsuba, mesh):
-    """The mesh, white and diffuse on the side of its normals."""
+GREY = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [ALBEDO] * 3}}
+METAL = {"type": "roughconductor", "distribution": "ggx", "material": "none", "alpha": 0.7**2}
+
+
+def shape_of(mitsuba, mesh, material):
+    """The mesh, which reflects on the side of its normals."""
     properties = mitsuba.Properties()
-    grey = {"type": "rgb", "value": [ALBEDO] * 3}
-    properties["bsdf"] = mitsuba.load_dict({"type": "diffuse", "reflectance": grey})
+    properties["bsdf"] = mitsuba.load_dict(material)
     shape = mitsuba.Mesh("mesh", len(mesh.vertices), len(mesh.faces), properties, True)
     held = mitsuba.traverse(shape)
     held["vertex_positions"] = mesh.vertices.ravel().astype(np.float32)
@@ -79,7 +84,7 @@ def meters(mitsuba, mesh, chosen):
     return found
 
 
-def path_traced(mitsuba, mesh, chosen, light, bounces):
+def path_traced(mitsuba, mesh, chosen, light, bounces, material):
     """Irradiance of vertices, shape (chosen, 3).
 
     Without a choice by the environment's brightness, both renderings follow the same paths.
@@ -97,7 +102,7 @@ def path_traced(mitsuba, mesh, chosen, light, bounces):
         scene = mitsuba.load_dict(
             {
                 "type": "scene",
-                "shape": shape_of(mitsuba, mesh),
+                "shape": shape_of(mitsuba, mesh, material),
                 "emitter": environment(mitsuba, radiance),
                 **meters(mitsuba, mesh, chosen),
             },
@@ -124,9 +129,10 @@ def test_the_environment_is_where_it_should_be(mitsuba, light):
         np.testing.assert_allclose(np.array(emitter.eval(place)), color, atol=0.05)
 
 
-def relative_error(mitsuba, mesh, chosen, light, bounces):
-    expected = path_traced(mitsuba, mesh, chosen, light, bounces)
-    vectors = bake(Plan(mesh, bounces=bounces, albedo=ALBEDO)).vectors[chosen, :, 0]
+def relative_error(mitsuba, mesh, chosen, light, bounces, material=GREY, **of_plan):
+    expected = path_traced(mitsuba, mesh, chosen, light, bounces, material)
+    plan = Plan(mesh, bounces=bounces, albedo=ALBEDO, **of_plan)
+    vectors = bake(plan).vectors[chosen, :, 0]
     difference = vectors @ light - expected
     return np.sqrt(np.mean(difference**2) / np.mean(expected**2))
 
@@ -151,3 +157,16 @@ def test_the_bunny(mitsuba, light, shared, bounces):
     chosen = np.random.default_rng(5).choice(len(mesh.vertices), 150, replace=False)
     error = relative_error(mitsuba, mesh, chosen, light, bounces)
     assert error < 0.03, error
+
+
+@pytest.mark.proof
+def test_glossy_walls_light_each_other(mitsuba, light):
+    """What a bounce of a metal adds, and that a diffuse bounce in its place is far off."""
+    mesh = meshes.bumps(24)
+    chosen = np.arange(0, len(mesh.vertices), 13)
+    product = product_texture(Ggx(roughness=0.7, f0=1.0), 4).map
+    glossy = relative_error(mitsuba, mesh, chosen, light, 1, METAL, glossy=True, product=product)
+    diffuse = relative_error(mitsuba, mesh, chosen, light, 1, METAL)
+    print(glossy, diffuse)
+    assert glossy < 0.03, glossy
+    assert diffuse > 2 * glossy, diffuse
