@@ -155,4 +155,5 @@ def _facts(held: Any) -> Facts:
     sound = all(isinstance(text, str) for text in (*texts, brdf))
     if not sound or not all(type(number) is int and number >= 0 for number in numbers):
         raise ValueError(f"its settings are wrong: {json.dumps(held)[:80]}")
-    return Facts(*texts, *numbers, brdf=brdf)  # type: ignore[arg-type]
+    bounces, samples = numbers
+    return Facts(*texts, bounces, samples, brdf)  # type: ignore[arg-type]
