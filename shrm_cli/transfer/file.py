@@ -155,5 +155,5 @@ def _facts(held: Any) -> Facts:
     sound = all(isinstance(text, str) for text in (*texts, brdf))
     if not sound or not all(type(number) is int and number >= 0 for number in numbers):
         raise ValueError(f"its settings are wrong: {json.dumps(held)[:80]}")
-    bounces, samples = numbers
-    return Facts(*texts, bounces, samples, brdf)  # type: ignore[arg-type]
+    (mesh, digest), (bounces, count) = texts, numbers
+    return Facts(mesh, digest, bounces, count, brdf)  # type: ignore[arg-type]
